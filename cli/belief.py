@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,16 +29,15 @@ from bsg_cli.options import (
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data import extend
-from bsg_data.results import refuse_file
 from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
 
 if TYPE_CHECKING:
     from bsg_models.belief.graph_file import GraphFile
 
-MOST_ROWS = 60
-MOST_NAMES = 10
-MOST_CLASSLESS = 3  # names in the note on objects without a class
+_MOST_ROWS = 60
+_MOST_NAMES = 10
+_MOST_CLASSLESS = 3  # names in the note on objects without a class
 
 
 @click.command("bsg-belief", cls=Command)
@@ -115,14 +114,12 @@ def main(
         raise click.UsageError("--from needs --find THING; give both or neither")
     if find:
         _check_find(options)
-    named = options.pop("model")
+    named, labels = options.pop("model"), options.pop("labels")
     shares = _read_shares(options.pop("shares"), dataset)
-    _refuse_present(options)
-    files = [open_graph(path, options["labels"], **shares) for path in options.pop("graphs")]
-    del options["labels"]
+    files = [_open_graph(path, labels, shares, options["out"]) for path in options.pop("graphs")]
     model = bsg_models.DEFAULT_MODEL if named is None else named
     if find:
-        ask(files[0], model, find, here=here, as_json=as_json, announce=named is None)
+        _ask(files[0], model, find, here=here, as_json=as_json, announce=named is None)
         return
     request = _read_request(dataset, {**options, "run": model, "graphs": tuple(files)})
     with progress_bar("belief", unit="graph") as progress:
@@ -130,7 +127,7 @@ def main(
     if named is None:
         print_note(f"model: {bsg_models.describe_model()}")
     for file, graph in zip(files, report.graphs, strict=False):
-        _note_graph(file, graph.partial, class_map=report.class_map, model=report.model)
+        _note_graph(file, graph.partial, report.class_map, model=report.model)
     if as_json:
         print_json([_encode_room(room) for room in report.rooms])
         return
@@ -158,7 +155,7 @@ def _check_find(options: dict[str, Any]) -> None:
         raise click.UsageError(f"--find writes no files; leave out --find or --{written[0]}")
 
 
-def ask(
+def _ask(
     file: GraphFile,
     model: Path | str,
     things: Sequence[str],
@@ -167,8 +164,7 @@ def ask(
     as_json: bool,
     announce: bool,
 ) -> None:
-    """Answer `--find` for a graph."""
-    # Imported here, as in the next two: a help or a typo must not wait for SciPy and torch.
+    # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
     from bsg_models.belief.graph_file import use_class_map
     from bsg_models.robot.rooms import find_room
 
@@ -178,39 +174,27 @@ def ask(
     graph = use_class_map(file.graph, predictor.class_map)
     if announce:
         print_note(f"model: {bsg_models.describe_model()}")
-    _note_graph(file, graph, class_map=predictor.class_map, model=predictor.name)
+    _note_graph(file, graph, predictor.class_map, model=predictor.name)
     seen = bsg_models.SeenBuilding(graph, predictor)
     find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
 
 
-def open_graph(path: Path, labels: str | None, **shares: Any) -> GraphFile:
+def _open_graph(
+    path: Path, labels: str | None, shares: dict[str, Any], out: Path | None
+) -> GraphFile:
     """Read a robot's graph once, before models are imported, which is slow."""
+    from bsg_models.belief.formats import choose_format
     from bsg_models.belief.graph_file import open_graph_file
     from bsg_models.robot.rooms import set_hidden_shares
 
+    if out is not None:
+        choose_format(out)
     file = open_graph_file(path, labels=labels)
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
 
-def _refuse_present(options: dict[str, Any]) -> None:
-    """Refuse files that are there already, or of no format, before the models are imported.
-
-    The library refuses what is left: folders, and files beside what a killed command left, which
-    it undoes first.
-    """
-    if options["out"] is not None:
-        from bsg_models.belief.formats import choose_format
-
-        choose_format(options["out"])
-    read = {path.absolute() for path in options["graphs"]}  # naming one of them is another error
-    for name in ("out", "hydra", "html"):
-        path: Path | None = options[name]
-        if path is not None and path.absolute() not in read:
-            refuse_file(path, force=options["force"])
-
-
 def _note_graph(
-    file: GraphFile, graph: bsg_data.PartialGraph, *, class_map: bsg_data.ClassMap, model: str
+    file: GraphFile, graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap, *, model: str
 ) -> None:
     """Print what a person should know about how a graph was read."""
     for note in (
@@ -227,10 +211,14 @@ def _note_names(graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap) -> I
     from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
     from bsg_data.observation.robot_json import list_unmapped
 
-    names = list(describe_unmapped(list_unmapped(graph), class_map, near=COMPARED))
-    if names:
-        what = "1 name is" if len(names) == 1 else f"{len(names):,} names are"
-        yield f"{what} not in the class map: {_list(map(_describe_unmapped, names))}"
+    unmapped = [
+        f"{name.name[:SHOWN]!r} ({name.instances:,}"
+        + (f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")")
+        for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED)
+    ]
+    if unmapped:
+        what = "1 name is" if len(unmapped) == 1 else f"{len(unmapped):,} names are"
+        yield f"{what} not in the class map: {_list(unmapped)}"
     seen = Counter(obj.raw_category for obj in graph.objects)
     made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
     if made:
@@ -254,8 +242,8 @@ def _note_classless(graph: bsg_data.PartialGraph, *, model: str) -> Iterator[str
     if not names:
         return
     number = names.total()
-    most = ", ".join(repr(name[:SHOWN]) for name, _ in names.most_common(MOST_CLASSLESS))
-    which = f"most often {most}" if len(names) > MOST_CLASSLESS else most
+    most = ", ".join(repr(name[:SHOWN]) for name, _ in names.most_common(_MOST_CLASSLESS))
+    which = f"most often {most}" if len(names) > _MOST_CLASSLESS else most
     what = "1 seen object has" if number == 1 else f"{number:,} seen objects have"
     counted = "is in no count" if number == 1 else "are in no count"
     yield f"{what} no class in {model} and {counted}: {which}"
@@ -274,16 +262,10 @@ def _note_shares(graph: bsg_data.PartialGraph) -> Iterator[str]:
         )
 
 
-def _list(names: Iterable[str], *, between: str = ", and ") -> str:
+def _list(names: Sequence[str], *, between: str = ", and ") -> str:
     """Return the first names, and how many more there are."""
-    every = list(names)
-    more = f"{between}{len(every) - MOST_NAMES:,} more" if len(every) > MOST_NAMES else ""
-    return ", ".join(every[:MOST_NAMES]) + more
-
-
-def _describe_unmapped(name: extend.UnmappedEntry) -> str:
-    near = f"; nearest: {', '.join(name.nearest)}" if name.nearest else ""
-    return f"{name.name[:SHOWN]!r} ({name.instances:,}{near})"
+    more = f"{between}{len(names) - _MOST_NAMES:,} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more
 
 
 def _read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
@@ -323,7 +305,6 @@ def _read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
 
 
 def _encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
-    """Return the belief of a room, ready for JSON."""
     unseen = [
         {"class": c.name, "presence": round(c.probability, 4), "expected": round(c.expected, 4)}
         for c in room.unseen
@@ -333,15 +314,14 @@ def _encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
 
 def _print_rooms(report: bsg_models.BeliefReport) -> None:
     """Print what is believed of each room as a table, and how much there is in all."""
-    rows = [_row(room) for room in report.rooms[:MOST_ROWS]]
+    rows = []
+    for room in report.rooms[:_MOST_ROWS]:
+        unseen = ", ".join(f"{c.name} {round(c.probability, 4):.0%}" for c in room.unseen)
+        more = f"{room.expected_more:.1f}"
+        rows.append((room.scene_id, room.room, room.seen, more, unseen or "nothing"))
     header = ("building", "room", "seen", "expected more", "unseen, most expected first")
     print_text(format_text(rows, header=header))
-    if len(report.rooms) > MOST_ROWS:
-        print_note(f"… and {len(report.rooms) - MOST_ROWS:,} more rooms; --json prints all")
+    if len(report.rooms) > _MOST_ROWS:
+        print_note(f"… and {len(report.rooms) - _MOST_ROWS:,} more rooms; --json prints all")
     graphs = "1 belief graph" if report.number == 1 else f"{report.number:,} belief graphs"
     print_text(f"{graphs}, {report.blind:,} blind nodes, by {report.model}")
-
-
-def _row(room: bsg_models.RoomBelief) -> tuple[object, ...]:
-    unseen = ", ".join(f"{c.name} {round(c.probability, 4):.0%}" for c in room.unseen)
-    return room.scene_id, room.room, room.seen, f"{room.expected_more:.1f}", unseen or "nothing"

@@ -129,7 +129,7 @@ def _remove(held: Document) -> Document:
     """Return a graph or attributes without the belief, and what was added for it and is empty."""
     metadata = dict(held["metadata"])
     bsg = dict(metadata["bsg"])
-    added = bsg.pop("belief")["added"]
+    added = bsg.pop("belief").get("added")
     metadata["bsg"] = bsg
     if not bsg and added != "belief":
         del metadata["bsg"]

@@ -178,7 +178,6 @@ def write_seen(folder: Path, categories: list[str]) -> Path:
         ((OFFICE, "--find", "sink", "--from", "kitchn"), 2, "kitchen"),
         ((OFFICE, "--hidden-share", "attic=0.5"), 2, "attic"),
         (("misspelt.json",), 1, "rom"),
-        ((OFFICE, "--html", "there.html"), 1, "there.html"),
         ((OFFICE, "--out", "belief.txt"), 2, "belief.txt"),
     ],
 )
@@ -188,7 +187,6 @@ def test_what_needs_no_model_is_refused_before_models_are_imported(
     objects = [{"id": "1", "rom": "hall", "category": "sink"}]
     misspelt = {"scene_id": "home", "rooms": [{"id": "hall"}], "objects": objects}
     (tmp_path / "misspelt.json").write_text(json.dumps(misspelt), "utf-8")
-    (tmp_path / "there.html").touch()
     lines = (
         "import sys\n"
         "sys.modules['torch'] = None\n"  # any import of them raises now
