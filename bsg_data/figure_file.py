@@ -26,13 +26,7 @@ class _Drawing(Protocol):
 
 
 def write_figure(figure: _Drawing, path: Path, **how: Any) -> None:
-    """Draw a figure beside its final path and rename it there; an old file stays until then.
-
-    Args:
-        figure: of matplotlib.
-        path: its suffix names the format.
-        how: as `savefig` takes it.
-    """
+    """Draw a figure beside its final path and rename it there; an old file stays until then."""
     if not path.suffix:  # matplotlib would take another path
         raise BSGError(f"{path}: no suffix names the format of the figure; take {path}.png")
     try:
@@ -44,11 +38,7 @@ def write_figure(figure: _Drawing, path: Path, **how: Any) -> None:
 
 @contextmanager
 def noting_failures(notes: list[str]) -> Iterator[None]:
-    """Add a note if the figure of the block cannot be drawn, so that finished work is kept.
-
-    Args:
-        notes: takes the note.
-    """
+    """Add a note if the figure of the block cannot be drawn, so that finished work is kept."""
     try:
         yield
     except FigureError as error:

@@ -69,12 +69,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def encode_json(value: object, **style: Any) -> str:
-    """Return a value as JSON; refuse NaN and infinity. All JSON of this project is made here.
-
-    Args:
-        value: a value of types that JSON has.
-        style: keywords of `json.dumps`.
-    """
+    """Return a value as JSON; refuse NaN and infinity. All JSON of this project is made here."""
     try:
         return json.dumps(value, allow_nan=False, **style)  # noqa: TID251
     except ValueError as error:

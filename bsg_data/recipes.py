@@ -39,14 +39,7 @@ def name_fault(error: ValidationError) -> str:
 
 
 def read_number(name: str, value: object, *, most: float, wanted: str = "") -> float:
-    """Return a number from 0 to `most`, of Python or of NumPy, as Python's.
-
-    Args:
-        name: what the number says, for an error.
-        value: what the caller gave.
-        most: the largest number; it may be infinite.
-        wanted: what was expected, for an error; empty says the range.
-    """
+    """Return a number from 0 to `most`, of Python or of NumPy, as Python's."""
     try:
         is_number = isinstance(value, Real) and not isinstance(value, bool)
         number = float(value) if is_number else math.nan  # type: ignore[arg-type]

@@ -106,12 +106,7 @@ class ResolvedEntry(Record):
 
 
 def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
-    """Yield the names that rules resolve, most frequent first.
-
-    Args:
-        names: name → number of objects.
-        class_map: the map with the rules.
-    """
+    """Yield the names that rules resolve, most frequent first."""
     for name, instances in sorted(names.items(), key=lambda item: (-item[1], item[0])):
         known = class_map.classify(name)
         if known.rule is not None and known.category is not None:

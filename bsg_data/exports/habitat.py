@@ -24,9 +24,6 @@ _NO_LABEL = "room"  # habitat-sim makes a category of every label
 def find_orientation(up_axis: str) -> tuple[Point, Point]:
     """Return the `up` and `front` that place a stage upright in habitat-sim.
 
-    Args:
-        up_axis: up axis of the mesh file, `scenes.up_axis`.
-
     >>> find_orientation("y"), find_orientation("z")
     (((0, 1, 0), (0, 0, -1)), ((0, 0, 1), (0, 1, 0)))
     """

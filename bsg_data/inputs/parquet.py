@@ -54,13 +54,7 @@ def open_parquet_file(
 def reading_parquet(
     path: Path, *, error: Refusal = SourceError, **options: Any
 ) -> Iterator[pq.ParquetFile]:
-    """Open a parquet file for a block, in which whatever Arrow raises is one error.
-
-    Args:
-        path: of the file, named in errors.
-        error: makes what is raised of a message.
-        options: of `open_parquet_file`.
-    """
+    """Open a parquet file for a block, in which whatever Arrow raises is one error."""
     with (
         open_parquet_file(path, error=error, **options) as file,
         refusing_damage(path, error=error),

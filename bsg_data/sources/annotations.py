@@ -20,12 +20,7 @@ _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
 
 
 def parse_annotation(data: bytes, *, path: Path) -> tuple[SceneObject, ...]:
-    """Parse the bytes of one `semantic.txt` into objects sorted by id, with their region ids.
-
-    Args:
-        data: the file's content.
-        path: named in errors.
-    """
+    """Parse the bytes of one `semantic.txt` into objects sorted by id, with their region ids."""
     lines = decode(data, path=path).split("\n")  # not splitlines(): a name may hold a U+2028
     if HEADER not in lines[0]:
         raise malformed(path, 1, lines[0], expected=repr(HEADER))

@@ -148,12 +148,7 @@ def name_symbol(number: int) -> str:
 
 
 def parse_dsg(text: str, *, path: Path) -> DSGFile:
-    """Parse a Spark-DSG file.
-
-    Args:
-        text: of the file.
-        path: named in errors.
-    """
+    """Parse a Spark-DSG file."""
     try:
         document = parse_json(text, once=False)  # Hydra's own parser takes the last value
     except ValueError as error:

@@ -57,12 +57,7 @@ class House:
 
 
 def parse_house(text: str, *, path: Path) -> House:
-    """Parse a `.house` file.
-
-    Args:
-        text: of the file.
-        path: named in errors.
-    """
+    """Parse a `.house` file."""
     lines = text.split("\n")
     if lines[0].strip() != HEADER:
         raise malformed(path, 1, lines[0], expected=repr(HEADER))

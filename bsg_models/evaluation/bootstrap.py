@@ -102,14 +102,7 @@ def bootstrap(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Bootstrap:
-    """Return every metric, with its values on resamples of the buildings.
-
-    Args:
-        measurement: of one model.
-        resamples: fewer than 2 give no intervals (nan).
-        seed: of the resamples.
-        progress: called with (resamples done, resamples in all).
-    """
+    """Return every metric, with its values on resamples of the buildings."""
     point = measurement.evaluate()
     weights = resample_buildings(len(measurement.scene_ids), resamples=resamples, seed=seed)
     sampled: list[dict[str, float]] = []

@@ -23,10 +23,6 @@ def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:
 
     The user's own maps come first, in the order of the dataset's sources; if two list a word, the
     earlier decides. HM3D's words are added unless every source has a map of the user's own.
-
-    Args:
-        path: of the checkpoint, for errors.
-        header: of the checkpoint.
     """
     own = [one for one in header.class_maps if isinstance(one, OwnMap)]
     named = [one for one in header.class_maps if isinstance(one, str)]

@@ -106,12 +106,7 @@ class ModelSummary(Record):
 
 
 def read_card(text: str, *, origin: str) -> ModelCard:
-    """Return the facts of a card.
-
-    Args:
-        text: of the card.
-        origin: the file, for errors.
-    """
+    """Return the facts of a card."""
     _, fence, rest = text.partition("---\n")
     front, end, _ = rest.partition("\n---")
     try:

@@ -88,11 +88,6 @@ _LINE: TypeAdapter[Begun | Ended] = TypeAdapter(
 def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]:
     """Write a training's configuration into its run, and log the start and the end of the block.
 
-    Args:
-        run: folder, whose lock the caller holds.
-        config: of the training.
-        data: that it is trained on.
-
     Yields:
         The notes of the training, a list that the block may extend.
     """

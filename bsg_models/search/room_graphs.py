@@ -141,13 +141,6 @@ def sample_travel(
     """Sample the travel of a building's episodes, which depends only on these arguments.
 
     The travel of an episode does not depend on their number.
-
-    Args:
-        recipe: of a kind whose costs are drawn.
-        nodes: N = 1 + R.
-        episodes: E.
-        scene_id: of the building.
-        seed: of the study.
     """
     rng = world_generator(seed, scene_id, recipe.name)
     edges = np.full((episodes, nodes, nodes), np.inf)

@@ -154,13 +154,7 @@ def choose_kept(eventful: Bools, changes: Floats) -> Ints:
 
 
 def choose_shown(kept: Sequence[KeptSearch], baseline: str, saved: float) -> KeptSearch:
-    """Return the search to show: eventful, then typical, then with the largest change of beliefs.
-
-    Args:
-        kept: searches of one world, at least one.
-        baseline: planner that savings are compared with.
-        saved: saving of all searches.
-    """
+    """Return the search to show: eventful, then typical, then with the most change of beliefs."""
 
     def rank(one: KeptSearch) -> tuple[bool, float, float]:
         beyond = max(0.0, abs(one.saved(baseline) - saved) - TYPICAL)

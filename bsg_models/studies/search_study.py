@@ -160,13 +160,7 @@ def study_search(
 def choose_planners(
     recipe: StudyRecipe, own: Mapping[str, Planner], *, remote: bool
 ) -> dict[str, Planner]:
-    """Return the planners of a study by name: those of its recipe, and the caller's own.
-
-    Args:
-        recipe: of the study.
-        own: name → planner of the caller.
-        remote: whether other processes ask them.
-    """
+    """Return the planners of a study by name: those of its recipe, and the caller's own."""
     for name in (*own, *recipe.all_planners):
         if name == "sweep" or name.startswith("stop ") or (name in own and name in PLANNERS):
             raise RecipeError(f"planner {name!r}: this name is taken; rename your planner")
