@@ -159,26 +159,6 @@ def stream_masked(
         yield _read_table(data, table, vocabulary)
 
 
-@lru_cache(maxsize=32)
-def read_masked(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) -> MaskedBuildings:
-    """Read the stored pairs of one split or fold; a repeated call returns the same arrays.
-
-    Raises:
-        DatasetError: if there are none.
-    """
-    parts = list(stream_masked(data, split, vocabulary=vocabulary))
-    if not parts:
-        raise DatasetError(
-            f"{data.path}: no building of split {split!r} has pairs",
-            code="pairs-missing",
-            where=split,
-        )
-    masked = stack_masked(parts)
-    for array in (masked.seen.inputs, masked.seen.hidden_share, masked.seen.others, masked.targets):
-        array.setflags(write=False)  # all readers of these pairs share them
-    return masked
-
-
 def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> MaskedBuildings:
     inputs = histogram_column(table, "input").astype(np.int64)
     targets = histogram_column(table, "target").astype(np.int64)

@@ -70,7 +70,11 @@ def read_split(
     """
     parts = list(stream_split(data, split, fold=fold, vocabulary=vocabulary))
     if not parts:
-        raise DatasetError(f"{data.path}: no building of its {split} split has pairs")
+        raise DatasetError(
+            f"{data.path}: no building of split {split!r} has pairs",
+            code="pairs-missing",
+            where=split,
+        )
     return stack_masked(parts)
 
 

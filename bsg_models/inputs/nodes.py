@@ -50,7 +50,7 @@ class Nodes(_Tensors):
 
 
 @dataclass(frozen=True)
-class Evidence:
+class _Encoding:
     """How networks read what is known of a room, or of its building, besides objects."""
 
     width: int
@@ -150,14 +150,14 @@ def _mark(index: Ints, width: int) -> torch.Tensor:
 
 # By the name in `NetworkConfig.reads`. A network forgets in this order: add new ones at the end.
 EVIDENCE = {
-    "size": Evidence(2, _encode_area),
-    "labels": Evidence(len(list_room_labels()), lambda around: _floats(around.labels)),
-    "kind": Evidence(
+    "size": _Encoding(2, _encode_area),
+    "labels": _Encoding(len(list_room_labels()), lambda around: _floats(around.labels)),
+    "kind": _Encoding(
         len(BUILDING_KINDS),
         lambda around: _mark(around.building_kinds, len(BUILDING_KINDS)),
         of_building=True,
     ),
-    "source": Evidence(
+    "source": _Encoding(
         len(KNOWN_SOURCES),
         lambda around: _mark(around.sources, len(KNOWN_SOURCES)),
         of_building=True,

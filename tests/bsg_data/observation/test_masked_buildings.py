@@ -16,7 +16,6 @@ from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import (
     MaskedBuildings,
     place_others,
-    read_masked,
     sample_masked,
     see_others,
     stack_masked,
@@ -83,7 +82,7 @@ def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
     recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=2, withhold=withhold)
     write_pairs(dataset, PairsRecipe(mask=recipe, draws=2), force=True)
     data = Dataset.open(dataset)
-    stored = read_masked(data, "train", vocabulary=VOCABULARY)
+    stored = read_all(data, "train", vocabulary=VOCABULARY)
     scenes = data.splits["train"]
     assert stored.seen.scene_ids == tuple(scene for scene in scenes for _ in range(2))
     for draw in range(2):
@@ -135,7 +134,7 @@ def test_pairs_that_another_numpy_drew_are_read_as_they_tell(
         return View.of_rooms(np.zeros(shape[0] - 1), classes=shape[1])
 
     monkeypatch.setattr("bsg_data.observation.masked_buildings.sample_view", view_of)
-    seen = read_masked(Dataset.open(dataset), "train", vocabulary=("wall",)).seen
+    seen = read_all(Dataset.open(dataset), "train", vocabulary=("wall",)).seen
     assert not seen.others[seen.hidden_share == 1].any()
     assert seen.others.any()
 
@@ -144,7 +143,7 @@ def test_without_a_vocabulary_no_other_objects_are_told(dataset: Path) -> None:
     data = Dataset.open(dataset)
     sampled = sample_masked(data, data.scene_ids, mask=MaskRecipe(), draw=0)
     assert sampled.seen.others.shape == (len(sampled.targets), 0)
-    assert read_masked(data, "train").seen.others.shape[1] == 0
+    assert read_all(data, "train").seen.others.shape[1] == 0
 
 
 def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path) -> None:
@@ -161,10 +160,10 @@ def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path
 
 def test_missing_pairs_are_said(dataset: Path) -> None:
     with refuses(DatasetError, "pairs-missing", where="fold-0"):
-        read_masked(Dataset.open(dataset), "fold-0")
+        read_all(Dataset.open(dataset), "fold-0")
     split_dataset(dataset, SplitRecipe(seed=3), force=True)
     with refuses(DatasetError, "pairs-missing", where="train"):
-        read_masked(Dataset.open(dataset), "train")
+        read_all(Dataset.open(dataset), "train")
 
 
 def test_a_stream_of_samples_is_the_sample_in_pieces(dataset: Path) -> None:
@@ -176,10 +175,8 @@ def test_a_stream_of_samples_is_the_sample_in_pieces(dataset: Path) -> None:
     same_buildings(stack_masked(pieces), whole)
 
 
-def test_a_stream_of_pairs_is_the_split_in_pieces(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    pieces = stream_masked(data, "train", vocabulary=VOCABULARY)
-    same_buildings(stack_masked(list(pieces)), read_masked(data, "train", vocabulary=VOCABULARY))
+def read_all(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) -> MaskedBuildings:
+    return stack_masked(list(stream_masked(data, split, vocabulary=vocabulary)))
 
 
 def same_buildings(found: MaskedBuildings, expected: MaskedBuildings) -> None:
