@@ -40,9 +40,16 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounds import MAX_PARTS
 from bsg_data.recipes import Record
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map, parse_own_map
+from bsg_data.scene.class_map import (
+    DEFAULT_CLASS_MAP,
+    ClassMap,
+    OwnMap,
+    is_own_map,
+    load_class_map,
+    parse_own_map,
+    read_own_map,
+)
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.own_map import OwnMap, is_own_map, read_own_map
 from bsg_data.sources.catalogue import SOURCES, find_terms
 from bsg_data.sources.source import (
     FoundScenes,

@@ -31,8 +31,7 @@ from bsg_data.errors import (
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import ClassMap, load_class_map
-from bsg_data.scene.mesh_coverage import MeshCoverage
-from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph, is_scene_id
 from bsg_data.sources.source import Reading, SceneRef, SkippedScene, Source
 
 _NOTHING_SKIPPED = "no scene was skipped; repair the source, then run the command again"

@@ -13,8 +13,7 @@ from .registry import Registry
 from .scene.class_map import published_maps
 from .scene.class_space import ClassSpace
 from .scene.connections import Connections
-from .scene.mesh_coverage import MeshCoverage
-from .scene.scene_graph import Box
+from .scene.scene_graph import Box, MeshCoverage
 from .scene.surroundings import KNOWN_SOURCES
 from .sources.assembly import assemble
 from .sources.catalogue import SOURCES

@@ -29,7 +29,7 @@ from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.recipes import Record
-from bsg_data.scene.scene_id import building_hash
+from bsg_data.scene.scene_graph import building_hash
 
 
 class _MergePlan(Record):

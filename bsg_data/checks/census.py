@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from bsg_data.checks.faults import Fault
 from bsg_data.checks.part import Part
 from bsg_data.dataset.manifest import MANIFEST, Manifest, Totals
-from bsg_data.scene.scene_graph import is_scene_id
-from bsg_data.scene.scene_id import building_hash
+from bsg_data.scene.scene_graph import building_hash, is_scene_id
 
 _TABLES = ("rooms", "objects", "edges")
 

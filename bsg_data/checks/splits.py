@@ -12,7 +12,7 @@ from bsg_data.checks.faults import Fault
 from bsg_data.dataset.splits import assign_splits
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import SplitRecipe
-from bsg_data.scene.scene_id import building_hash
+from bsg_data.scene.scene_graph import building_hash
 
 
 def check_splits(splits: pa.Table, census: Census, recipe: SplitRecipe) -> Iterator[Fault]:

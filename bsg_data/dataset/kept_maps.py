@@ -12,12 +12,13 @@ from pathlib import Path, PurePosixPath
 
 from bsg_data.dataset.manifest import ClassMapEntry, Manifest
 from bsg_data.errors import ClassMapError
-from bsg_data.scene.class_map import parse_own_map, published_maps
-from bsg_data.scene.own_map import (
+from bsg_data.scene.class_map import (
     CLASSES,
     STRUCTURE,
     SUFFIX,
     OwnMap,
+    parse_own_map,
+    published_maps,
     read_own_map,
     write_own_map,
 )

@@ -24,7 +24,7 @@ from bsg_data.inputs.documents import parse_json, read_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.mesh_coverage import MeshCoverage
+from bsg_data.scene.scene_graph import MeshCoverage
 from bsg_data.scene.spoken_names import Rule
 from bsg_data.sources.source import SkippedScene, Terms
 

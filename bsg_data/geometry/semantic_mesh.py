@@ -30,7 +30,7 @@ from bsg_data.geometry.triangles import (
     take_corners,
 )
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.scene.mesh_coverage import MeshCoverage
+from bsg_data.scene.scene_graph import MeshCoverage
 
 _FINE = 4.0  # samples a texel where a face straddles instances
 _MOST_SAMPLES = 1_000_000_000  # of one mesh: some minutes

@@ -18,17 +18,14 @@ inside. `CURVES` maps these to the share of the objects that a camera has seen b
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
-from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import read_number
 
-CERTAIN = 1e-6  # a smaller standard deviation counts as 0: no share is known so exactly
+_CERTAIN = 1e-6  # a smaller standard deviation counts as 0: no share is known so exactly
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +39,6 @@ class ShareBelief:
 
     Raises:
         RecipeError: if no Beta distribution has these moments.
-
-    Examples:
-        >>> ShareBelief(0.5, 0.25).beta
-        (1.5, 1.5)
     """
 
     mean: float
@@ -63,25 +56,17 @@ class ShareBelief:
         object.__setattr__(self, "sd", sd)
 
     def __str__(self) -> str:
-        """Return the mean in per cent, with ± the standard deviation.
-
-        >>> str(ShareBelief(0.55, 0.2)), str(ShareBelief(1.0))
-        ('55% ± 20%', '100%')
-        """
+        """Return the mean in per cent, with ± the standard deviation."""
         return f"{self.mean:.0%} ± {self.sd:.0%}" if self.sd else f"{self.mean:.0%}"
 
     @property
     def is_certain(self) -> bool:
         """Whether the standard deviation is 0."""
-        return self.sd < CERTAIN
+        return self.sd < _CERTAIN
 
     @property
     def beta(self) -> tuple[float, float]:
-        """The parameters a and b of the Beta distribution.
-
-        Raises:
-            ZeroDivisionError: if the share is certain.
-        """
+        """The parameters a and b of the Beta distribution of an uncertain share."""
         size = self.mean * (1 - self.mean) / self.sd**2 - 1
         return size * self.mean, size * (1 - self.mean)
 
@@ -89,59 +74,20 @@ class ShareBelief:
 VAGUE = ShareBelief(0.5, 0.288)  # nearly uniform: all shares are about equally likely
 
 
-class Sight(NamedTuple):
-    """How a robot has looked at a room; each field is a number or an array.
-
-    Attributes:
-        floor_in_view: share of the floor that the camera had in view, by the robot's map.
-        walls_in_view: share of the walls, seen from above, that the camera had in view.
-        seconds_inside: time that the robot spent in the room.
-        floor_area: floor area of the room, square metres.
-    """
-
-    floor_in_view: float | Floats = 0.0
-    walls_in_view: float | Floats = 0.0
-    seconds_inside: float | Floats = 0.0
-    floor_area: float | Floats = 20.0
-
-
 class Curve(NamedTuple):
-    """The share of the objects that was seen, as a function of one kind of evidence.
+    """The share of the objects that was seen, as a function of one kind of evidence."""
 
-    Attributes:
-        seen: returns the mean share of seen objects, from the constants and a sight.
-        constants: constants of the curve.
-        size: ν of the Beta distribution of the share; equal for all means.
-    """
-
-    seen: Callable[[Sequence[float], Sight], float | Floats]
     constants: tuple[float, ...]
-    size: float
-
-
-def _by_floor(constants: Sequence[float], sight: Sight) -> float | Floats:
-    most, part, power = constants
-    return most * (part * sight.floor_in_view**power + (1 - part) * sight.floor_in_view)
-
-
-def _by_walls(constants: Sequence[float], sight: Sight) -> float | Floats:
-    most, part, power = constants
-    return most * (part * sight.walls_in_view**power + (1 - part) * sight.walls_in_view)
-
-
-def _by_seconds(constants: Sequence[float], sight: Sight) -> float | Floats:
-    most, first, pace, growth = constants
-    looked = sight.seconds_inside + first  # the first look counts as these seconds
-    return most * -np.expm1(-looked / (pace * sight.floor_area**growth))
+    size: float  # ν of the Beta distribution of the share; equal for all means
 
 
 # Fitted by scripts/fit/hidden_share.py at commit 4227eff to walks through ProcTHOR's rooms.
 # The walls added nothing where the floor was known.
 CURVES: Mapping[str, Curve] = {
-    "floor": Curve(_by_floor, (0.94, 0.21, 8.0), 5.4),
-    "walls": Curve(_by_walls, (0.94, 0.30, 0.25), 4.4),
-    "seconds and area": Curve(_by_seconds, (0.95, 5.6, 2.64, 0.445), 3.8),
-    "seconds": Curve(_by_seconds, (0.95, 5.9, 11.4, 0.0), 3.4),
+    "floor": Curve((0.94, 0.21, 8.0), 5.4),
+    "walls": Curve((0.94, 0.30, 0.25), 4.4),
+    "seconds and area": Curve((0.95, 5.6, 2.64, 0.445), 3.8),
+    "seconds": Curve((0.95, 5.9, 11.4, 0.0), 3.4),
 }
 
 
@@ -186,21 +132,28 @@ def estimate_hidden_share(
     if seconds_inside and not visited:
         raise RecipeError("seconds_inside: expected none for a room that was not visited")
     if floor_in_view is not None:
-        kind, sight = "floor", Sight(floor_in_view=floor_in_view)
+        seen, size = _by_view("floor", floor_in_view)
     elif walls_in_view is not None:
-        kind, sight = "walls", Sight(walls_in_view=walls_in_view)
-    elif seconds_inside is not None and floor_area:
-        kind, sight = (
-            "seconds and area",
-            Sight(seconds_inside=seconds_inside, floor_area=floor_area),
-        )
+        seen, size = _by_view("walls", walls_in_view)
     elif seconds_inside is not None:
-        kind, sight = "seconds", Sight(seconds_inside=seconds_inside)
+        seen, size = _by_seconds(seconds_inside, floor_area)
     else:
         return VAGUE if visited else ShareBelief(1.0)
-    curve = CURVES[kind]
-    mean = 1 - recall * float(curve.seen(curve.constants, sight))
-    return ShareBelief(mean, math.sqrt(mean * (1 - mean) / (curve.size + 1)))
+    mean = 1 - recall * seen
+    return ShareBelief(mean, math.sqrt(mean * (1 - mean) / (size + 1)))
+
+
+def _by_view(kind: str, view: float) -> tuple[float, float]:
+    """Return the share of the objects seen, by that of the floor or the walls, and ν."""
+    (most, part, power), size = CURVES[kind]
+    return most * (part * view**power + (1 - part) * view), size
+
+
+def _by_seconds(seconds: float, area: float | None) -> tuple[float, float]:
+    kind = "seconds and area" if area else "seconds"
+    (most, first, pace, growth), size = CURVES[kind]
+    looked = seconds + first  # the first look counts as these seconds
+    return most * -math.expm1(-looked / (pace * (area or 1.0) ** growth)), size
 
 
 def _read_if_given(name: str, value: object, *, most: float) -> float | None:

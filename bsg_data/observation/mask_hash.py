@@ -42,9 +42,6 @@ def hash_splits(data: Dataset) -> dict[str, str]:
 
     Each file is read once. Memory holds one file of each split at a time.
 
-    Args:
-        data: an open dataset.
-
     Raises:
         DatasetError: if a file of pairs is missing, unreadable or not in order.
     """
@@ -59,15 +56,7 @@ def hash_splits(data: Dataset) -> dict[str, str]:
 
 
 def hash_masks(data: Dataset, splits: Sequence[str]) -> str:
-    """Return the hash of the masks of some splits together, in hexadecimal digits.
-
-    Args:
-        data: an open dataset.
-        splits: names of stored splits or folds, one or more.
-
-    Raises:
-        DatasetError: if a split has no pairs, or its pairs are unreadable or not in order.
-    """
+    """Return the hash of the masks of some splits together, in hexadecimal digits."""
     found = _begin(data)
     for _, _, packed in _merge(data, splits):
         found.update(packed)

@@ -90,8 +90,7 @@ def _split_words(number: int) -> list[int]:
 def _generate_states(entropy: Sequence[Words]) -> npt.NDArray[np.uint64]:
     """Return what `SeedSequence(words).generate_state(4, np.uint64)` does for each draw, `[D, 4]`.
 
-    Args:
-        entropy: the words, four or more, each `[D]`, or `[1]` where it is the same for every draw.
+    The four words or more are each `[D]`, or `[1]` where they are the same for every draw.
     """
     hashed = _Hash(_HASH_IN, _TIMES_IN)
     pool = [hashed(word) for word in entropy[:_POOL]]
@@ -109,13 +108,12 @@ def _generate_states(entropy: Sequence[Words]) -> npt.NDArray[np.uint64]:
 
 
 class _Hash:
-    """The hash of `SeedSequence`, which changes with each word that it has hashed."""
+    """The hash of `SeedSequence`, which changes with each word `[D]` that it has hashed."""
 
     def __init__(self, start: int, times: int) -> None:
         self._value, self._times = start, times
 
     def __call__(self, word: Words) -> Words:
-        """Return the hash of a word of every draw `[D]`."""
         before = np.uint32(self._value)
         self._value = self._value * self._times & 0xFFFFFFFF
         mixed: Words = (word ^ before) * np.uint32(self._value)

@@ -32,6 +32,12 @@ def mask_scene(
     Its histograms equal the inputs of `bsg-data pairs`. A mask says how many objects of each class
     and room are hidden, not which. This function hides those that are listed last. Withheld classes
     are left out, and the graph does not say which: give `list_withheld` to `observation`.
+
+    Args:
+        graph: of the whole building.
+        recipe: the mask.
+        draw: its number.
+        class_space: of the objects' classes.
     """
     adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
     cells, others, kinds, categories = _count(graph, len(class_space.classes))
@@ -95,11 +101,7 @@ def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> 
 
 
 def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
-    """Return the partial graph after the robot has entered a room and seen all objects in it.
-
-    Raises:
-        RecipeError: if the room does not exist.
-    """
+    """Return the partial graph after the robot has entered a room and seen all objects in it."""
     inside = (obj for obj in graph.objects if obj.room_index == room_index)
     return observe(known, room_index, map(_see, inside))
 

@@ -83,10 +83,7 @@ class Exploring(Mask):
     """A mask of a robot that explores a building by an `Exploration`."""
 
     reads_connections = True
-
-    def plan(self, recipe: MaskRecipe) -> Exploration:
-        """Return the exploration."""
-        return recipe.exploration
+    exploration: ClassVar[Exploration | None] = None  # None: that of the recipe
 
     def look(
         self,
@@ -103,7 +100,7 @@ class Exploring(Mask):
         in the mean. The others hide b = f·(1 − x) / (f·(1 − x) + (1 − f)·(1 − y)), which gives f in
         all.
         """
-        plan, fraction = self.plan(recipe), recipe.fraction
+        plan, fraction = self.exploration or recipe.exploration, recipe.fraction
         number = shape[0] - 1
         if not number:
             return View.of_rooms(np.zeros(0), classes=shape[1], alone=fraction, exact=plan.exact)
@@ -117,15 +114,16 @@ class Exploring(Mask):
         order = _walk(number, entered, plan, connections, rng)
         inside, outside = order[:entered], order[entered:]
         half = rng.permutation(inside)[searched:]
-        mean = _divide_share(fraction * (1 - closed), (1 - fraction) * (1 - bare), alone=fraction)
+        hide, show = fraction * (1 - closed), (1 - fraction) * (1 - bare)
+        mean = hide / (hide + show) if hide + show else fraction
         shares = np.zeros(number)
         shares[outside] = 1.0
         if len(half):
             limit = GLIMPSES_OF_SHOWN * len(half) * (1 - mean)
             near = _find_beside(inside, outside, number, connections)
-            glimpsed, hide = _glimpse(near, plan, limit, rng)
-            shares[glimpsed] = hide
-            more = float((1 - hide).sum()) / len(half)
+            glimpsed, hidden = _glimpse(near, plan, limit, rng)
+            shares[glimpsed] = hidden
+            more = float((1 - hidden).sum()) / len(half)
             shares[half] = _spread_shares(mean + more, len(half), plan, rng)
         was_there = np.zeros(number, dtype=bool)
         was_there[inside] = True
@@ -138,17 +136,7 @@ class ExploreMask(Exploring):
     summary = "what robots really have: rooms searched, half seen, glimpsed or not entered"
 
 
-class Corner(Exploring):
-    """An exploration with fixed values."""
-
-    exploration: ClassVar[Exploration]
-
-    def plan(self, recipe: MaskRecipe) -> Exploration:
-        """Return the fixed values."""
-        return self.exploration
-
-
-class UniformMask(Corner):
+class UniformMask(Exploring):
     """Hide ⌊fraction · n⌋ objects uniformly; every room is visited."""
 
     summary = "the paper's: single objects, uniformly; every room is visited"
@@ -159,7 +147,7 @@ class UniformMask(Corner):
     )
 
 
-class RoomsMask(Corner):
+class RoomsMask(Exploring):
     """Hide whole rooms at random, and show all objects of the others."""
 
     summary = "whole rooms at random; the others show everything"
@@ -169,7 +157,7 @@ class RoomsMask(Corner):
     )
 
 
-class FrontierMask(Corner):
+class FrontierMask(Exploring):
     """Visit a connected set of rooms, and also hide objects in these rooms."""
 
     summary = "rooms beyond a connected set of visited ones, and objects in these"
@@ -256,17 +244,9 @@ def sample_view(
     draw: int,
     connections: Connections | None = None,
 ) -> View:
-    """Sample how much a robot has seen of a building, and which classes are withheld.
+    """Sample how much a robot has seen of a building of `shape` (N, C), and what is withheld.
 
-    Args:
-        shape: (N, C), nodes of interest and classes.
-        recipe: recipe of the mask.
-        scene_id: id of the building.
-        draw: number of the draw.
-        connections: connections between the rooms; None if none is known.
-
-    Raises:
-        RecipeError: if the strategy is unknown.
+    Without connections, none between rooms is known.
     """
     (view,) = sample_views(shape, recipe, scene_id=scene_id, draws=(draw,), connections=connections)
     return view
@@ -280,10 +260,7 @@ def sample_views(
     draws: Sequence[int],
     connections: Connections | None = None,
 ) -> Iterator[View]:
-    """Yield the view of `sample_view` for each of several draws, but faster.
-
-    A mask with `is_fixed` yields the same object for every draw.
-    """
+    """Yield `sample_view` of several draws, but faster; the same object if the mask `is_fixed`."""
     known = connections if connections is not None else Connections.of_pairs(())
     mask = MASKS[recipe.strategy]
     generators = partial(mask_generators, recipe, scene_id=scene_id)
@@ -304,11 +281,6 @@ def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: in
     """Sample which of the classes a mask withholds, `[C]`."""
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="withheld")
     return rng.random(classes) < recipe.withhold
-
-
-def _divide_share(hidden: float, shown: float, *, alone: float) -> float:
-    """Return hidden / (hidden + shown), or `alone` where there is neither."""
-    return hidden / (hidden + shown) if hidden + shown else alone
 
 
 def _walk(

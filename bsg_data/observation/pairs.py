@@ -34,11 +34,7 @@ _MOST = np.iinfo(np.uint16).max
 
 
 def fits_pairs(cells: Counts) -> bool:
-    """Say whether the pairs of a building can be stored: at most 65,535 objects per class.
-
-    Args:
-        cells: `[N, C]` classified objects.
-    """
+    """Say whether the pairs of cells `[N, C]` can be stored: at most 65,535 objects per class."""
     return int(cells.sum(axis=0).max(initial=0)) <= _MOST
 
 
@@ -50,17 +46,10 @@ def sample_pairs(
     connections: Connections | None = None,
     draws: range | None = None,
 ) -> tuple[tuple[View, ...], Counts]:
-    """Sample the masks of one building.
+    """Sample the masks of one building: D views, and inputs `[D, N, C]`, row 0 the building.
 
-    Args:
-        cells: `[N, C]` classified objects, row 0 the null region.
-        recipe: the mask, and the number of draws.
-        scene_id: id of the building.
-        connections: connections between the rooms; None if none is known.
-        draws: numbers of D draws; None: all draws of the recipe.
-
-    Returns:
-        Views `[D]`, and input histograms `[D, N, C]`, row 0 the building.
+    `cells` `[N, C]` are its classified objects, row 0 the null region; `draws` the numbers of the
+    D draws, by default all of the recipe.
     """
     numbers = range(recipe.draws) if draws is None else draws
     sampled = sample_views(
@@ -120,11 +109,7 @@ def write_pairs(
 
 
 def read_pairs(dataset: AnyPath, split: str, *, manifest: Manifest | None = None) -> pa.Table:
-    """Read the pairs of one split or fold.
-
-    Raises:
-        DatasetError: if there are none, naming the splits that have some.
-    """
+    """Read the pairs of one split or fold; see `stream_pairs`."""
     dataset = Path(dataset)
     manifest = manifest or read_manifest(dataset)
     tables = list(stream_pairs(dataset, split, manifest=manifest))
@@ -138,15 +123,9 @@ def stream_pairs(
     manifest: Manifest | None = None,
     shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
-    """Yield the pairs of one split in order, about `ROWS_PER_GROUP` rows at a time.
+    """Yield the pairs of one split or fold, about `ROWS_PER_GROUP` rows at a time.
 
-    A masked building is never divided.
-
-    Args:
-        dataset: its folder.
-        split: train, val, test or a fold.
-        manifest: its manifest, if it was read already.
-        shuffle: generator for a random order of the files.
+    A masked building is never divided. Files are in order, or shuffled.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.

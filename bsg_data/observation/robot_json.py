@@ -75,11 +75,6 @@ class _Room(KnownRoom):
     walls_in_view: Share | None = None
 
     def know(self) -> KnownRoom:
-        """Return the room with its hidden share.
-
-        Raises:
-            RecipeError: if the share is impossible, or said twice.
-        """
         looks = {name: getattr(self, name) for name in _LOOKS}
         if self.hidden_share is None:
             if self.hidden_share_sd:
@@ -343,22 +338,14 @@ def _encode_room(room: KnownRoom) -> dict[str, Any]:
 
 
 def check_object(seen: SeenObject) -> SeenObject:
-    """Return an object with plain Python numbers, and refuse values that no file could hold.
-
-    Raises:
-        RecipeError: naming what is wrong with it.
-    """
+    """Return an object with plain numbers; refuse by `RecipeError` what no file could hold."""
     said = {"id": seen.name, "category": seen.raw_category, "position": seen.position}
     found: _Object = _check(_Object, said, f"object {show_value(seen.name)}")
     return replace(seen, name=found.id, raw_category=found.category, position=found.position)
 
 
 def check_room(room: KnownRoom) -> KnownRoom:
-    """Return a room with plain Python numbers, and refuse values that no file could hold.
-
-    Raises:
-        RecipeError: naming what is wrong with it.
-    """
+    """Return a room with plain numbers; refuse by `RecipeError` what no file could hold."""
     found: KnownRoom = _check(KnownRoom, _encode_room(room), f"room {show_value(room.name)}")
     return found
 

@@ -42,7 +42,7 @@ class View:
         alone: float = 0.0,
         exact: bool = False,
     ) -> View:
-        """Return the view of a building from the hidden shares of its rooms.
+        """Return the view of a building from the hidden shares of its rooms `[R]`.
 
         Args:
             shares: `[R]` hidden share of each room.
@@ -50,14 +50,10 @@ class View:
             entered: `[R]` whether the robot entered each room; None: all with a share below 1.
             alone: hidden share of a building without rooms.
             exact: see the attribute.
-
-        Examples:
-            >>> View.of_rooms(np.array([0.0, 0.5, 1.0]), classes=45).hidden_share.tolist()
-            [0.5, 0.0, 0.5, 1.0]
         """
         inside = shares < 1 if entered is None else entered
         share = np.concatenate([[alone], shares])
-        share[0] = share_of_building(share)
+        share[0] = _share_of_building(share)
         withheld = np.zeros((len(share), classes), dtype=bool)
         return cls(np.concatenate([[True], inside]), share, withheld, exact)
 
@@ -76,7 +72,7 @@ class View:
         if not rooms.any():
             return self
         share = np.where(rooms, 0.0, self.hidden_share)
-        share[0] = share_of_building(share)
+        share[0] = _share_of_building(share)
         withheld = self.withheld & ~rooms[:, None]
         withheld[0] &= share[0] > 0
         return replace(self, visited=self.visited | rooms, hidden_share=share, withheld=withheld)
@@ -96,11 +92,11 @@ class View:
 
     @property
     def told(self) -> npt.NDArray[np.float32]:
-        """The hidden shares in single precision, as models read and pairs store them, `[N]`."""
+        """The hidden shares `[N]` in single precision, as models read and pairs store them."""
         return self.hidden_share.astype(np.float32)
 
 
-def share_of_building(share: Floats) -> float:
+def _share_of_building(share: Floats) -> float:
     """Return the hidden share of a building `[1 + R]`: the mean of its rooms, or its own."""
     rooms = share[1:]
     if not len(rooms):

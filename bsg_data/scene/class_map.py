@@ -15,10 +15,13 @@ from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from bsg_data.errors import ClassMapError
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, write_bytes
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import CLASS_MAP
+from bsg_data.recipes import Record
 from bsg_data.scene.class_space import (
     DEFAULT_CLASS_SPACE,
     ClassSpace,
@@ -26,24 +29,18 @@ from bsg_data.scene.class_space import (
     read_published,
     read_rows,
 )
-from bsg_data.scene.own_map import OwnMap, is_own_map, read_own_map
 from bsg_data.scene.spoken_names import RULES_VERSION, Rule, resolve
 from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names
 
 DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
-SYNONYMS = "synonyms-v1.csv"
+_SYNONYMS = "synonyms-v1.csv"
+SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
 
 
-@dataclass(frozen=True, slots=True)
-class MapEntry:
-    """The category and the class of one spelling.
-
-    Attributes:
-        category: the corrected name.
-        class_index: its class, or None outside the classes.
-    """
+class MapEntry(NamedTuple):
+    """The corrected name of one spelling, and its class; None outside the classes."""
 
     category: str
     class_index: int | None
@@ -51,21 +48,14 @@ class MapEntry:
 
 @dataclass(frozen=True, slots=True)
 class Classified:
-    """The category, class and role of an annotated name under a class map.
+    """What an annotated name is under a class map."""
 
-    Attributes:
-        category: the corrected name; `unknown` for a nameless object; None for an unmapped name.
-        class_index: its class, or None outside the classes.
-        role: `classified`: has a class; `left-out`: an object outside the classes; `structure`: a
-            part of the building; `nameless`: blank or `unknown`; `unmapped`: not in the map.
-        rule: the rule that gave the category; None for a listed name, and for a name that no rule
-            resolves.
-    """
-
-    category: str | None
-    class_index: int | None
+    category: str | None  # the corrected name; `unknown` if nameless; None if unmapped
+    class_index: int | None  # None outside the classes
+    # classified: has a class; left-out: an object outside the classes; structure: a part of the
+    # building; nameless: blank or `unknown`; unmapped: not in the map
     role: Role
-    rule: Rule | None = None
+    rule: Rule | None = None  # that gave the category; None for a listed name
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,38 +135,31 @@ class ClassMap:
 _UNMAPPED = Classified(None, None, "unmapped")
 
 
-@dataclass(frozen=True, slots=True)
-class PublishedMap:
-    """A row of `mappings/class_maps.csv`.
-
-    Attributes:
-        class_map: name of the map.
-        class_space: name of its class space.
-        source: source whose names it maps.
-        rules: whether rules resolve names that it does not list.
-    """
+class PublishedMap(NamedTuple):
+    """A row of `mappings/class_maps.csv`."""
 
     class_map: str
     class_space: str
-    source: str
-    rules: bool
+    source: str  # whose names it maps
+    rules: bool  # whether rules resolve names that it does not list
+
+
+class OwnMap(Record):
+    """The files of a user's own class map, which datasets and checkpoints keep."""
+
+    name: str  # of its file, without `.csv`
+    spellings: bytes  # NAME.csv
+    classes: bytes | None = None  # NAME.classes.csv; None: the default class space
+    structure: bytes | None = None  # NAME.structure.csv
 
 
 def normalise_name(name: str) -> str:
-    """Return `name` as NFC, casefolded, trimmed, runs of white space as one space.
-
-    >>> normalise_name("  Shower   DIAL ")
-    'shower dial'
-    """
+    """Return `name` as NFC, casefolded, trimmed, runs of white space as one space."""
     return " ".join(unicodedata.normalize("NFC", name).casefold().split())
 
 
 def is_nameless(name: str) -> bool:
-    """Say whether a name is blank, `unknown` or `unknown/...`.
-
-    >>> is_nameless(" Unknown/remove")
-    True
-    """
+    """Say whether a name is blank, `unknown` or `unknown/...`."""
     return normalise_name(name).split("/")[0].strip() in ("", UNKNOWN)
 
 
@@ -190,11 +173,7 @@ def published_maps() -> Mapping[str, PublishedMap]:
 
 
 def map_into(class_space: str) -> str:
-    """Return the published map of HM3D's names (everyday words) into a class space.
-
-    Raises:
-        ClassMapError: if there is none, as for a user's own class space.
-    """
+    """Return the published map of HM3D's names (everyday words) into a class space."""
     for row in published_maps().values():
         if row.class_space == class_space and row.source == "hm3d":
             return row.class_map
@@ -239,27 +218,57 @@ def _load(name: str) -> ClassMap:
         spellings=read_published(f"{name}.csv"),
         classes=read_published(f"{row.class_space}.classes.csv"),
         structure=read_published(f"{name}.structure.csv"),
-        synonyms=read_published(SYNONYMS) if row.rules else None,
+        synonyms=read_published(_SYNONYMS) if row.rules else None,
     )
 
 
-def parse_own_map(own: OwnMap) -> ClassMap:
-    """Parse a user's own map; its classes are its own, or those of the default class space.
+def is_own_map(name: str) -> bool:
+    """Say whether the name of a class map is the path of a `NAME.csv`."""
+    return name.casefold().endswith(SUFFIX)
+
+
+def read_own_map(path: Path) -> OwnMap:
+    """Read the files of a class map, by the path of its `NAME.csv`.
 
     Raises:
-        ClassMapError: if it is malformed, or has the name of a published map.
+        ClassMapError: if it is missing, cannot be read, or is too large for a class map.
     """
+    if not path.is_file():
+        raise ClassMapError(
+            f"{path}: no such file; expected a class map NAME.csv (raw_category,category,class), "
+            "and NAME.classes.csv (index,class,definition) beside it for its own classes",
+            code="class-map-missing",
+            where=path,
+        )
+    spellings, *beside = (
+        read_bytes(file, CLASS_MAP, error=ClassMapError) if file.is_file() else None
+        for file in (path, path.with_suffix(CLASSES), path.with_suffix(STRUCTURE))
+    )
+    return OwnMap(
+        name=path.stem, spellings=spellings or b"", classes=beside[0], structure=beside[1]
+    )
+
+
+def write_own_map(own: OwnMap, folder: Path) -> Path:
+    """Write the files of a class map into a folder, and return the path of its `NAME.csv`."""
+    beside = {CLASSES: own.classes, STRUCTURE: own.structure}
+    for suffix, data in {SUFFIX: own.spellings, **beside}.items():
+        if data is not None:
+            write_bytes(folder / f"{own.name}{suffix}", data)
+    return folder / f"{own.name}{SUFFIX}"
+
+
+def parse_own_map(own: OwnMap) -> ClassMap:
+    """Parse a user's own map; its classes are its own, or those of the default class space."""
     if own.name in published_maps():
         raise ClassMapError(f"{own.name} is the name of a published map; choose another name")
     return _parse_map(
         own.name,
         DEFAULT_CLASS_SPACE if own.classes is None else own.name,
         spellings=own.spellings,
-        classes=read_published(f"{DEFAULT_CLASS_SPACE}.classes.csv")
-        if own.classes is None
-        else own.classes,
-        structure=b"category\n" if own.structure is None else own.structure,
-        synonyms=read_published(SYNONYMS),
+        classes=own.classes or read_published(f"{DEFAULT_CLASS_SPACE}.classes.csv"),
+        structure=own.structure or b"category\n",
+        synonyms=read_published(_SYNONYMS),
     )
 
 
@@ -324,7 +333,7 @@ def _parse_map(
 
 def _parse_synonyms(data: bytes, listed: Mapping[str, MapEntry]) -> dict[str, str]:
     """Return the synonyms of what a map lists; it need not list all that there are."""
-    rows = [row for _, row in read_rows(SYNONYMS, data, ("name", "category"))]
+    rows = [row for _, row in read_rows(_SYNONYMS, data, ("name", "category"))]
     words = {normalise_name(name): normalise_name(category) for name, category in rows}
     return {name: other for name, other in words.items() if not other or other in listed}
 

@@ -58,11 +58,7 @@ class ClassSpace(Record):
         return f"{self.name} (sha256 {self.sha256[:12]}…)"
 
     def class_index(self, name: str) -> int:
-        """Return the index of a class.
-
-        Raises:
-            ClassMapError: if the name is no class; the error has the nearest classes.
-        """
+        """Return the index of a class; `ClassMapError` names the nearest."""
         if name in self.classes:
             return self.classes.index(name)
         asked = ask_if_meant(name, self.classes, most=3)
@@ -87,11 +83,7 @@ def list_class_spaces() -> tuple[str, ...]:
 
 @cache
 def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
-    """Load a published class space.
-
-    Raises:
-        ClassMapError: if the space does not exist, or its file was changed.
-    """
+    """Load a published class space; `ClassMapError` if there is none, or it was changed."""
     if name not in list_class_spaces():
         raise ClassMapError(
             f"no class space {name!r}: published are {', '.join(list_class_spaces())}"
@@ -100,11 +92,7 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
 
 
 def read_published(file: str) -> bytes:
-    """Read a file of `mappings/` that SHA256SUMS lists.
-
-    Raises:
-        ClassMapError: if it differs from the published file.
-    """
+    """Read a file of `mappings/` that SHA256SUMS lists; `ClassMapError` if it was changed."""
     folder = files("bsg_mappings")
     lines = folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines()
     published = {
@@ -121,11 +109,7 @@ def read_published(file: str) -> bytes:
 
 
 def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ...]]:
-    """Parse `index,class,definition` as a space, and one sentence per class `[C]`.
-
-    Raises:
-        ClassMapError: naming the faulty line.
-    """
+    """Parse `index,class,definition` as a space, and one sentence per class `[C]`."""
     file = f"{name}{_SUFFIX}"
     classes: list[str] = []
     definitions: list[str] = []
@@ -145,11 +129,7 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
 
 
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
-    """Read a CSV file of `mappings/` as numbered rows.
-
-    Raises:
-        ClassMapError: naming the line at fault, or the header that was expected.
-    """
+    """Read a CSV file of `mappings/` as numbered rows; `ClassMapError` names the line at fault."""
     try:
         reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
         first = next(reader, [])

@@ -41,12 +41,7 @@ class Connections:
 
 
 def stack_connections(parts: Sequence[Connections], offsets: Sequence[int]) -> Connections:
-    """Return the connections of several buildings in one record, with shifted node indices.
-
-    Args:
-        parts: connections of each building.
-        offsets: index of the first node of each building.
-    """
+    """Return the connections of several buildings, moved by the first node of each."""
     if not parts:
         return Connections.of_pairs(())
     return Connections(

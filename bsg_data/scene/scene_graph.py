@@ -12,6 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
+from pydantic import Field
+
+from bsg_data.recipes import Record
 from bsg_data.scene.class_map import Role
 
 Point = tuple[float, float, float]
@@ -21,15 +24,31 @@ NodeKind = Literal["building", "room", "object"]
 # the data.
 ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")
 _SCENE_ID = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]{0,199}")
+# Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
+# 240101-office is a name.
+_NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
 
 
 def is_scene_id(name: object) -> bool:
-    """Say whether a value can be a scene id: a file name without path or leading dot.
-
-    >>> is_scene_id("00006-HkseAnWCgqk"), is_scene_id("../secret")
-    (True, False)
-    """
+    """Say whether a value can be a scene id: a file name without path or leading dot."""
     return isinstance(name, str) and _SCENE_ID.fullmatch(name) is not None
+
+
+def split_scene_id(scene_id: str) -> tuple[int | None, str]:
+    """Split a scene id into its number, None without one, and the building's own hash.
+
+    >>> split_scene_id("00006-HkseAnWCgqk"), split_scene_id("HkseAnWCgqk")
+    ((6, 'HkseAnWCgqk'), (None, 'HkseAnWCgqk'))
+    >>> split_scene_id("240101-office")
+    (None, '240101-office')
+    """
+    match = _NUMBERED.fullmatch(scene_id)
+    return (int(match[1]), match[2]) if match else (None, scene_id)
+
+
+def building_hash(scene_id: str) -> str:
+    """Return the building's own hash: the scene id without its number."""
+    return split_scene_id(scene_id)[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +90,7 @@ class SceneObject:
         raw_category: its name exactly as annotated.
         category: the corrected name by the class map; None if the name is not in the map.
         class_index: its class by the class map; None without a class.
-        role: its role by the class map: `classified`, `left-out`, `structure`, `nameless` or
-            `unmapped`.
+        role: its role by the class map, as `Classified.role`.
         colour: its colour in the semantic mesh as RRGGBB; None if the source has none.
         centroid: centroid of its surface, weighted by area, metres; None without geometry.
         box: box around all its surface, metres; None without geometry.
@@ -200,3 +218,21 @@ class SceneGraph:
         for obj in self.objects:
             yield Edge(obj.room_index, rooms + obj.object_index, "contains", "annotation")
         yield from self.adjacency
+
+
+class MeshCoverage(Record):
+    """How much of a mesh its annotation explains."""
+
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+    texels: int = 0  # in all textures, the sum of the next four
+    listed: int = 0  # with the exact colour of an instance
+    snapped: int = 0  # of JPEG textures that got the nearest instance colour
+    black: int = 0  # the background, unless black is the colour of an instance
+    unlisted: int = 0  # of any other colour
+    unlisted_colours: int = 0  # number of these other colours
+    faces: int = 0  # triangles
+    area: float = 0.0  # of all triangles, square metres, the sum of the next three
+    listed_area: float = 0.0  # of instances
+    unlisted_area: float = 0.0  # in colours that no instance has
+    uncoloured_area: float = 0.0  # with neither texture nor vertex colours
+    without_geometry: int = 0  # listed instances without a surface

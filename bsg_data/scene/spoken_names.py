@@ -34,13 +34,8 @@ def resolve(
 ) -> Iterator[tuple[str, Rule]]:
     """Yield the listed names that a name can stand for, with the rule that gives each.
 
-    Nothing comes after a name that is listed itself, or that `synonyms` leads to the empty name:
-    its last word misleads.
-
-    Args:
-        name: normalised; it is not listed itself.
-        synonyms: normalised name → listed name, or the empty name.
-        known: says whether a name is listed.
+    Nothing comes after a name that is listed itself, or that `synonyms` (name → listed name) leads
+    to the empty name: its last word misleads. The name is normalised, and not `known` itself.
     """
     words = _drop_instance(re.sub(r"[-_]", " ", name)).split()[:_MOST_WORDS]
     whole = tuple(_explain(words, synonyms=synonyms, known=known))
@@ -69,7 +64,7 @@ def _explain(
         for i in range(len(words) - 1)
     )
     forms: list[tuple[str, Rule]] = [(spaced, "separator"), *((j, "separator") for j in joined)]
-    forms += [(form, "number") for form in change_number(spaced)]
+    forms += [(form, "number") for form in _change_number(spaced)]
     for form, rule in forms:
         if form in synonyms:
             yield synonyms[form], "synonym"
@@ -79,17 +74,13 @@ def _explain(
 
 def _tails(words: list[str]) -> Iterator[list[str]]:
     """Yield the last words of what a name is about, the longest first, but not the whole name."""
-    head = find_head(" ".join(words)).split()
+    head = _find_head(" ".join(words)).split()
     start = 0 if head != words else 1
     yield from (head[i:] for i in range(start, len(head)))
 
 
-def change_number(name: str) -> tuple[str, ...]:
-    """Return what can be the singular or the plural of a name; not each of them is a word.
-
-    >>> change_number("bookshelves")
-    ('bookshelf', 'bookshelfe', 'bookshelv', 'bookshelve', 'bookshelvess')
-    """
+def _change_number(name: str) -> tuple[str, ...]:
+    """Return what can be the singular or the plural of a name; not each is a word."""
     singular = [
         name.removesuffix(plural) + ending
         for plural, ending in _ENDINGS
@@ -98,10 +89,6 @@ def change_number(name: str) -> tuple[str, ...]:
     return (*singular, f"{name}s")
 
 
-def find_head(name: str) -> str:
-    """Return the part of a name that says what the thing is.
-
-    >>> find_head("leather armchair"), find_head("basket of towels"), find_head("pile of towels")
-    ('leather armchair', 'basket', 'towels')
-    """
+def _find_head(name: str) -> str:
+    """Return what the thing is: `basket` of `basket of towels`, `towels` of `pile of towels`."""
     return _PREPOSITION.split(_COLLECTION.sub("", name), maxsplit=1)[0]

@@ -17,7 +17,7 @@ from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ANNOTATION, SYNTHETIC
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_id import split_scene_id
+from bsg_data.scene.scene_graph import split_scene_id
 from bsg_data.sources.annotation_files import (
     fingerprint,
     read_listed,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from bsg_data.scene.scene_id import split_scene_id
+from bsg_data.scene.scene_graph import split_scene_id
 from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene
 
 _VERSION = re.compile(r"v[0-9]+\.[0-9]+")

@@ -23,8 +23,7 @@ from bsg_data.inputs.documents import parse_yaml
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.scene.scene_graph import Box, Room, SceneGraph, is_scene_id
-from bsg_data.scene.scene_id import building_hash
+from bsg_data.scene.scene_graph import Box, Room, SceneGraph, building_hash, is_scene_id
 from bsg_data.sources.annotation_files import fingerprint, require_fingerprint
 from bsg_data.sources.assembly import connect, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source

@@ -15,9 +15,7 @@ from typing import NoReturn, Protocol, runtime_checkable
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.scene.mesh_coverage import MeshCoverage
-from bsg_data.scene.scene_graph import SceneGraph
-from bsg_data.scene.scene_id import building_hash
+from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph, building_hash
 
 LICENCE_REF = "LicenseRef-"  # SPDX's prefix for a licence that is not on its list
 

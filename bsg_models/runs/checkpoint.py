@@ -26,8 +26,8 @@ from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
+from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.runs.checkpoint_file import require_safetensors
 from bsg_models.zoo.config import RunConfig

@@ -7,13 +7,13 @@ from pathlib import Path
 from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import (
     ClassMap,
+    OwnMap,
     join_maps,
     load_class_map,
     map_into,
     parse_own_map,
     published_maps,
 )
-from bsg_data.scene.own_map import OwnMap
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import CheckpointHeader
 

@@ -41,7 +41,7 @@ LABELS = ("bsg_data.sources.label_space", "load_label_space", "load_label_space(
 ZIP = ("bsg_data.sources.hm3d_stats", "read_scene_lines", "read_scene_lines(path)")
 TABLE = ("bsg_data.sources.table", "ObjectTable", "ObjectTable(path).find()")
 PROCTHOR = ("bsg_data.sources.procthor", "ProcTHORHouses", "ProcTHORHouses(path).find()")
-CLASS_MAP = ("bsg_data.scene.own_map", "read_own_map", "read_own_map(path)")
+CLASS_MAP = ("bsg_data.scene.class_map", "read_own_map", "read_own_map(path)")
 
 
 def make_zip(path: Path) -> None:

@@ -14,8 +14,7 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import ClassMapError
 from bsg_data.merge import merge_datasets
 from bsg_data.recipes import SplitRecipe
-from bsg_data.scene.class_map import load_class_map, parse_own_map
-from bsg_data.scene.own_map import OwnMap
+from bsg_data.scene.class_map import OwnMap, load_class_map, parse_own_map
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 

@@ -12,8 +12,7 @@ from scipy.spatial import ConvexHull
 
 from bsg_data.geometry.placement import find_storeys, find_up_axis, place_scene, surround
 from bsg_data.geometry.semantic_mesh import MeshSurvey
-from bsg_data.scene.mesh_coverage import MeshCoverage
-from bsg_data.scene.scene_graph import Room, SceneGraph, SceneObject
+from bsg_data.scene.scene_graph import MeshCoverage, Room, SceneGraph, SceneObject
 
 # What x, y and z of the building are in the axes of a file in which this axis is up.
 AXES = {

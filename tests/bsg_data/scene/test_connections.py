@@ -16,19 +16,6 @@ def test_pairs_that_a_robot_gives_have_no_length() -> None:
     assert (len(nothing), nothing.pairs.shape) == (0, (0, 2))
 
 
-def test_some_are_taken_by_number_by_mark_and_by_slice() -> None:
-    three = Connections(
-        np.array([(1, 2), (1, 3), (2, 3)]),
-        np.array(["layout", "door", "stairs"]),
-        np.array([1.0, 2.0, 3.0]),
-    )
-    for rows in (np.array([1, 2]), np.array([False, True, True]), slice(1, 3)):
-        some = three.take(rows)
-        assert some.pairs.tolist() == [[1, 3], [2, 3]]
-        assert some.methods.tolist() == ["door", "stairs"]
-        assert some.lengths.tolist() == [2.0, 3.0]
-
-
 def test_buildings_are_numbered_one_after_another() -> None:
     nothing = Connections.of_pairs(())
     doors = Connections.of_pairs([(1, 2)], method="door")

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
-from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+import pytest
+
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject, split_scene_id
 
 BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 
@@ -29,3 +31,21 @@ def test_nodes_are_the_building_then_rooms_then_objects() -> None:
 def test_one_box_is_geometry() -> None:
     assert not graph(thing(1, 1)).has_geometry
     assert graph(thing(1, 1), thing(2, 1, BOX)).has_geometry
+
+
+@pytest.mark.parametrize(
+    ("scene_id", "number", "building"),
+    [
+        ("00006-HkseAnWCgqk", 6, "HkseAnWCgqk"),
+        ("HkseAnWCgqk", None, "HkseAnWCgqk"),
+        ("00006-a-b", 6, "a-b"),
+        ("6-HkseAnWCgqk", None, "6-HkseAnWCgqk"),
+        ("00006-", None, "00006-"),
+        ("240101-office", None, "240101-office"),
+        ("1234567-HkseAnWCgqk", 1234567, "HkseAnWCgqk"),
+    ],
+)
+def test_a_number_has_five_digits_and_a_hash_behind_it(
+    scene_id: str, number: int | None, building: str
+) -> None:
+    assert split_scene_id(scene_id) == (number, building)

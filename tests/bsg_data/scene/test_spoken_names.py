@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.scene.spoken_names import change_number, find_head, resolve
+from bsg_data.scene.spoken_names import resolve
 
 LISTED = {"tv stand", "shelf", "couch", "knife", "box", "battery", "plant", "basket", "tv", "towel"}
 SYNONYMS = {"sofa": "couch", "television": "tv"}
@@ -38,15 +38,8 @@ def test_rules_by_hand(name: str, first: tuple[str, str] | None) -> None:
     assert next(found, None) == first
 
 
-@given(st.sampled_from(sorted(LISTED)))
-def test_the_number_of_a_name_leads_back_to_it(name: str) -> None:
-    plural = change_number(name)[-1]
-    assert name in change_number(plural)
-
-
 @given(st.text(max_size=40))
-def test_any_text_has_a_head_and_only_listed_names_come_out(name: str) -> None:
-    assert isinstance(find_head(name), str)
+def test_of_any_text_only_listed_names_come_out(name: str) -> None:
     for other, _ in resolve(name, synonyms=SYNONYMS, known=LISTED.__contains__):
         assert other in LISTED
 

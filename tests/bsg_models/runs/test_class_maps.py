@@ -11,8 +11,7 @@ from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, wri
 from bsg_data.dataset.kept_maps import KEPT
 from bsg_data.extend import HM3DFolder
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_data.scene.class_map import join_maps, load_class_map
-from bsg_data.scene.own_map import OwnMap
+from bsg_data.scene.class_map import OwnMap, join_maps, load_class_map
 from bsg_models.errors import CheckpointError
 from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header

@@ -19,8 +19,7 @@ from house_files import HOUSE
 from bsg_data.geometry.gltf import read_parts
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_data.scene.class_map import load_class_map, parse_own_map
-from bsg_data.scene.own_map import read_own_map
+from bsg_data.scene.class_map import load_class_map, parse_own_map, read_own_map
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.annotations import parse_annotation
 from bsg_data.sources.behavior import BehaviorRooms
