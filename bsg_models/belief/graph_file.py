@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,7 +84,9 @@ def _parse(data: bytes | str, path: Path) -> Any:
     try:
         document = parse_json(data)
     except ValueError as error:
-        document = _parse_leniently(data)
+        document = None
+        with suppress(ValueError):
+            document = parse_json(data, once=False)
         if not is_dsg(document):
             raise RobotGraphError(
                 f"{path}: no JSON ({str(error)[:200]})", code="json-malformed", where=path
@@ -94,13 +97,6 @@ def _parse(data: bytes | str, path: Path) -> Any:
             f"{path}: expected at most {ROBOT.bytes:,} bytes", code="file-too-large", where=path
         )
     return document
-
-
-def _parse_leniently(data: bytes | str) -> Any:
-    try:
-        return parse_json(data, once=False)
-    except ValueError:
-        return None
 
 
 def _read_standard_input() -> bytes:

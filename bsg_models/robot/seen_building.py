@@ -167,7 +167,7 @@ class SeenBuilding:
         self._lock = RLock()
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
-        self._beliefs: dict[int, Expectation] = {}
+        self._beliefs: dict[int, tuple[PartialGraph, Expectation]] = {}
         self._meanings: dict[str, Meaning] = {}
 
     @property
@@ -361,7 +361,7 @@ class SeenBuilding:
 
         Classes below half a percent are left out.
         """
-        node, belief = find_room(self._graph, room), self._believe(0)
+        node, belief = find_room(self._graph, room), self._believe(0)[1]
         presence = belief.presence[node]
         return tuple(
             ExpectedClass(
@@ -437,7 +437,7 @@ class SeenBuilding:
                 (`unseen`).
             top: number of classes per room that get a blind node under `unseen`.
         """
-        return believe(self._graph, self._believe(0), mode=mode, top=top, model=self.model)
+        return believe(*self._believe(0), mode=mode, top=top, model=self.model)
 
     @_alone
     def asked(self, thing: str) -> str:
@@ -480,8 +480,7 @@ class SeenBuilding:
 
     def _look_up(self, thing: str) -> _Answer:
         meaning = self.understand(thing)
-        belief, column = self._believe(meaning.model), meaning.class_index
-        graph = self._graph_for(meaning.model)
+        (graph, belief), column = self._believe(meaning.model), meaning.class_index
         seen: list[list[str]] = [[] for _ in range(len(graph.rooms) + 1)]
         for obj in graph.objects:
             if obj.class_index == column:
@@ -489,13 +488,11 @@ class SeenBuilding:
         ids = [tuple(names) for names in seen]
         return _Answer(ids, belief.presence[:, column], belief.hidden[:, column])
 
-    def _believe(self, model: int) -> Expectation:
-        """Return what a model, 0 the building's own, believes of the graph as it is now."""
+    def _believe(self, model: int) -> tuple[PartialGraph, Expectation]:
+        """Return the graph as a model reads it, and what it believes; 0 is the building's own."""
         if model == len(self._models):
             self._models.append(Predictor(WIDE_MODEL))
         if model not in self._beliefs:
-            self._beliefs[model] = self._models[model](self._graph_for(model))
+            graph = reclassify(self._graph, load_class_map(WIDE_MAP)) if model else self._graph
+            self._beliefs[model] = graph, self._models[model](graph)
         return self._beliefs[model]
-
-    def _graph_for(self, model: int) -> PartialGraph:
-        return reclassify(self._graph, load_class_map(WIDE_MAP)) if model else self._graph

@@ -251,17 +251,6 @@ def test_a_misspelt_key_in_metadata_is_refused(
     assert read_hydra(write_graph(tmp_path / "a.json", graph)).rooms, "keys of one's own stay"
 
 
-@pytest.mark.parametrize("text", ["{", "{}", "[1, 2]", None])
-def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str | None) -> None:
-    path = tmp_path / "x.json"
-    if text is not None:
-        path.write_text(text)
-    for read in (read_hydra, read_hydra_belief):
-        with pytest.raises(HydraError) as caught:
-            read(path)
-        assert "\n" not in str(caught.value)
-
-
 def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:
     path = write_graph(tmp_path / "dsg.json")
     with refuses(HydraError, "room-unknown", path):

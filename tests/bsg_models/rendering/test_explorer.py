@@ -20,9 +20,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.rendering import explorer
 from bsg_models.rendering.explorer import View, explorer_page, write_explorer
-from bsg_models.rendering.pages import render_page
 
-TABLE = {"caption": "in short", "header": ["metric"], "rows": [["0.1"]]}
 SINK = CLASS_SPACE.classes.index("sink")
 BOXES = """all => all.map((one) => {
   const box = one.getBoundingClientRect();
@@ -261,32 +259,6 @@ def test_a_building_without_rooms_is_shown(browser: Any, tmp_path: Path) -> None
             assert "10 % for at least one unseen sink" in page.locator("aside").inner_text()
 
 
-def test_the_explorer_in_a_report_has_the_theme_of_the_report(browser: Any, tmp_path: Path) -> None:
-    write_explorer([View(make_belief(10))], tmp_path / "page.html")
-    report = render_page(
-        "report.html.jinja",
-        title="r",
-        facts=["seen on 3 buildings"],
-        findings={"beside doubling": {"better": ["a finding"]}},
-        tables=[TABLE],
-        figures={},
-        explorer=(tmp_path / "page.html").read_text("utf-8"),
-    )
-    (tmp_path / "report.html").write_text(report, "utf-8")
-    with open_page(browser, tmp_path / "report.html", color_scheme="light") as page:
-        frame = page.frame_locator("iframe")
-        assert frame.locator("button.theme").is_hidden()
-        page.locator("button.theme").click()
-        assert frame.locator("html").get_attribute("data-theme") == "dark"
-        page.evaluate("() => { const f = document.querySelector('iframe'); f.after(f); }")
-        frame.locator("html[data-theme='dark'] #plan").click()  # also once it is loaded anew
-        frame.locator("#class").select_option(str(SINK))
-        assert "#" not in page.url
-        for _ in ("dark", "light"):
-            assert [text for text, ratio in measure_contrasts(page) if ratio < 4.5] == []
-            page.locator("button.theme").click()
-
-
 def read_views(page: str) -> tuple[str, list[dict[str, Any]]]:
     (data,) = re.findall(r'id="beliefs">(.*?)</script>', page, re.DOTALL)
     found = json.loads(data)
@@ -329,15 +301,3 @@ def test_a_page_holds_so_many_buildings(monkeypatch: pytest.MonkeyPatch) -> None
         left_out, shown = read_views(explorer_page(views))
         assert len(shown) == expected
         assert bool(left_out) == (expected < 4)
-
-
-def test_the_page_says_what_it_leaves_out(browser: Any, tmp_path: Path) -> None:
-    tower, path = make_crowd(220), tmp_path / "page.html"
-    write_explorer([View(tower), View(make_belief(10))], path)
-    with open_page(browser, path, fragment="#room=r9&class=sink") as page:
-        assert "200 of 220 rooms" in page.locator("#left-out").inner_text()
-        page.keyboard.press("Escape")
-        without = sum(obj.class_index is None for obj in tower.partial.objects)
-        assert f"{without} seen that belong to no class" in page.locator("aside").inner_text()
-        page.select_option("#view", "1")
-        assert not page.locator("#left-out").is_visible()

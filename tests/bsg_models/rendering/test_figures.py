@@ -11,7 +11,6 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from PIL import Image
 
-from bsg_data.errors import BSGError
 from bsg_data.figure_file import write_figure
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.shown_nodes import ShownNodes
@@ -105,9 +104,3 @@ def test_savings_are_in_percent_with_the_oracle_in_its_own_colour(
     medians = [np.asarray(line.get_xdata()) for line in axes.lines if line.get_color() == "black"]
     for percent in (20, 60):
         assert any(np.allclose(line, percent) for line in medians)
-
-
-def test_a_figure_that_cannot_be_written_is_said(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(BSGError):
-        figures.plot_learning_curve([], tmp_path / "file" / "x.png", title="", loss="")

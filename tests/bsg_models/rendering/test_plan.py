@@ -37,13 +37,6 @@ def test_the_upper_storey_is_drawn_above_and_y_points_down() -> None:
     assert (turned.width, turned.height, turned.captions) == (4, 1, ())
 
 
-@pytest.mark.parametrize(("aspect", "columns"), [(0.3, 1), (4.0, 3)])
-def test_storeys_stand_as_the_page_has_room(aspect: float, columns: int) -> None:
-    rooms = [KnownOutline(k + 1, "room", SQUARE, k) for k in range(3)]
-    plan = draw_plan(rooms, aspect=aspect)
-    assert len({room.left for room in plan.rooms}) == columns
-
-
 def test_a_name_begins_beside_the_rooms_that_lie_over_its_corner() -> None:
     corner = ((-0.5, 1.0), (0.8, 1.0), (0.8, 2.0), (-0.5, 2.0))
     beside = ((0.8, 0.0), (1.2, 0.0), (1.2, 2.0), (0.8, 2.0))
@@ -55,15 +48,6 @@ def test_a_name_begins_beside_the_rooms_that_lie_over_its_corner() -> None:
     assert all(room.name_x == room.left for room in plan.rooms if room is not hall)
     covered = draw_plan([KnownOutline(1, "x", SQUARE, 0), KnownOutline(2, "y", SQUARE, 0)])
     assert {room.name_x for room in covered.rooms} == {0.0}
-
-
-def test_rooms_of_no_place_are_squares_apart() -> None:
-    rooms = [KnownOutline(1, "hall", SQUARE, 0), *(KnownOutline(k, "", None, 2) for k in (2, 3))]
-    plan = draw_plan(rooms)
-    assert [text for text, _ in plan.captions] == ["storey 0", "somewhere"]
-    sizes = {(room.right - room.left, room.bottom - room.top) for room in plan.rooms}
-    assert len({(round(a, 2), round(b, 2)) for a, b in sizes}) == 2
-    assert plan.find(2).outline != plan.find(3).outline
 
 
 @given(ROOMS)

@@ -68,16 +68,6 @@ def test_both_robots_go_step_by_step(page: Any) -> None:
     assert page.url.endswith("#1")
 
 
-def test_it_plays_to_the_end_and_stops_by_hand(page: Any) -> None:
-    page.locator("h1").click()
-    page.keyboard.press(" ")
-    assert page.locator("#play").inner_text() == "pause"
-    page.locator("#where", has_text="room 1 of 3").wait_for()
-    page.keyboard.press("ArrowLeft")
-    assert page.locator("#play").inner_text() == "play"
-    assert page.locator("#where").inner_text() == "room 0 of 3"
-
-
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_texts_stand_out_from_what_is_behind_them(browser: Any, tmp_path: Path, theme: str) -> None:
     write_replay(make_replay(), tmp_path / "page.html")

@@ -85,14 +85,6 @@ def test_a_thing_that_was_seen_somewhere_in_the_room_is_at_one_of_its_locations(
     assert probability("r1", "sofa", "couch_9") < 0.5  # another than the one that was seen
 
 
-def test_nothing_is_found_where_nothing_is(seen: SeenBuilding) -> None:
-    probability = FindProbability(seen, PLACES)
-    assert probability("r1", "start_loc", "sink") == 0
-    assert probability("r1", "r1_loc", "sink") == 0  # its move was interrupted
-    with refuses(RecipeError, "location-empty", "start_loc"):
-        probability.searched("start_loc")
-
-
 def test_a_location_that_is_not_known_is_named_with_those_that_are(seen: SeenBuilding) -> None:
     probability = FindProbability(seen, PLACES)
     for ask in (lambda: probability("r1", "r2_loc", "sink"), lambda: probability.searched("attic")):

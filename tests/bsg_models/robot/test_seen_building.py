@@ -79,16 +79,6 @@ def test_a_saved_building_goes_on_with_the_same_answers(seen: SeenBuilding, tmp_
     assert again.where("microwave") == seen.where("microwave")
 
 
-def test_what_lies_in_no_room_is_nowhere_to_go_to(seen: SeenBuilding) -> None:
-    before = [seen.next_room("sink"), seen.next_room("sink", here="kitchen")]
-    seen.saw(None, "sink")
-    assert [seen.next_room("sink"), seen.next_room("sink", here="kitchen")] == before
-    document = {"scene_id": "x", "rooms": [], "objects": [{"id": "1", "category": "bed"}]}
-    empty = open_graph(document, model="mixture")
-    assert empty.next_room("bed") is None
-    assert empty.anywhere("bed") == 1
-
-
 def test_the_room_where_the_robot_is_counts_until_it_is_searched(seen: SeenBuilding) -> None:
     assert seen.next_room("sink", here="kitchen") == "kitchen"
     seen.searched("kitchen")
