@@ -17,19 +17,16 @@ from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
 from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
-# Corrected categories.
-DOORS = frozenset(
-    {
-        "door",
-        "door frame",
-        "door window",
-        "door/window",
-        "doorpost",
-        "doorway",
-        "glass door",
-        "sliding door",
-        "sliding glass door",
-    }
+_DOORS = (  # corrected categories
+    "door",
+    "door frame",
+    "door window",
+    "door/window",
+    "doorpost",
+    "doorway",
+    "glass door",
+    "sliding door",
+    "sliding glass door",
 )
 _DOOR_REACH = 0.35  # metres from a door to the room behind it: a wall, and the frame
 _DOOR_HEIGHT = 1.0  # metres of height that both must share with it: more than a hatch
@@ -78,7 +75,7 @@ def _by_doors(rooms: Sequence[Room], objects: Sequence[SceneObject]) -> Iterator
     """Yield the pairs, ascending places in `rooms`, that a door stands between."""
     place = {room.room_index: number for number, room in enumerate(rooms)}
     for door in objects:
-        if door.category not in DOORS or door.part_box is None or door.room_index not in place:
+        if door.category not in _DOORS or door.part_box is None or door.room_index not in place:
             continue
         here = place[door.room_index]
         near = [

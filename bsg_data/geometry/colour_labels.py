@@ -1,4 +1,4 @@
-"""Assign each texel or vertex of a mesh to the instance with its exact colour."""
+"""The instance of each texel, vertex or triangle of a mesh, by its exact colour."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from bsg_data.arrays import Ints
+from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.geometry.gltf import MeshError
-from bsg_data.geometry.runs import find_runs
+from bsg_data.geometry.triangles import find_spans, take_corners
 
 Labels = npt.NDArray[np.uint16]
 
@@ -21,12 +21,7 @@ _ROWS = 512  # of a texture at once: a texture of noise has as many runs as texe
 
 
 class ColourLabels:
-    """The label of every colour, and how many texels had which.
-
-    Attributes:
-        texels: `[2 + I]` of each label.
-        snapped: texels of JPEG textures that were near to a listed colour, and not it.
-    """
+    """The label of every colour, and how many texels had which."""
 
     def __init__(self, colours: Sequence[str], snap: int | None) -> None:
         if len(colours) > MAX_INSTANCES:
@@ -38,8 +33,8 @@ class ColourLabels:
         self._labels[_codes(self._rgb)] = np.arange(FIRST, FIRST + len(colours))
         self._unlisted = np.zeros(2**24, dtype=bool)
         self._snap = snap
-        self.texels: Ints = np.zeros(FIRST + len(colours), dtype=np.int64)
-        self.snapped = 0
+        self.texels: Ints = np.zeros(FIRST + len(colours), dtype=np.int64)  # of each label
+        self.snapped = 0  # texels of JPEG textures that were near to a listed colour, and not it
 
     def label(self, image: Image.Image, path: Path) -> Labels:
         """Return the label of every texel `[H, W]` by its exact colour.
@@ -72,7 +67,7 @@ class ColourLabels:
         values: npt.NDArray[np.unsignedinteger],
         palette: npt.NDArray[np.uint32] | None,
     ) -> Labels:
-        """Return the label of values, which are places in a palette, or codes where there is none.
+        """Return the label of values: places in a palette, or codes without one.
 
         A place beyond the palette has no colour: it is unlisted, and no colour that was met.
         """
@@ -109,6 +104,34 @@ class ColourLabels:
         return labels[index].reshape(image.height, image.width)
 
 
+class LabelSheet:
+    """The labels of a texture `[H, W]`."""
+
+    def __init__(self, labels: Labels) -> None:
+        self.labels = labels
+        self._changes = _sum_changes(labels)
+
+    def find_labels(self, spots: Floats, faces: Ints) -> tuple[Labels, Bools]:
+        """Return the label at a corner of every face `[3, F]`, and whether its texels may differ.
+
+        The `spots` `[2, V]` are column and row of the vertices, in texels.
+        """
+        bounds, beyond = [], np.zeros(faces.shape[1], dtype=bool)
+        for axis, size in ((1, self.labels.shape[0]), (0, self.labels.shape[1])):
+            low, high = (
+                side[0] for side in find_spans(*take_corners(spots[axis : axis + 1], faces))
+            )
+            turns = np.floor(low / size) * size  # textures repeat
+            first = np.minimum((low - turns).astype(np.int32), size - 1)
+            last = np.maximum(np.ceil(high - turns).astype(np.int32), first + 1)
+            beyond |= last > size
+            bounds += [first, np.minimum(last, size)]
+        top, below, left, right = bounds
+        sums = self._changes
+        inside = sums[below, right] - sums[top, right] - sums[below, left] + sums[top, left]
+        return self.labels[top, left], beyond | (inside > 0)
+
+
 def _codes(rgb: npt.NDArray[np.generic]) -> npt.NDArray[np.uint32]:
     """Return colours `[..., 3]` as whole numbers, red lowest: the order of bytes in memory."""
     red, green, blue = (rgb[..., channel].astype(np.uint32) for channel in range(3))
@@ -118,10 +141,7 @@ def _codes(rgb: npt.NDArray[np.generic]) -> npt.NDArray[np.uint32]:
 def _unpack(
     image: Image.Image, path: Path
 ) -> tuple[npt.NDArray[np.unsignedinteger], npt.NDArray[np.uint32] | None]:
-    """Return the pixels `[H, W]` and let go of the image.
-
-    These are places in the palette, returned with the codes of its colours, or codes.
-    """
+    """Return the pixels `[H, W]`, codes or places in a palette, with the codes of that palette."""
     if image.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA"):
         raise MeshError(f"{path}: a texture has mode {image.mode}; expected 8 bits a channel")
     try:
@@ -134,3 +154,21 @@ def _unpack(
         raise MeshError(f"{path}: a texture is damaged ({str(error)[:100]})") from error
     finally:
         image.close()
+
+
+def _sum_changes(labels: Labels) -> np.ndarray[tuple[int, int], np.dtype[np.int32]]:
+    """Return the number of texels above and left of each, which differ from the one before them."""
+    height, width = labels.shape
+    change = np.zeros(labels.shape, dtype=bool)
+    change[:, 1:] = labels[:, 1:] != labels[:, :-1]
+    change[1:] |= labels[1:] != labels[:-1]
+    # Changes are few: how many there were up to each texel is quicker repeated than summed.
+    places = np.flatnonzero(change)
+    gaps = np.diff(places, prepend=0, append=change.size)
+    until = np.repeat(np.arange(len(gaps), dtype=np.int32), gaps).reshape(labels.shape)
+    sums = np.zeros((height + 1, width + 1), dtype=np.int32)
+    sums[1:, 1:] = until
+    sums[2:, 1:] -= until[:-1, -1:]
+    for row in range(1, len(sums)):  # a cumsum down the columns takes ten times as long
+        sums[row] += sums[row - 1]
+    return sums

@@ -21,9 +21,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import SourceError
-
-Floats = npt.NDArray[np.float64]
 
 # The largest real file is near 100 MB.
 MAX_FILE = 512 * 2**20
@@ -44,21 +43,13 @@ class MeshError(SourceError):
 
 @dataclass(frozen=True, slots=True)
 class MeshPart:
-    """One primitive as a node shows it.
+    """One primitive as a node shows it."""
 
-    Attributes:
-        vertices: `[V, 3]` in the axes and units of the file.
-        faces: `[F, 3]` indices of vertices.
-        texture: the image of its base colour; None without one.
-        places: `[V, 2]` column and row on the texture, from 0 to 1, row 0 on top; None likewise.
-        colours: `[V, 3]` vertex colours; None without them.
-    """
-
-    vertices: Floats
-    faces: npt.NDArray[np.int64]
-    texture: Image.Image | None
-    places: Floats | None
-    colours: npt.NDArray[np.uint8] | None
+    vertices: Floats  # [V, 3] in the axes and units of the file
+    faces: Ints  # [F, 3] indices of vertices
+    texture: Image.Image | None  # of its base colour
+    places: Floats | None  # [V, 2] column and row on the texture, from 0 to 1, row 0 on top
+    colours: npt.NDArray[np.uint8] | None  # [V, 3] of vertices
 
 
 def read_parts(path: Path) -> Iterator[MeshPart]:
@@ -204,11 +195,7 @@ def _check_tree(tree: dict[str, Any], path: Path) -> None:
 
 
 def _check_samplers(tree: dict[str, Any], path: Path) -> bool:
-    """Return whether textures end at their edges instead of repeating.
-
-    Raises:
-        MeshError: for a way to look textures up that this program does not have.
-    """
+    """Return whether textures end at their edges; refuse other ways than these and repeats."""
     wraps = {
         sampler.get(side, _REPEAT)
         for sampler in tree.get("samplers", [])

@@ -18,10 +18,8 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
+from bsg_data.arrays import Bools, Floats, Ints
 
 # Pairs that are farther apart than this, in metres, never connect: the gap between them from above,
 # in height, and along the wall that they would share.
@@ -29,7 +27,7 @@ _REACH, _REACH_UP, _REACH_ALONG = 1.0, 0.5, 1.0
 _THINNEST = 0.05  # no room is thinner; annotated ones are
 
 # Of each feature, in the log weight of "the child is reached through the parent".
-WEIGHTS: Mapping[str, float] = MappingProxyType(
+_WEIGHTS: Mapping[str, float] = MappingProxyType(
     {
         "gap_over_6cm": -2.79,
         "thick_wall": -2.12,
@@ -46,38 +44,23 @@ WEIGHTS: Mapping[str, float] = MappingProxyType(
         "child_larger": -0.596,
     }
 )
-BIAS = -3.19
+_BIAS = -3.19
 SLOPE, SHIFT = 0.983, 0.0582  # probability = sigmoid(SLOPE · logit(share) + SHIFT)
 THRESHOLD = 0.434  # a pair connects from here up,
-JOIN = 0.2  # or from here up where it joins parts that nothing more probable joins
-
-
-def find_passages(boxes: Floats) -> list[tuple[int, int]]:
-    """Return the pairs of rooms that connect, counted from 0, ascending.
-
-    Args:
-        boxes: lowest and highest corner of every room `[R, 2, 3]`, metres, Z up.
-    """
-    pairs, probability = score_pairs(boxes)
-    kept = choose_pairs(pairs, probability, rooms=len(boxes))
-    return sorted((int(a), int(b)) for a, b in pairs[kept])
+_JOIN = 0.2  # or from here up where it joins parts that nothing more probable joins
 
 
 def score_pairs(boxes: Floats) -> tuple[Ints, Floats]:
-    """Return the near pairs `[P, 2]`, lower room first, and how probably they connect `[P]`.
-
-    Args:
-        boxes: `[R, 2, 3]`, metres, Z up.
-    """
-    pairs, features = describe_pairs(boxes)
+    """Return the near pairs `[P, 2]` of boxes `[R, 2, 3]`, and how probably they connect `[P]`."""
+    pairs, features = _describe_pairs(boxes)
     if not len(pairs):
         return pairs, np.zeros(0)
-    log_weight = BIAS + sum(weight * features[name] for name, weight in WEIGHTS.items())
+    log_weight = _BIAS + sum(weight * features[name] for name, weight in _WEIGHTS.items())
     share = share_of_forests(pairs, np.asarray(log_weight), rooms=len(boxes))
-    return pairs, to_probability(share, SLOPE, SHIFT)
+    return pairs, _to_probability(share, SLOPE, SHIFT)
 
 
-def describe_pairs(boxes: Floats) -> tuple[Ints, dict[str, Floats]]:
+def _describe_pairs(boxes: Floats) -> tuple[Ints, dict[str, Floats]]:
     """Return the near pairs `[P, 2]` and their features, `[2, P]` each.
 
     Row 0 takes the first room of a pair as the child and the second as its parent, row 1 the
@@ -133,12 +116,8 @@ def _describe_parents(
 def share_of_forests(pairs: Ints, log_weight: Floats, *, rooms: int) -> Floats:
     """Return the share `[P]` of all rooted spanning forests that has each pair, either way round.
 
-    A forest weighs the product of the weights of its edges; every root weighs 1.
-
-    Args:
-        pairs: `[P, 2]`.
-        log_weight: `[2, P]`: of the first through the second, and of the reverse.
-        rooms: R.
+    A forest weighs the product of the weights of its edges; every root weighs 1. The weights
+    `[2, P]` are of the first room of a pair through the second, and of the reverse.
     """
     child = np.concatenate([pairs[:, 0], pairs[:, 1]])
     parent = np.concatenate([pairs[:, 1], pairs[:, 0]])
@@ -151,7 +130,7 @@ def share_of_forests(pairs: Ints, log_weight: Floats, *, rooms: int) -> Floats:
     return np.asarray(share.reshape(2, -1).sum(axis=0))
 
 
-def to_probability(share: Floats, slope: float, shift: float) -> Floats:
+def _to_probability(share: Floats, slope: float, shift: float) -> Floats:
     """Return calibrated probabilities of shares of forests."""
     share = np.clip(share, 1e-5, 1 - 1e-5)
     return np.asarray(1 / (1 + np.exp(-slope * np.log(share / (1 - share)) - shift)))
@@ -164,17 +143,11 @@ def choose_pairs(
     rooms: int,
     known: Collection[tuple[int, int]] = (),
     threshold: float = THRESHOLD,
-    join: float = JOIN,
-) -> npt.NDArray[np.bool_]:
-    """Return which pairs connect `[P]`.
+    join: float = _JOIN,
+) -> Bools:
+    """Return which pairs connect `[P]`: those from `threshold` up, and all that are `known`.
 
-    Args:
-        pairs: `[P, 2]`.
-        probability: `[P]`.
-        rooms: R.
-        known: pairs that connect whatever their probability; they need not be among `pairs`.
-        threshold: a pair connects from here up.
-        join: or from here up where it joins parts that nothing more probable joins.
+    Also from `join` up, where they join parts that nothing more probable joins.
     """
     part = np.arange(rooms)
     for a, b in known:

@@ -12,12 +12,11 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from bsg_data.arrays import Floats
 from bsg_data.geometry.semantic_mesh import MeshSurvey
 from bsg_data.scene.scene_graph import Box, Point, Room, SceneGraph, SceneObject
-
-Floats = npt.NDArray[np.float64]
+from bsg_data.scene.surroundings import measure_footprint
 
 STOREY_GAP = 1.0  # metres: floors of rooms that are nearer are on one storey,
 STOREY_SPAN = 2.0  # as long as none of them is higher than this above the lowest
@@ -37,12 +36,7 @@ UPRIGHT: dict[str, tuple[Point, Point, Point]] = {
 
 
 def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
-    """Return the scene graph with the boxes of its objects and rooms, and its storeys.
-
-    Args:
-        graph: without geometry.
-        survey: of its mesh, one entry an object, in their order.
-    """
+    """Return the scene graph with boxes and storeys, from the survey of its mesh."""
     up_axis = find_up_axis(graph, survey)
     upright = np.array(UPRIGHT[up_axis])
     boxes, parts = _turn_boxes(survey.box, upright), _turn_boxes(survey.part_box, upright)
@@ -127,17 +121,9 @@ def _place_room(room: Room, cells: Floats) -> Room:
 
 
 def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
-    """Return the area of a polygon (x, y) in its unit squared; None if it has none.
-
-    The shoelace formula; the corners may go either way round.
-
-    >>> measure_area([(0, 0), (3, 0), (3, 2), (0, 2)])
-    6.0
-    """
-    points = np.array(corners, dtype=np.float64).reshape(-1, 2)
-    x, y = (points - points.mean(axis=0)).T if len(points) else points.T
-    area = abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))) / 2
-    return _round(area) or None
+    """Return the area of a polygon (x, y) in square metres; None if it has none."""
+    area = measure_footprint(corners)
+    return None if area is None else _round(area) or None
 
 
 def surround(points: Floats) -> tuple[tuple[float, float], ...]:

@@ -15,11 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from bsg_data.arrays import Floats, Ints
-from bsg_data.geometry.colour_labels import BLACK, FIRST, UNLISTED, ColourLabels, Labels
+from bsg_data.arrays import Floats, Ints, find_runs
+from bsg_data.geometry.colour_labels import (
+    BLACK,
+    FIRST,
+    UNLISTED,
+    ColourLabels,
+    Labels,
+    LabelSheet,
+)
 from bsg_data.geometry.gltf import MeshError, MeshPart, read_parts
-from bsg_data.geometry.label_sheet import LabelSheet
-from bsg_data.geometry.runs import find_runs
 from bsg_data.geometry.surface_cells import CELL, SurfaceCells, join_cells, keep_largest_parts
 from bsg_data.geometry.triangles import (
     divide_triangle,
@@ -41,48 +46,28 @@ _OWN_SHARE = 0.2  # of its colours' surface that a mesh must have listed to be i
 
 @dataclass(frozen=True, slots=True)
 class MeshSurvey:
-    """The surface of every listed instance, in the axes of the file; metres.
+    """The surface of every listed instance, in the axes of the file; metres."""
 
-    Attributes:
-        area: `[I]`, square metres; 0 without geometry.
-        centroid: `[I, 3]`, weighted by area; NaN without geometry.
-        box: `[I, 2, 3]`, lowest and highest corner; NaN without geometry.
-        part_box: `[I, 2, 3]`, of the largest connected part.
-        cells: `[P, 2, 3]`, the largest parts in pieces: boxes of what lies in a cell of `CELL`.
-        owner: `[P]`, the instance of each piece.
-        coverage: what the annotation explains.
-    """
-
-    area: Floats
-    centroid: Floats
-    box: Floats
-    part_box: Floats
-    cells: Floats
-    owner: Ints
+    area: Floats  # [I], square metres; 0 without geometry
+    centroid: Floats  # [I, 3], weighted by area; NaN without geometry
+    box: Floats  # [I, 2, 3], lowest and highest corner; NaN without geometry
+    part_box: Floats  # [I, 2, 3], of the largest connected part
+    cells: Floats  # [P, 2, 3], the largest parts in pieces: boxes of what lies in a cell of `CELL`
+    owner: Ints  # [P], the instance of each piece
     coverage: MeshCoverage
 
 
 def survey_mesh(
     path: Path, colours: Sequence[str], *, snap_colours: int | None = None
 ) -> MeshSurvey:
-    """Measure the instances of a mesh.
+    """Measure the instances of a mesh: a GLB, and the colours RRGGBB of its instances `[I]`.
 
-    Args:
-        path: a GLB.
-        colours: RRGGBB of the instances, in order `[I]`.
-        snap_colours: take a texel of a JPEG texture for the nearest instance's if no channel
-            differs by more (0..255); None refuses JPEG.
+    With `snap_colours`, a texel of a JPEG texture counts as the nearest instance's if no channel
+    differs by more (0..255).
 
     Raises:
         MeshError: if the file cannot be read, is JPEG unasked, or is another scene's.
     """
-    try:
-        return _survey(path, colours, snap_colours)
-    except MemoryError as error:
-        raise MeshError(f"{path}: needs more memory than there is") from error
-
-
-def _survey(path: Path, colours: Sequence[str], snap_colours: int | None) -> MeshSurvey:
     palette = ColourLabels(colours, snap_colours)
     tally = _Tally(len(colours) + FIRST, path)
     for _, parts in groupby(read_parts(path), key=lambda part: id(part.texture)):

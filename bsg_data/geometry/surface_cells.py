@@ -8,26 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Floats, find_runs
 from bsg_data.geometry.colour_labels import Labels
-from bsg_data.geometry.runs import find_runs
 
 CELL = 0.1  # metres; what is closer than two of these is one part
 
 
 @dataclass(frozen=True, slots=True)
 class SurfaceCells:
-    """Cells of a grid by label.
+    """Cells of a grid by label."""
 
-    Attributes:
-        keys: `[P]` label and place in the grid, 16 bits each of label, x, y and z.
-        low: `[P, 3]` lowest corner of the points in each.
-        high: `[P, 3]` their highest corner.
-    """
-
-    keys: npt.NDArray[np.uint64]
-    low: Floats
-    high: Floats
+    keys: npt.NDArray[np.uint64]  # [P] label and place, 16 bits each of label, x, y and z
+    low: Floats  # [P, 3] lowest corner of the points in each
+    high: Floats  # [P, 3] their highest corner
 
     @classmethod
     def of_points(cls, points: Floats, labels: Labels) -> SurfaceCells:

@@ -8,12 +8,7 @@ from bsg_data.arrays import Floats, Ints
 
 
 def take_corners(points: Floats, faces: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return the corners of faces, `[D, F]` each.
-
-    Args:
-        points: `[D, V]`.
-        faces: `[3, F]` indices of points.
-    """
+    """Return the corners `[D, F]` each of faces `[3, F]` of points `[D, V]`."""
     return points[:, faces[0]], points[:, faces[1]], points[:, faces[2]]
 
 

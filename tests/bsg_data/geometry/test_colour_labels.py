@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
 
-from bsg_data.geometry.colour_labels import BLACK, FIRST, UNLISTED, ColourLabels
+from bsg_data.geometry.colour_labels import BLACK, FIRST, UNLISTED, ColourLabels, Labels, LabelSheet
 
 COLOURS = ("FF0000", "00FF00")
 SHADES = [(255, 0, 0), (0, 255, 0), (0, 0, 0), (9, 9, 9)]
@@ -50,3 +50,24 @@ def test_a_place_beyond_the_palette_is_no_colour() -> None:
     labels = ColourLabels(COLOURS, None)
     assert labels.label(image, Path("m")).tolist() == [[FIRST, UNLISTED, UNLISTED]]
     assert labels.count_unlisted() >= 1
+
+
+sheets = hnp.arrays(
+    np.uint16,
+    st.tuples(st.integers(1, 6), st.integers(1, 6)),
+    elements=st.sampled_from([2, 2, 2, 2, 3]),
+)
+places = hnp.arrays(np.float64, (2, 3), elements=st.integers(-8, 30).map(lambda n: n / 4))
+
+
+@given(labels=sheets, spots=places)
+def test_a_triangle_that_is_not_mixed_has_one_label(labels: Labels, spots: np.ndarray) -> None:
+    (found,), (mixed,) = LabelSheet(labels).find_labels(spots, np.array([[0], [1], [2]]))
+    columns, rows = (
+        np.arange(int(np.floor(axis.min())), max(int(np.ceil(axis.max())), int(axis.min()) + 1))
+        for axis in spots
+    )
+    under = labels[np.ix_(rows % labels.shape[0], columns % labels.shape[1])]
+    assert found in under
+    if not mixed:
+        assert (under == found).all()

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mesh_files import CORNERS, SQUARE, edited, take_apart, textured, write_glb
+from mesh_files import CORNERS, SQUARE, edited, textured, write_glb
 from refusals import refuses
 
 from bsg_data.geometry.gltf import MeshError, read_parts
@@ -85,10 +85,6 @@ def set_in(*keys: Any, to: Any) -> Callable[[dict[str, Any]], None]:
     return change
 
 
-def circle(tree: dict[str, Any]) -> None:
-    tree["nodes"][0]["children"] = [0]
-
-
 @pytest.mark.parametrize(
     ("change", "code"),
     [
@@ -137,14 +133,9 @@ def test_bytes_that_are_no_glb_are_refused(
         list(read_parts(glb))
 
 
-def test_nodes_in_a_circle_come_to_an_end(glb: Path) -> None:
-    with contextlib.suppress(MeshError):
-        list(read_parts(edited(glb, circle)))
-
-
 def test_a_missing_file_and_a_folder_are_errors_of_ours(tmp_path: Path) -> None:
     for path in (tmp_path / "none.glb", tmp_path):
-        with pytest.raises(MeshError, match="cannot be read"):
+        with refuses(MeshError, "mesh-unreadable", golden=False):
             list(read_parts(path))
 
 
@@ -153,19 +144,8 @@ def test_a_vertex_that_is_not_finite_is_refused(tmp_path: Path) -> None:
     vertex = np.float32(SQUARE[1]).tobytes()
     assert vertex in path.read_bytes()
     path.write_bytes(path.read_bytes().replace(vertex, np.full(3, np.nan, "f4").tobytes()))
-    with pytest.raises(MeshError, match="not finite"):
+    with refuses(MeshError, "mesh-values", golden=False):
         list(read_parts(path))
-
-
-def test_a_face_beyond_the_vertices_is_refused(glb: Path) -> None:
-    tree, binary = take_apart(glb.read_bytes())
-    at = tree["bufferViews"][tree["accessors"][0]["bufferView"]].get("byteOffset", 0)
-    start = glb.read_bytes().index(binary) + at
-    data = bytearray(glb.read_bytes())
-    data[start : start + 4] = struct.pack("<I", 4_000_000)
-    glb.write_bytes(bytes(data))
-    with pytest.raises(MeshError, match="a vertex that is not there"):
-        list(read_parts(glb))
 
 
 @settings(
@@ -190,15 +170,6 @@ def test_any_damage_is_read_or_refused_and_nothing_else(
         for part in read_parts(glb):
             assert np.isfinite(part.vertices).all()
             assert part.faces.max(initial=-1) < len(part.vertices)
-
-
-def test_triangles_without_indices_are_read(glb: Path) -> None:
-    def first_three_vertices(tree: dict[str, Any]) -> None:
-        del tree["meshes"][0]["primitives"][0]["indices"]
-        tree["accessors"][1]["count"] = tree["accessors"][2]["count"] = 3
-
-    (part,) = read_parts(edited(glb, first_three_vertices))
-    assert part.faces.tolist() == [[0, 1, 2]]
 
 
 def test_textures_that_end_at_their_edges_end_there(tmp_path: Path) -> None:
