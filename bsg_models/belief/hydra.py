@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,17 +74,15 @@ class HydraFile:
     @classmethod
     def of(cls, document: Any, *, path: Path) -> HydraFile:
         """Return the file with a document; one that is no Spark-DSG graph is refused."""
-        try:
+        with _as_hydra_error():
             return cls(path, document, parse_document(document, path=path))
-        except SourceError as error:
-            raise HydraError(str(error), code=error.code, where=error.where) from error
 
     def partial(
         self, *, labels: LabelSpace | None = None, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
     ) -> PartialGraph:
         """Return what the robot has seen; see `read_hydra`."""
         graph, path = self.graph, self.path
-        try:
+        with _as_hydra_error(" (in metadata, under `bsg`)"):
             rooms = [_describe_room(room, path) for room in graph.rooms]
             names = [room["id"] for room in rooms]
             said = {
@@ -94,10 +93,6 @@ class HydraFile:
                 "adjacency": [[names[a], names[b]] for a, b in graph.adjacency],
             }
             return parse_robot_graph(said, path=path, class_map=class_map)
-        except RobotGraphError as error:
-            raise HydraError(
-                f"{error} (in metadata, under `bsg`)", code=error.code, where=error.where
-            ) from error
 
     def notes(self, labels: LabelSpace | None = None) -> Iterator[str]:
         """Yield what a person should know about how the file is read, a sentence each."""
@@ -153,10 +148,10 @@ def read_json_text(path: Path) -> bytes | str:
 
 
 def _open(path: Path) -> HydraFile:
+    with _as_hydra_error():
+        text = read_json_text(path)
     try:
-        document = parse_json(read_json_text(path), once=False)  # as Hydra's own parser
-    except SourceError as error:
-        raise HydraError(str(error), code=error.code, where=error.where) from error
+        document = parse_json(text, once=False)  # as Hydra's own parser
     except ValueError as error:
         raise HydraError(
             f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})",
@@ -164,6 +159,14 @@ def _open(path: Path) -> HydraFile:
             where=path,
         ) from error
     return HydraFile.of(document, path=path)
+
+
+@contextmanager
+def _as_hydra_error(where: str = "") -> Iterator[None]:
+    try:
+        yield
+    except SourceError as error:
+        raise HydraError(f"{error}{where}", code=error.code, where=error.where) from error
 
 
 def read_hydra(

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import minimum_spanning_tree, shortest_path
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree, shortest_path
 from scipy.spatial.distance import cdist
 
 from bsg_data.arrays import Bools, Floats
@@ -109,19 +109,24 @@ def _place_of(room: KnownRoom) -> tuple[float, ...]:
 
 
 def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
-    """Join the parts of a graph between their nearest rooms.
+    """Join the parts of a graph between their nearest rooms: a minimum spanning tree of parts.
 
-    These are the edges that a minimum spanning tree adds, where edges that are there come first. Of
-    pairs that are equally near, the one with the lowest numbers is joined.
+    A part of which no place is known is joined to the first room.
     """
-    a, b = np.triu_indices(len(edges), k=1)
-    a, b = a[a > 0], b[a > 0]  # node 0 is the building
-    order = np.lexsort((b, a, np.where(np.isfinite(edges[a, b]), -1.0, lines[a, b])))
-    a, b = a[order], b[order]
-    ranks = csr_array((np.arange(1.0, len(a) + 1), (a, b)), shape=edges.shape)
-    a, b = minimum_spanning_tree(ranks).nonzero()
-    a, b = a[np.isinf(edges[a, b])], b[np.isinf(edges[a, b])]
-    edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], 2 * usual)
+    number, part = connected_components(np.isfinite(edges[1:, 1:]), directed=False)
+    order = np.argsort(part, kind="stable")
+    starts = np.searchsorted(part[order], np.arange(number))
+    least = lines[1:, 1:][np.ix_(order, order)]  # then the least between parts, [parts, parts]
+    for axis in (0, 1):
+        least = np.minimum.reduceat(least, starts, axis=axis)
+    last = np.max(least, where=np.isfinite(least), initial=0) + np.arange(1.0, least.size + 1)
+    weights = np.where(np.isfinite(least), least + 1, last.reshape(least.shape) + 1)
+    for one, other in np.argwhere(minimum_spanning_tree(np.triu(weights, k=1)).toarray()):
+        a, b = (np.flatnonzero(part == which) + 1 for which in (one, other))
+        near = lines[np.ix_(a, b)]
+        i, j = np.unravel_index(near.argmin(), near.shape)
+        length = near[i, j] if np.isfinite(near[i, j]) else 2 * usual
+        edges[a[i], b[j]] = edges[b[j], a[i]] = length
 
 
 def choose_destination(
