@@ -1,8 +1,14 @@
 from .build import BuiltPart, Part, build_part, finalise_dataset
-from .dataset.composition import count_sources
-from .dataset.coverage import Coverage, count_classes, measure_coverage
-from .dataset.frequencies import count_frequencies, plot_frequencies, refuse_figure
 from .dataset.manifest import Manifest, UnmappedEntry
+from .dataset.statistics import (
+    Coverage,
+    count_classes,
+    count_frequencies,
+    count_sources,
+    measure_coverage,
+    plot_frequencies,
+    refuse_figure,
+)
 from .exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.hidden_share import ShareBelief

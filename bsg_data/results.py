@@ -16,9 +16,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import flush_file, flush_folder, refuse_links, resolve_links, write_bytes
+from bsg_data.files import flush_file, flush_folder, hold, refuse_links, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.lock import hold
 
 SEAL = "SHA256SUMS"
 UNFINISHED = ".bsg-unfinished"

@@ -29,9 +29,8 @@ from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph, is_scene_id
-from bsg_data.sources.annotations import HEADER
 from bsg_data.sources.catalogue import SOURCES, open_source
-from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.hm3d import HEADER, HM3DFolder
 
 _KITCHEN = ("wall", "stove", "refrigerator", "sink", "kitchen cabinet", "chair", "chair")
 _BEDROOM = ("wall", "bed", "pillow", "pillow", "wardrobe", "lamp", "curtain", "zzqx thing")

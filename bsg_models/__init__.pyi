@@ -40,10 +40,9 @@ from .runs.predictor import Predictor
 from .runs.run_log import Begun, Ended, read_log
 from .runs.shipped import DEFAULT_MODEL, shipped_names
 from .search.catalogue import PLANNERS, Planner
-from .search.knowledge import Knowledge
+from .search.knowledge import Knowledge, Travel
 from .search.planners import next_room
 from .search.room_graphs import RoomGraph, WorldRecipe
-from .search.shortest_paths import Travel
 from .search.simulator import Outcome
 from .studies.belief_report import (
     BeliefReport,
@@ -52,8 +51,7 @@ from .studies.belief_report import (
     RoomBelief,
     report_beliefs,
 )
-from .studies.comparison import Comparison, compare_runs
-from .studies.comparison_table import headline_rows, metric_rows
+from .studies.comparison import Comparison, compare_runs, headline_rows, metric_rows
 from .studies.evaluation_report import (
     EvaluationReport,
     EvaluationRequest,

@@ -38,9 +38,8 @@ from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, save_fitted
 from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.knowledge import Knowledge, Task
+from bsg_models.search.knowledge import Knowledge, Task, find_ways
 from bsg_models.search.planners import ask_planner
-from bsg_models.search.shortest_paths import find_ways
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config, read_config, validate_config, write_toml
 from bsg_models.zoo.model import BeliefModel, Network

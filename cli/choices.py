@@ -1,4 +1,4 @@
-"""The names that help texts list and options accept, without slow imports, and configurations.
+"""The names that helps list, options accept and shells complete, without slow imports.
 
 A registry knows its names without importing its rows, so a help text does not wait for torch. The
 modules that define worlds and mesh sizes import SciPy or trimesh. Their names are repeated here,
@@ -7,15 +7,21 @@ and a test compares them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import click
+from click.shell_completion import CompletionItem
 
 import bsg_models
 from bsg_data import registry
-from bsg_data.errors import RecipeError
+from bsg_data.errors import BSGError, RecipeError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.observation.masks import MASKS
+from bsg_data.scene.class_map import list_class_maps
+from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 
@@ -45,3 +51,55 @@ def load_config(name: str, settings: tuple[str, ...] = ()) -> bsg_models.RunConf
         tables = bsg_models.read_config(Path(name))
     source = f"--config {name}" + (" with its --set" if settings else "")
     return bsg_models.validate_config(bsg_models.override(tables, settings), source=source)
+
+
+Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+
+
+def complete_list(names: Callable[[click.Context], Iterable[str]]) -> Complete:
+    """Return a completer for the last name of a list; earlier options may decide the names."""
+
+    def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
+        before, comma, begun = text.rpartition(",")
+        return [CompletionItem(f"{before}{comma}{name}") for name in _fitting(names(ctx), begun)]
+
+    return complete
+
+
+def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
+    """Return a completer for one name or a path."""
+
+    def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
+        found = [CompletionItem(name) for name in _fitting(names(), text)]
+        return [CompletionItem(text, type="file"), *found]
+
+    return complete
+
+
+def _shipped_models() -> tuple[str, ...]:
+    """Return the names of the shipped models; no names if their list is damaged."""
+    try:
+        return bsg_models.shipped_names()
+    except BSGError:
+        return ()
+
+
+complete_model = complete_names_or_files(_shipped_models)
+complete_class_map = complete_names_or_files(list_class_maps)
+
+
+def classes_of_dataset(ctx: click.Context) -> tuple[str, ...]:
+    """Return the classes of the dataset on the command line, or the default classes.
+
+    The manifest is read as plain JSON because the code that validates it is slow to import.
+    """
+    try:
+        path = Path(ctx.params["dataset"]) / "dataset.json"
+        data = read_bytes(path, MANIFEST_FILE)
+        return tuple(map(str, json.loads(data)["class_space"]["classes"]))
+    except (BSGError, ValueError, KeyError, TypeError, RecursionError):
+        return load_class_space(DEFAULT_CLASS_SPACE).classes
+
+
+def _fitting(names: Iterable[str], begun: str) -> list[str]:
+    return [name for name in names if name.startswith(begun)]

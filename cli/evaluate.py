@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 import bsg_models
-from bsg_cli.completion import complete_model
+from bsg_cli.choices import complete_model
 from bsg_cli.options import (
     PATH,
     PagePath,

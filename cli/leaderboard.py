@@ -11,8 +11,7 @@ from typing import Any
 import click
 
 import bsg_models
-from bsg_cli.choices import MASKS, MODELS, load_config, require_known
-from bsg_cli.completion import complete_list
+from bsg_cli.choices import MASKS, MODELS, complete_list, load_config, require_known
 from bsg_cli.options import (
     data_option,
     force_option,

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 import bsg_models
-from bsg_cli.completion import complete_model
+from bsg_cli.choices import complete_model
 from bsg_cli.options import PATH, json_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, print_text
 from bsg_data.errors import BSGError

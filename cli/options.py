@@ -12,8 +12,7 @@ from typing import Any, TypeVar, cast
 import click
 
 import bsg_data
-from bsg_cli.choices import MASKS
-from bsg_cli.completion import complete_class_map, complete_model
+from bsg_cli.choices import MASKS, complete_class_map, complete_model
 from bsg_cli.terminal import Workers
 from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry

@@ -7,8 +7,14 @@ from typing import Any
 import click
 
 import bsg_models
-from bsg_cli.choices import DEFAULT_WORLDS, PLANNERS, WORLDS, require_known
-from bsg_cli.completion import classes_of_dataset, complete_list
+from bsg_cli.choices import (
+    DEFAULT_WORLDS,
+    PLANNERS,
+    WORLDS,
+    classes_of_dataset,
+    complete_list,
+    require_known,
+)
 from bsg_cli.options import (
     PATH,
     data_option,

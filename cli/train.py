@@ -10,8 +10,7 @@ import click
 
 import bsg_data
 import bsg_models
-from bsg_cli.choices import MODELS, load_config
-from bsg_cli.completion import complete_names_or_files
+from bsg_cli.choices import MODELS, complete_names_or_files, load_config
 from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError

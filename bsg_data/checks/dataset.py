@@ -12,16 +12,11 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from bsg_data.checks.census import Census
 from bsg_data.checks.edges import check_edges
-from bsg_data.checks.faults import Fault
-from bsg_data.checks.files import FileReader
-from bsg_data.checks.objects import ObjectCheck
+from bsg_data.checks.nodes import ObjectCheck, check_rooms
 from bsg_data.checks.pairs import PairCheck
-from bsg_data.checks.part import Part
-from bsg_data.checks.rooms import check_rooms
-from bsg_data.checks.scenes import check_scenes
-from bsg_data.checks.splits import check_splits
+from bsg_data.checks.part import Fault, FileReader, Part
+from bsg_data.checks.scenes import Census, check_scenes, check_splits
 from bsg_data.dataset.commit import is_own, list_strays
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import KEPT, read_class_maps

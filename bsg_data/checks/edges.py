@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bsg_data.arrays import Bools, Ints
-from bsg_data.checks.faults import Fault
-from bsg_data.checks.part import Part
+from bsg_data.checks.part import Fault, Part
 from bsg_data.checks.scenes import repeats
 from bsg_data.scene.scene_graph import ADJACENCY_METHODS
 

@@ -12,8 +12,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.arrays import Counts
-from bsg_data.checks.faults import Fault
-from bsg_data.checks.part import NULL, Words
+from bsg_data.checks.part import NULL, Fault, Words
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import FileEntry

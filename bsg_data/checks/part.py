@@ -1,9 +1,11 @@
-"""One part of all tables: the unit of the check. Its scenes are consecutive."""
+"""Read one part of all tables, the unit of the check, and collect its faults."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,9 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.dataset.manifest import FileEntry, Manifest
+from bsg_data.dataset.shards import read_file
+from bsg_data.errors import BSGError
 
 NULL = -1  # instead of a word
 
@@ -127,3 +132,70 @@ class Part:
         """Return the ids of the scenes with faulty rows, each once, in order."""
         numbers = np.unique(rows.scene[wrong & (rows.scene != NULL)])
         return [self.scene_ids[number] for number in numbers]
+
+
+_NAMED = 3  # rows named for each fault; the others are counted
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault of a dataset: where it is, and what is wrong."""
+
+    where: str
+    what: str
+
+
+class ObjectFaults:
+    """Faults of objects: the first of each kind are named, the others counted."""
+
+    def __init__(self) -> None:
+        """Start without faults."""
+        self._named: dict[str, list[str]] = {}
+        self._times: Counter[str] = Counter()
+
+    def add(self, what: str, names: Iterable[str], *, times: int) -> None:
+        """Add the objects with one fault: the names of the first, and the number of all."""
+        named = self._named.setdefault(what, [])
+        named += list(names)[: _NAMED - len(named)]
+        self._times[what] += times
+
+    def __iter__(self) -> Iterator[Fault]:
+        """Yield the faults, kind by kind."""
+        for what, names in self._named.items():
+            yield from (Fault("objects", f"{name}: {what}") for name in names)
+            if self._times[what] > len(names):
+                yield Fault("objects", f"… and {self._times[what] - len(names)} more: {what}")
+
+
+@dataclass(eq=False)
+class FileReader:
+    """Read the files of a dataset and collect their faults."""
+
+    dataset: Path  # folder of the dataset
+    manifest: Manifest  # manifest to compare the files with
+    progress: Callable[[int, int], None] | None = None  # called with (files done, files in all)
+    faults: list[Fault] = field(default_factory=list)  # the faults found so far
+    _done: int = 0
+
+    def read(self, entry: FileEntry) -> pa.Table | None:
+        """Read a file; None if it has a fault."""
+        try:
+            table = read_file(self.dataset, entry, manifest=self.manifest)
+            found = _find_nulls(entry, table)
+            if len(table) != entry.rows:
+                found.append(Fault(entry.path, f"expected {entry.rows} rows, found {len(table)}"))
+        except BSGError as error:
+            found = [Fault(entry.path, str(error))]
+        self.faults += found
+        self._done += 1
+        if self.progress is not None:
+            self.progress(self._done, len(self.manifest.files))
+        return None if found else table
+
+
+def _find_nulls(entry: FileEntry, table: pa.Table) -> list[Fault]:
+    return [
+        Fault(entry.path, f"column {field.name} has nulls and must not")
+        for field in table.schema
+        if not field.nullable and table[field.name].null_count
+    ]

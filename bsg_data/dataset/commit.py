@@ -36,9 +36,8 @@ from bsg_data.dataset.manifest import (
     seal_manifest,
 )
 from bsg_data.errors import DatasetError
-from bsg_data.files import flush_folder, resolve_links, write_bytes
+from bsg_data.files import flush_folder, hold, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.lock import hold
 from bsg_data.recipes import Record
 
 BUILD = ".build"  # of a dataset that is not in its place yet, or replaced another just now

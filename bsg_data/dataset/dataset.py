@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from bsg_data.arrays import Counts, Ints
-from bsg_data.dataset.categories import OtherObjects
+from bsg_data.dataset.histograms import OtherObjects
 from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,

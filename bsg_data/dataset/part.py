@@ -17,8 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.arrays import Counts, Ints
-from bsg_data.dataset.categories import NO_CATEGORY, OtherObjects
-from bsg_data.dataset.histograms import count_cells
+from bsg_data.dataset.histograms import NO_CATEGORY, OtherObjects, count_cells
 from bsg_data.dataset.manifest import FileEntry, Manifest
 from bsg_data.dataset.shards import read_file
 from bsg_data.errors import DatasetError

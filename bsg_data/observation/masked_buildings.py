@@ -15,9 +15,8 @@ import numpy as np
 import pyarrow as pa
 
 from bsg_data.arrays import Counts, Ints
-from bsg_data.dataset.categories import place_columns
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import to_cells, to_histograms
+from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
 from bsg_data.errors import DatasetError
 from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
 from bsg_data.observation.masks import sample_view

@@ -24,8 +24,7 @@ from pydantic import (
 )
 
 from bsg_data.arrays import Bools, Counts
-from bsg_data.dataset.categories import place_columns
-from bsg_data.dataset.histograms import count_cells, to_histograms
+from bsg_data.dataset.histograms import count_cells, place_columns, to_histograms
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.observation import Observation

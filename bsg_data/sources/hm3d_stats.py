@@ -17,7 +17,7 @@ from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.inputs.archive import read_member
+from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import SceneObject

@@ -11,14 +11,12 @@ from typing import Any
 
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_in_order
-from bsg_data.files import AnyPath, encode_json, write_bytes
+from bsg_data.files import AnyPath, encode_json, hold, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import SYNTHETIC
 from bsg_data.inputs.documents import parse_json
-from bsg_data.lock import hold
 from bsg_data.results import refuse_datasets
-from bsg_data.sources.annotations import HEADER
-from bsg_data.sources.hm3d import SYNTHETIC_MARK
+from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
 from bsg_data.synthetic.building import (
     MAX_SCENES,
     USUAL,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from bsg_data.dataset.categories import choose_vocabulary
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import choose_vocabulary
 from bsg_data.errors import DatasetError
 
 Split = Literal["train", "val", "test"]

@@ -12,9 +12,9 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.errors import DatasetError
+from bsg_data.files import hold
 from bsg_data.inputs.bounded_file import hash_file, open_stream
 from bsg_data.inputs.bounds import RUN_RECORD
-from bsg_data.lock import hold
 from bsg_data.results import (
     SEAL,
     UNFINISHED,

@@ -16,9 +16,8 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.spelling import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge, Task
+from bsg_models.search.knowledge import Knowledge, Task, find_ways
 from bsg_models.search.orders import choose_cover, choose_rooms
-from bsg_models.search.shortest_paths import find_ways
 
 _ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
 

@@ -34,7 +34,7 @@ from bsg_data.recipes import Record
 from bsg_data.registry import require_known
 from bsg_data.scene.connections import Connections
 from bsg_data.spelling import SHOWN
-from bsg_models.search.shortest_paths import Travel, find_ways, go_straight
+from bsg_models.search.knowledge import Travel, find_ways, go_straight
 
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
 MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")

@@ -21,10 +21,9 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import Planner
-from bsg_models.search.knowledge import Knowledge, Task
+from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
 from bsg_models.search.orders import plan_tours
 from bsg_models.search.planners import ask_planner
-from bsg_models.search.shortest_paths import Travel, find_ways
 
 _Key = TypeVar("_Key", bound=Hashable)
 Answer = tuple[Floats, Floats | None]

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
+import numpy as np
 import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
+from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION, SplitWeights
 from bsg_models.evaluation.shown_nodes import ShownNodes
+from bsg_models.evaluation.verdict import list_headlines
 from bsg_models.inputs.folds import Split
 from bsg_models.runs.checkpoint import (
     Checkpoint,
@@ -27,18 +31,20 @@ from bsg_models.runs.checkpoint import (
     require_dataset,
     restore_model,
 )
-from bsg_models.runs.found_model import FoundModel, find_model
+from bsg_models.runs.found_model import FoundModel, find_model, name_model
 from bsg_models.runs.run_folder import LAST
-from bsg_models.studies.column_names import first_free, name_runs
 from bsg_models.studies.entries import Entry, Folds, folds_of, hash_measured, read_entry
 from bsg_models.studies.measuring import (
     MeasuredModel,
     Measuring,
     NodePredictor,
     Receiver,
+    Survey,
+    choose_stride,
+    join_surveys,
     predict_by,
+    survey_split,
 )
-from bsg_models.studies.survey import Survey, choose_stride, join_surveys, survey_split
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
@@ -289,3 +295,70 @@ def _count(progress: Callable[[int, int], None] | None, *, total: int) -> Callab
             progress(done, total)
 
     return add
+
+
+def encode_comparison(comparison: Comparison) -> dict[str, Any]:
+    """Return a comparison as JSON: metric → model → value, interval, nodes; unknown is null."""
+    metrics: dict[str, dict[str, Any]] = {}
+    for model, estimates in comparison.estimates.items():
+        for name, e in estimates.items():
+            values = {"value": e.value, "low": e.low, "high": e.high}
+            known = {end: None if np.isnan(number) else number for end, number in values.items()}
+            metrics.setdefault(name, {})[model] = {**known, "nodes": e.nodes}
+    notes = list(comparison.notes)
+    return {"split": comparison.split, **comparison.facts, "notes": notes, "metrics": metrics}
+
+
+def headline_rows(comparison: Comparison) -> list[list[str]]:
+    """Return one row per headline metric: its label, and the value of every model."""
+    names = list_headlines(comparison.bootstraps)
+    return [[head_value(name), *_cells(comparison, name)] for name in names]
+
+
+def metric_rows(comparison: Comparison) -> list[list[str]]:
+    """Return one row per metric: its name, its number of nodes, and the value of every model."""
+    first = next(iter(comparison.estimates.values()))
+    return [[name, str(e.nodes), *_cells(comparison, name)] for name, e in first.items()]
+
+
+def _cells(comparison: Comparison, name: str) -> Iterator[str]:
+    return (_cell(estimates[name]) for estimates in comparison.estimates.values())
+
+
+def _cell(estimate: Estimate) -> str:
+    """Return a value ± half the width of its 95 % interval."""
+    if np.isnan(estimate.value):
+        return "-"
+    value = f"{estimate.value:.3g}"
+    half = (estimate.high - estimate.low) / 2
+    return value if np.isnan(half) else f"{value} ±{half:.1g}"
+
+
+def name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
+    """Return a name for each run: its model's, such as `ceci-gcn`.
+
+    Runs of one model, and a run whose model is also a baseline, get their folder as well:
+    `ceci-gcn (second)`. If that name is taken too, a number follows.
+    """
+    models = [name_model(found, header) for found, header in runs]
+    times = Counter([*models, *BASELINES])
+    names: list[str] = []
+    for model, (found, _) in zip(models, runs, strict=True):
+        name = model if times[model] == 1 else f"{model} ({found.name})"
+        names.append(first_free(name, names))
+    return tuple(names)
+
+
+def first_free(name: str, taken: Collection[str]) -> str:
+    """Return a name, or the first of `name-2`, `name-3` … that is not taken.
+
+    Two names count as equal if files named after them would have the same name.
+
+    >>> first_free("mine", ["mine", "mine-2"])
+    'mine-3'
+    """
+    stems = {stem_of(one) for one in taken}
+    free, number = name, 2
+    while stem_of(free) in stems:
+        free, number = f"{name}-{number}", number + 1
+    return free

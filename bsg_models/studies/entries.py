@@ -23,8 +23,7 @@ from bsg_models.evaluation.prediction_files import (
 )
 from bsg_models.evaluation.predictions import AlignedPredictions, align
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
-from bsg_models.studies.measuring import NodePredictor
-from bsg_models.studies.survey import stream_batches
+from bsg_models.studies.measuring import NodePredictor, stream_batches
 
 Folds = tuple[int | None, ...]
 

@@ -30,8 +30,13 @@ from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
-from bsg_models.studies.comparison import Comparison, compare_runs
-from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
+from bsg_models.studies.comparison import (
+    Comparison,
+    compare_runs,
+    encode_comparison,
+    headline_rows,
+    metric_rows,
+)
 from bsg_models.studies.entries import open_entry
 
 REPORT, CLASSES = "evaluation.json", "classes.csv"

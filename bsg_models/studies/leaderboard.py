@@ -25,11 +25,11 @@ from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import (
     AnyPath,
+    hold,
     refuse_links,
     resolve_links,
 )
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.lock import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.results import refuse_datasets
@@ -53,7 +53,7 @@ from bsg_models.studies.leaderboard_runs import (
     run_of,
     trained_on,
 )
-from bsg_models.studies.survey import stream_batches
+from bsg_models.studies.measuring import stream_batches
 from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import one_thread

@@ -39,11 +39,12 @@ from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldRecipe, parse_wor
 from bsg_models.studies.replay import choose_replay, replay_search
 from bsg_models.studies.savings import (
     WorldResult,
+    encode_study,
     saving_of_buildings,
     summarise,
+    write_searches,
 )
 from bsg_models.studies.search_cases import BASELINE, StudyRecipe
-from bsg_models.studies.search_files import encode_study, write_searches
 from bsg_models.studies.search_steps import KeepRequest
 from bsg_models.studies.search_study import Study, choose_runs, known_worlds, study_search
 

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 import bsg_data
-from bsg_cli.completion import complete_names_or_files
+from bsg_cli.choices import complete_names_or_files
 from bsg_cli.data.totals import format_losses, format_totals
 from bsg_cli.options import (
     PATH,

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 import bsg_data
-from bsg_cli.completion import complete_class_map
+from bsg_cli.choices import complete_class_map
 from bsg_cli.options import class_map_option, dataset_argument, json_option
 from bsg_cli.terminal import CommandGroup, print_json, print_note, print_text
 from bsg_data import extend

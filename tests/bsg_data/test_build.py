@@ -14,10 +14,10 @@ from conftest import KITCHEN, REPOSITORY, annotation_text, write_scene
 
 from bsg_data.build import Part, build_dataset, build_part
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.coverage import measure_coverage
 from bsg_data.dataset.manifest import count_shards, encode_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
+from bsg_data.dataset.statistics import measure_coverage
 from bsg_data.errors import (
     AnnotationError,
     ClassMapError,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import DatasetError
-from bsg_data.lock import hold
+from bsg_data.files import hold
 
 
 def test_one_holder_at_a_time_and_no_trace(tmp_path: Path) -> None:
@@ -25,7 +25,7 @@ def test_one_holder_at_a_time_and_no_trace(tmp_path: Path) -> None:
 
 def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
     code = (
-        "import os, sys; from pathlib import Path; from bsg_data.lock import hold\n"
+        "import os, sys; from pathlib import Path; from bsg_data.files import hold\n"
         "with hold(Path(sys.argv[1])): print('held', flush=True); sys.stdin.readline()\n"
     )
     folder = tmp_path / "dataset"

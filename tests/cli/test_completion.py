@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
-from bsg_cli.completion import classes_of_dataset
+from bsg_cli.choices import classes_of_dataset
 from bsg_cli.registry import COMMANDS
 from bsg_data.scene.class_space import load_class_space
 

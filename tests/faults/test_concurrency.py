@@ -27,7 +27,7 @@ from bsg_data import (
 )
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.extend import HM3DFolder, count_frequencies
-from bsg_data.lock import hold
+from bsg_data.files import hold
 from bsg_data.recipes import MaskRecipe
 from bsg_models.studies.belief_report import BeliefRequest, MaskedScenes, report_beliefs
 from bsg_models.studies.evaluation_report import EvaluationRequest, report_evaluation

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bsg_data.dataset.categories import NO_CATEGORY, choose_vocabulary
 from bsg_data.dataset.dataset import Dataset, read_cells
+from bsg_data.dataset.histograms import NO_CATEGORY, choose_vocabulary
 from bsg_data.dataset.shards import read_table
 
 

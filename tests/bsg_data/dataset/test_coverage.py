@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bsg_data.dataset.coverage import measure_coverage
+from bsg_data.dataset.statistics import measure_coverage
 from bsg_data.scene.class_map import load_class_map
 
 BEDROOMS = sum(range(12))

@@ -11,8 +11,8 @@ from conftest import annotation_text, write_scene
 from one_building import same_surroundings
 
 from bsg_data.build import build_dataset
-from bsg_data.dataset.categories import NO_CATEGORY
 from bsg_data.dataset.dataset import Dataset, read_cells
+from bsg_data.dataset.histograms import NO_CATEGORY
 from bsg_data.dataset.manifest import MANIFEST, hash_manifest, read_manifest
 from bsg_data.dataset.shards import read_file, read_scene_graphs
 from bsg_data.dataset.splits import read_splits, split_dataset

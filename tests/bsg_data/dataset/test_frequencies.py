@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bsg_data.dataset.frequencies import count_frequencies, plot_frequencies
+from bsg_data.dataset.statistics import count_frequencies, plot_frequencies
 
 BEDROOMS = sum(range(12))
 

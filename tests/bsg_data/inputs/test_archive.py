@@ -9,7 +9,7 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.archive import read_member
+from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.bounds import Bound
 
 BOUND = Bound("", 100_000)

@@ -9,7 +9,7 @@ from refusals import refuses
 
 from bsg_data.errors import AnnotationError
 from bsg_data.scene.scene_graph import SceneObject
-from bsg_data.sources.annotations import HEADER, parse_annotation
+from bsg_data.sources.hm3d import HEADER, parse_annotation
 
 FILE = Path("scene.semantic.txt")
 

@@ -19,8 +19,7 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.scene.scene_graph import SceneGraph, SceneObject
-from bsg_data.sources.annotations import parse_annotation
-from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.hm3d import HM3DFolder, parse_annotation
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions, shape_building
 

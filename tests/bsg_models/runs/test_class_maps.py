@@ -15,8 +15,7 @@ from bsg_data.scene.class_map import OwnMap, join_maps, load_class_map
 from bsg_models.errors import CheckpointError
 from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header
-from bsg_models.runs.class_maps import choose_class_map
-from bsg_models.runs.predictor import Predictor
+from bsg_models.runs.predictor import Predictor, choose_class_map
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
 

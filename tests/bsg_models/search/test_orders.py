@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_data.arrays import Floats, Ints
+from bsg_models.search.knowledge import find_ways
 from bsg_models.search.orders import (
     choose_cover,
     choose_rooms,
@@ -17,7 +18,6 @@ from bsg_models.search.orders import (
     order_rooms,
     plan_tours,
 )
-from bsg_models.search.shortest_paths import find_ways
 
 
 def sample_case(seed: int, rooms: int, classes: int) -> tuple[Floats, Floats]:

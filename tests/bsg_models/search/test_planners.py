@@ -15,10 +15,9 @@ from refusals import refuses
 from bsg_data.arrays import Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge, Task
+from bsg_models.search.knowledge import Knowledge, Task, find_ways
 from bsg_models.search.orders import expected_costs
 from bsg_models.search.planners import ask_planner, next_room
-from bsg_models.search.shortest_paths import find_ways
 from bsg_models.search.simulator import Episodes, Robot, search
 
 PACKAGE = REPOSITORY / "bsg_models"

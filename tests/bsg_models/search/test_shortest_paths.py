@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_models.search.shortest_paths import find_ways, go_straight
+from bsg_models.search.knowledge import find_ways, go_straight
 
 
 @st.composite

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.knowledge import Task
+from bsg_models.search.knowledge import Task, find_ways
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
-from bsg_models.search.shortest_paths import find_ways
 from bsg_models.search.simulator import (
     Beliefs,
     Episodes,

@@ -11,7 +11,7 @@ from bsg_data.scene.class_space import load_class_space
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel
 from bsg_models.runs.shipped import Kind
-from bsg_models.studies.column_names import name_runs
+from bsg_models.studies.comparison import name_runs
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 

@@ -21,8 +21,12 @@ from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.measurement import Measurement, predict_all, read_truth
 from bsg_models.evaluation.verdict import HEADLINES, judge_all
 from bsg_models.inputs.graphs import read_split
-from bsg_models.studies.comparison import compare_runs
-from bsg_models.studies.comparison_table import encode_comparison, headline_rows, metric_rows
+from bsg_models.studies.comparison import (
+    compare_runs,
+    encode_comparison,
+    headline_rows,
+    metric_rows,
+)
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config, override, validate_config

@@ -10,7 +10,7 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
-from bsg_data.lock import hold
+from bsg_data.files import hold
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST

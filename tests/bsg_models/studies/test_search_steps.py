@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bsg_models.search.knowledge import Knowledge
-from bsg_models.search.shortest_paths import find_ways
+from bsg_models.search.knowledge import Knowledge, find_ways
 from bsg_models.search.simulator import Step
 from bsg_models.studies.search_steps import (
     KEPT,

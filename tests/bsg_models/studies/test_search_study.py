@@ -15,13 +15,12 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.studies.savings import summarise
+from bsg_models.studies.savings import encode_study, summarise, write_searches
 from bsg_models.studies.search_cases import (
     StudyRecipe,
     sample_presence,
     sample_searches,
 )
-from bsg_models.studies.search_files import encode_study, write_searches
 from bsg_models.studies.search_study import Study, choose_runs, study_search
 
 EVERY = tuple(range(45))

@@ -11,7 +11,7 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe
 from bsg_models.evaluation.measurement import count_empty, read_truth
 from bsg_models.inputs.graphs import read_split
-from bsg_models.studies.survey import choose_stride, join_surveys, survey_split
+from bsg_models.studies.measuring import choose_stride, join_surveys, survey_split
 
 
 def test_a_survey_counts_what_is_read_whole(dataset: Path) -> None:

@@ -21,8 +21,8 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObje
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import load_class_map, parse_own_map, read_own_map
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
-from bsg_data.sources.annotations import parse_annotation
 from bsg_data.sources.behavior import BehaviorRooms
+from bsg_data.sources.hm3d import parse_annotation
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
 from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.mp3d import MatterportHouses
