@@ -1,13 +1,18 @@
-"""What was seen of one building, written out by hand."""
+"""What was seen of one building, written out by hand or read from pairs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+import pyarrow as pa
 
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import schema_of
 from bsg_data.observation.observation import Observation
+from bsg_data.observation.pairs import stream_pairs
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import EVIDENCE, Surroundings
@@ -27,6 +32,13 @@ def surround_rooms(
     ]
     graph = SimpleNamespace(building_kind=building_kind, source=source)
     return Surroundings.of_graph(graph, rooms)
+
+
+def read_pairs(dataset: Path, split: str) -> pa.Table:
+    """Read the stored pairs of one split or fold."""
+    manifest = read_manifest(dataset)
+    tables = list(stream_pairs(dataset, split, manifest=manifest))
+    return pa.concat_tables(tables) if tables else schema_of("pairs", manifest).empty_table()
 
 
 def same_surroundings(a: Surroundings, b: Surroundings) -> bool:

@@ -20,7 +20,7 @@ from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
 from bsg_data.errors import DatasetError
 from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
 from bsg_data.observation.masks import sample_view
-from bsg_data.observation.observation import Observation, observe_view, stack
+from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import histogram_column, read_views, stream_pairs
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
@@ -253,12 +253,16 @@ def _observe(
     vocabulary: tuple[str, ...],
     others: Counts,
 ) -> Observation:
-    return observe_view(
-        scene,
-        view,
-        seen,
+    """Return what is seen of a building under a view: cells `[N, C]` and `[N, V]`."""
+    return Observation(
+        scene_ids=(scene,),
+        starts=np.array([0, len(seen)]),
+        inputs=to_histograms(seen),
+        hidden_share=view.told,
+        visited=view.visited,
+        withheld=view.withheld,
         vocabulary=vocabulary,
-        others=others,
+        others=to_histograms(others),
         connections=data.connections(scene),
         surroundings=data.surroundings(scene),
     )

@@ -14,13 +14,13 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.files import AnyPath
 from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
 from bsg_data.observation.masks import sample_view, sample_withheld
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, observe
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace, find_wholes
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import list_room_labels
-from bsg_data.scene.scene_graph import SceneGraph, SceneObject
+from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 
 
@@ -64,7 +64,16 @@ def mask_scene(
     for obj, kind in zip(graph.objects, kinds, strict=True):
         left[obj.room_index, kind] -= 1
         if left[obj.room_index, kind] >= 0:
-            seen.append(_see(obj))
+            seen.append(
+                SeenObject(
+                    str(obj.instance_id),
+                    obj.room_index,
+                    obj.raw_category,
+                    obj.category,
+                    obj.class_index,
+                    obj.centroid,
+                )
+            )
     share = view.hidden_share
     return PartialGraph(
         scene_id=graph.scene_id,
@@ -100,12 +109,6 @@ def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> 
     return tuple(np.flatnonzero(withheld).tolist())
 
 
-def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
-    """Return the partial graph after the robot has entered a room and seen all objects in it."""
-    inside = (obj for obj in graph.objects if obj.room_index == room_index)
-    return observe(known, room_index, map(_see, inside))
-
-
 def mask_dataset(
     dataset: AnyPath, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
 ) -> Iterator[tuple[PartialGraph, Counts]]:
@@ -118,33 +121,17 @@ def mask_dataset(
             yield left, to_histograms(data.cells(graph.scene_id))
 
 
-def _see(obj: SceneObject) -> SeenObject:
-    return SeenObject(
-        str(obj.instance_id),
-        obj.room_index,
-        obj.raw_category,
-        obj.category,
-        obj.class_index,
-        obj.centroid,
-    )
-
-
 def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int], tuple[str, ...]]:
     """Return classified cells, other cells, the column of each object, and the others' names."""
     names = [
-        None if obj.category is None or is_nameless(obj.category) else obj.category
+        "" if obj.category is None or is_nameless(obj.category) else obj.category
         for obj in graph.objects
     ]
-    others = sorted(
-        {
-            name or ""
-            for obj, name in zip(graph.objects, names, strict=True)
-            if obj.class_index is None
-        }
-    )
+    listed = zip(graph.objects, names, strict=True)
+    others = sorted({name for obj, name in listed if obj.class_index is None})
     column = {name: classes + i for i, name in enumerate(others)}
     kinds = [
-        column[name or ""] if obj.class_index is None else obj.class_index
+        column[name] if obj.class_index is None else obj.class_index
         for obj, name in zip(graph.objects, names, strict=True)
     ]
     rooms = np.array([obj.room_index for obj in graph.objects], dtype=np.int64)

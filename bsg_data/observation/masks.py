@@ -29,9 +29,9 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain, repeat
-from typing import ClassVar
 
 import numpy as np
 
@@ -44,7 +44,7 @@ from bsg_data.scene.connections import Connections
 
 # A glimpsed room shows something, so partly seen rooms hide more to keep the building's fraction.
 # They give up at most this part of what they show.
-GLIMPSES_OF_SHOWN = 0.5
+_GLIMPSES_OF_SHOWN = 0.5
 
 
 class Mask(ABC):
@@ -56,9 +56,9 @@ class Mask(ABC):
         is_fixed: whether all draws give buildings with equally many rooms the same view.
     """
 
-    summary: ClassVar[str]
-    reads_connections: ClassVar[bool] = False
-    is_fixed: ClassVar[bool] = False
+    summary: str
+    reads_connections: bool = False
+    is_fixed: bool = False
 
     @abstractmethod
     def look(
@@ -79,11 +79,14 @@ class Mask(ABC):
         """
 
 
-class Exploring(Mask):
-    """A mask of a robot that explores a building by an `Exploration`."""
+@dataclass(frozen=True)
+class _Exploring(Mask):
+    """A mask of a robot that explores a building by an `Exploration`; None: that of the recipe."""
 
-    reads_connections = True
-    exploration: ClassVar[Exploration | None] = None  # None: that of the recipe
+    summary: str
+    exploration: Exploration | None = None
+    reads_connections: bool = True
+    is_fixed: bool = False
 
     def look(
         self,
@@ -119,7 +122,7 @@ class Exploring(Mask):
         shares = np.zeros(number)
         shares[outside] = 1.0
         if len(half):
-            limit = GLIMPSES_OF_SHOWN * len(half) * (1 - mean)
+            limit = _GLIMPSES_OF_SHOWN * len(half) * (1 - mean)
             near = _find_beside(inside, outside, number, connections)
             glimpsed, hidden = _glimpse(near, plan, limit, rng)
             shares[glimpsed] = hidden
@@ -130,41 +133,7 @@ class Exploring(Mask):
         return View.of_rooms(shares, classes=shape[1], entered=was_there, exact=plan.exact)
 
 
-class ExploreMask(Exploring):
-    """Search some rooms, see some partly, glimpse some, and enter no others."""
-
-    summary = "what robots really have: rooms searched, half seen, glimpsed or not entered"
-
-
-class UniformMask(Exploring):
-    """Hide ⌊fraction · n⌋ objects uniformly; every room is visited."""
-
-    summary = "the paper's: single objects, uniformly; every room is visited"
-    reads_connections = False
-    is_fixed = True
-    exploration = Exploration(
-        not_entered=(0, 0), searched=(0, 0), glimpsed=0, spread=0, connected=False, exact=True
-    )
-
-
-class RoomsMask(Exploring):
-    """Hide whole rooms at random, and show all objects of the others."""
-
-    summary = "whole rooms at random; the others show everything"
-    reads_connections = False
-    exploration = Exploration(
-        not_entered=(1, 1), searched=(1, 1), glimpsed=0, spread=0, connected=False
-    )
-
-
-class FrontierMask(Exploring):
-    """Visit a connected set of rooms, and also hide objects in these rooms."""
-
-    summary = "rooms beyond a connected set of visited ones, and objects in these"
-    exploration = Exploration(not_entered=(0.5, 0.5), searched=(0, 0), glimpsed=0, spread=0)
-
-
-class SearchMask(Mask):
+class _Search(Mask):
     """See every room partly, then search none to half of them, each number equally likely.
 
     At most half, because a building that is fully searched has nothing left to predict.
@@ -194,12 +163,12 @@ class SearchMask(Mask):
         return half_seen.search(rooms)
 
 
-class MixedMask(Mask):
+class _Mixed(Mask):
     """See each building under one of several other masks, all equally likely."""
 
     summary = "each draw one of uniform, rooms, frontier, explore and search, equally likely"
     reads_connections = True
-    parts: ClassVar[tuple[str, ...]] = ("uniform", "rooms", "frontier", "explore", "search")
+    parts = ("uniform", "rooms", "frontier", "explore", "search")
 
     def look(
         self,
@@ -232,8 +201,25 @@ MASKS: Registry[Mask] = Registry(
         "mixed": "bsg_data.observation.masks:MIXED",
     },
 )
-UNIFORM, ROOMS, FRONTIER = UniformMask(), RoomsMask(), FrontierMask()
-EXPLORE, SEARCH, MIXED = ExploreMask(), SearchMask(), MixedMask()
+UNIFORM = _Exploring(
+    "the paper's: single objects, uniformly; every room is visited",
+    Exploration(
+        not_entered=(0, 0), searched=(0, 0), glimpsed=0, spread=0, connected=False, exact=True
+    ),
+    reads_connections=False,
+    is_fixed=True,
+)
+ROOMS = _Exploring(
+    "whole rooms at random; the others show everything",
+    Exploration(not_entered=(1, 1), searched=(1, 1), glimpsed=0, spread=0, connected=False),
+    reads_connections=False,
+)
+FRONTIER = _Exploring(
+    "rooms beyond a connected set of visited ones, and objects in these",
+    Exploration(not_entered=(0.5, 0.5), searched=(0, 0), glimpsed=0, spread=0),
+)
+EXPLORE = _Exploring("what robots really have: rooms searched, half seen, glimpsed or not entered")
+SEARCH, MIXED = _Search(), _Mixed()
 
 
 def sample_view(

@@ -143,41 +143,6 @@ def _spread_rows(starts: Ints, numbers: Ints) -> tuple[Ints, Ints]:
     return np.arange(ends[-1]) + moved, ends
 
 
-def observe_view(
-    scene_id: str,
-    view: View,
-    seen: Counts,
-    *,
-    vocabulary: tuple[str, ...],
-    others: Counts,
-    connections: Connections,
-    surroundings: Surroundings,
-) -> Observation:
-    """Return the observation of one building under a view.
-
-    Args:
-        scene_id: id of the building.
-        view: how much was seen of each node.
-        seen: `[N, C]` cells of the seen objects, row 0 the null region.
-        vocabulary: `[V]` categories outside the classes.
-        others: `[N, V]` cells of the seen objects of these categories.
-        connections: connections between the rooms.
-        surroundings: surroundings of the building.
-    """
-    return Observation(
-        scene_ids=(scene_id,),
-        starts=np.array([0, len(seen)]),
-        inputs=to_histograms(seen),
-        hidden_share=view.told,
-        visited=view.visited,
-        withheld=view.withheld,
-        vocabulary=vocabulary,
-        others=to_histograms(others),
-        connections=connections,
-        surroundings=surroundings,
-    )
-
-
 def observe_search(
     scene_id: str,
     *,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.schema import pairs_schema
-from bsg_data.dataset.shards import open_listed, schema_of, writing_parquet
+from bsg_data.dataset.shards import open_listed, writing_parquet
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
@@ -92,7 +93,14 @@ def write_pairs(
             raise DatasetError(message, code="pairs-exist", where=dataset)
         splits = read_splits(dataset, manifest=manifest)
         # Sort the files of all splits by their scenes: files of the same parts become neighbours.
-        plan = sorted(_plan(splits), key=lambda file: file[1][0])
+        plan = sorted(
+            (
+                (f"{split}-{number:05d}.parquet", scenes[start : start + SCENES_PER_FILE])
+                for split, scenes in splits.items()
+                for number, start in enumerate(range(0, len(scenes), SCENES_PER_FILE))
+            ),
+            key=lambda file: file[1][0],
+        )
         # A worker may run in another folder.
         tasks = [(dataset.absolute(), name, scenes, recipe) for name, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
@@ -106,14 +114,6 @@ def write_pairs(
         return manifest.with_table("pairs", files, pairs=recipe)
 
     return revise(dataset, write)
-
-
-def read_pairs(dataset: AnyPath, split: str, *, manifest: Manifest | None = None) -> pa.Table:
-    """Read the pairs of one split or fold; see `stream_pairs`."""
-    dataset = Path(dataset)
-    manifest = manifest or read_manifest(dataset)
-    tables = list(stream_pairs(dataset, split, manifest=manifest))
-    return pa.concat_tables(tables) if tables else schema_of("pairs", manifest).empty_table()
 
 
 def stream_pairs(
@@ -178,13 +178,6 @@ def split_of_file(path: str) -> str:
     return path.split("/")[-1].rpartition("-")[0]
 
 
-def _plan(splits: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """Yield the name of every file of pairs, and its scenes."""
-    for split, scenes in splits.items():
-        for number, start in enumerate(range(0, len(scenes), SCENES_PER_FILE)):
-            yield f"{split}-{number:05d}.parquet", scenes[start : start + SCENES_PER_FILE]
-
-
 def _write_file(
     dataset: Path, name: str, scenes: tuple[str, ...], recipe: PairsRecipe
 ) -> tuple[FileEntry, tuple[str, ...]]:
@@ -217,41 +210,28 @@ def _scene_batches(
     data: Dataset, scene: str, *, recipe: PairsRecipe, schema: pa.Schema
 ) -> Iterator[pa.RecordBatch]:
     """Yield the pairs of a scene, as many draws at a time as `ROWS_PER_GROUP` rows hold."""
-    at_once = max(1, ROWS_PER_GROUP // len(data.cells(scene)))
+    cells, connections = data.cells(scene), data.connections(scene)
+    nodes = len(cells)
+    at_once = max(1, ROWS_PER_GROUP // nodes)
     for first in range(0, recipe.draws, at_once):
         draws = range(first, min(first + at_once, recipe.draws))
-        yield _scene_batch(data, scene, draws, recipe=recipe, schema=schema)
-
-
-def _scene_batch(
-    data: Dataset, scene: str, numbers: range, *, recipe: PairsRecipe, schema: pa.Schema
-) -> pa.RecordBatch:
-    cells = data.cells(scene)
-    views, inputs = sample_pairs(
-        cells, recipe, scene_id=scene, connections=data.connections(scene), draws=numbers
-    )
-    draws, nodes, _ = inputs.shape
-    targets = np.broadcast_to(to_histograms(cells), inputs.shape)
-    return pa.RecordBatch.from_arrays(
-        [
-            pa.array([scene]).take(pa.array(np.zeros(draws * nodes, dtype=np.int32))),
-            pa.array(np.repeat(np.array(numbers, dtype=np.int32), nodes)),
-            pa.array(np.tile(np.arange(nodes, dtype=np.int32), draws)),
+        views, inputs = sample_pairs(
+            cells, recipe, scene_id=scene, connections=connections, draws=draws
+        )
+        targets = np.broadcast_to(to_histograms(cells), inputs.shape)
+        columns = [
+            pa.array([scene]).take(pa.array(np.zeros(len(draws) * nodes, dtype=np.int32))),
+            pa.array(np.repeat(np.array(draws, dtype=np.int32), nodes)),
+            pa.array(np.tile(np.arange(nodes, dtype=np.int32), len(draws))),
             pa.array(np.concatenate([view.visited for view in views])),
             pa.array(np.concatenate([view.told for view in views])),
-            _withheld(views, schema.field("withheld").type),
-            _histograms(inputs, schema.field("input").type),
-            _histograms(targets, schema.field("target").type),
-        ],
-        schema=schema,
-    )
+            _lists(np.concatenate([view.withheld for view in views]), schema.field("withheld")),
+            _lists(inputs.astype(np.uint16), schema.field("input")),
+            _lists(targets.astype(np.uint16), schema.field("target")),
+        ]
+        yield pa.RecordBatch.from_arrays(columns, schema=schema)
 
 
-def _withheld(views: tuple[View, ...], kind: pa.DataType) -> pa.Array:
-    values = pa.array(np.concatenate([view.withheld.ravel() for view in views]))
-    return pa.FixedSizeListArray.from_arrays(values, type=kind)
-
-
-def _histograms(counts: Counts, kind: pa.DataType) -> pa.Array:
-    values = pa.array(np.ascontiguousarray(counts).astype(np.uint16).ravel())
-    return pa.FixedSizeListArray.from_arrays(values, type=kind)
+def _lists(values: npt.NDArray[Any], field: pa.Field) -> pa.Array:
+    """Return an array `[..., C]` as a list of C values a row."""
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), type=field.type)

@@ -40,8 +40,8 @@ class Evidence:
     unit: str
     unknown: float  # its value where it is not known
     of_graph: Callable[[Any], Any]  # of a `KnownRoom` or a `PartialGraph`; None if not known
-    of_table: Callable[[pa.Table], Values]  # of every row of a dataset's rooms or scenes
-    columns: tuple[str, ...]  # of that table
+    of_table: Callable[[pa.Table], Values] | None = None  # of a dataset's rooms or scenes
+    columns: tuple[str, ...] = ()  # of that table
     of_building: bool = False
     dtype: type[np.generic] = np.int64
     width: int | None = None  # of a value that is an array
@@ -93,9 +93,9 @@ class Surroundings:
         found = cls.unknown(nodes=nodes, buildings=len(scenes))
         for name, kind in EVIDENCE.items():
             column = getattr(found, name)
-            if kind.of_building:
+            if kind.of_table is not None and kind.of_building:
                 column[:] = kind.of_table(scenes)
-            elif rooms is not None:
+            elif kind.of_table is not None and rooms is not None:
                 column[rows] = kind.of_table(rooms)
             column.setflags(write=False)  # all readers of the dataset share it
         return found

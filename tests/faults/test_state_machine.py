@@ -27,6 +27,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 from killed_process import Ended, start, wait_for
+from one_building import read_pairs
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -35,7 +36,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.merge import merge_datasets
-from bsg_data.observation.pairs import read_pairs, write_pairs
+from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.runs.run_folder import BEST
@@ -268,9 +269,7 @@ class House(RuleBasedStateMachine):
         cells = tuple(int(data.cells(scene).sum()) for scene in data.scene_ids)
         splits = read_splits(dataset, manifest=data.manifest)
         rows = [
-            len(read_pairs(dataset, split, manifest=data.manifest))
-            for split in splits
-            if data.manifest.pairs is not None
+            len(read_pairs(dataset, split)) for split in splits if data.manifest.pairs is not None
         ]
         return cells, tuple(splits.items()), tuple(rows)
 

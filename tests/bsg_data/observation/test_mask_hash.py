@@ -5,19 +5,20 @@ import struct
 from pathlib import Path
 
 import pytest
+from one_building import read_pairs
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.mask_hash import hash_masks, hash_splits
-from bsg_data.observation.pairs import read_pairs, write_pairs
+from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 
 
 def hash_slowly(data: Dataset, split: str) -> str:
     """Follow the words of the form, a number at a time."""
     classes = data.manifest.class_space.classes
-    rows = read_pairs(data.path, split, manifest=data.manifest).to_pylist()
+    rows = read_pairs(data.path, split).to_pylist()
     rows.sort(key=lambda row: (row["scene_id"].encode(), row["draw"], row["node_index"]))
     said = b"bsg-masks-1\n" + "".join(f"{name}\n" for name in classes).encode() + b"\n"
     before = None

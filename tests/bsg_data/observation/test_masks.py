@@ -17,9 +17,9 @@ from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_dra
 from bsg_data.observation.mask_streams import mask_generator
 from bsg_data.observation.masks import (
     MASKS,
+    ROOMS,
+    UNIFORM,
     Mask,
-    RoomsMask,
-    UniformMask,
     sample_view,
     sample_views,
     sample_withheld,
@@ -278,8 +278,8 @@ def test_the_robot_leaves_an_exhausted_part() -> None:
 
 
 CORNERS = {
-    "uniform": UniformMask.exploration,
-    "rooms": RoomsMask.exploration,
+    "uniform": UNIFORM.exploration,
+    "rooms": ROOMS.exploration,
     "frontier": Exploration(not_entered=(0.5, 0.5), searched=(0, 0), glimpsed=0, spread=0),
 }
 

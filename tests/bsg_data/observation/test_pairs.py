@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 from conftest import annotation_text, write_scene
+from one_building import read_pairs
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -22,7 +23,6 @@ from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import (
     histogram_column,
-    read_pairs,
     read_views,
     stream_pairs,
     write_pairs,

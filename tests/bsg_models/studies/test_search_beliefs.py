@@ -12,15 +12,29 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.masked_graph import enter_room, mask_scene
+from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.observation.masks import sample_withheld
+from bsg_data.observation.partial_graph import PartialGraph, SeenObject, observe
 from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.scene_graph import SceneGraph
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
+
+
+def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
+    """Return the partial graph after the robot has seen all objects of a room."""
+    inside = (
+        SeenObject(
+            str(obj.instance_id), room_index, obj.raw_category, obj.category, obj.class_index
+        )
+        for obj in graph.objects
+        if obj.room_index == room_index
+    )
+    return observe(known, room_index, inside)
 
 
 @pytest.mark.parametrize("name", ["mixture", "ceci-sage", "universal"])
