@@ -147,14 +147,13 @@ def stream_masked(
     split: str,
     *,
     vocabulary: tuple[str, ...] = (),
-    shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of one split or fold, a file at a time, shuffled if asked.
+    """Yield the stored pairs of one split or fold, a file at a time.
 
     Raises:
         DatasetError: if there are none.
     """
-    for table in stream_pairs(data.path, split, manifest=data.manifest, shuffle=shuffle):
+    for table in stream_pairs(data.path, split, manifest=data.manifest):
         yield _read_table(data, table, vocabulary)
 
 

@@ -121,11 +121,10 @@ def stream_pairs(
     split: str,
     *,
     manifest: Manifest | None = None,
-    shuffle: np.random.Generator | None = None,
 ) -> Iterator[pa.Table]:
     """Yield the pairs of one split or fold, about `ROWS_PER_GROUP` rows at a time.
 
-    A masked building is never divided. Files are in order, or shuffled.
+    A masked building is never divided.
 
     Raises:
         DatasetError: if there are none, naming the splits that have some.
@@ -137,8 +136,7 @@ def stream_pairs(
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
         message = f"{dataset}: has no pairs of split {split!r}; {hint}"
         raise DatasetError(message, code="pairs-missing", where=split)
-    order = range(len(entries)) if shuffle is None else shuffle.permutation(len(entries)).tolist()
-    return chain.from_iterable(_read_groups(dataset, entries[number], manifest) for number in order)
+    return chain.from_iterable(_read_groups(dataset, entry, manifest) for entry in entries)
 
 
 def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterator[pa.Table]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
@@ -84,40 +84,16 @@ def stream_split(
     *,
     fold: int | None = None,
     vocabulary: tuple[str, ...] = (),
-    shuffle: np.random.Generator | None = None,
 ) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs one file at a time: the data of `read_split`.
-
-    With a generator, the files of each fold come in a random order.
-    """
+    """Yield the stored pairs one file at a time: the data of `read_split`."""
     scenes = frozenset(scenes_of(data, split, fold=fold))
     for name in splits_of(data, split, fold=fold):
-        for masked in stream_masked(data, name, vocabulary=vocabulary, shuffle=shuffle):
+        for masked in stream_masked(data, name, vocabulary=vocabulary):
             chosen = [i for i, scene in enumerate(masked.seen.scene_ids) if scene in scenes]
             if len(chosen) == len(masked):
                 yield masked
             elif chosen:
                 yield masked.take(chosen)
-
-
-def in_batches(parts: Iterable[MaskedBuildings], size: int) -> Iterator[MaskedBuildings]:
-    """Yield the buildings of all parts in order, `size` at a time; the last batch is the rest.
-
-    So a batch does not depend on how its buildings were stored.
-    """
-    held: list[MaskedBuildings] = []
-    missing = size
-    for part in parts:
-        first = 0
-        while first < len(part):
-            last = min(first + missing, len(part))
-            held.append(part if last - first == len(part) else part.take(range(first, last)))
-            first, missing = last, missing - (last - first)
-            if not missing:
-                yield held[0] if len(held) == 1 else stack_masked(held)
-                held, missing = [], size
-    if held:
-        yield stack_masked(held)
 
 
 class MaskedGraphs(GraphDataset):  # type: ignore[misc]

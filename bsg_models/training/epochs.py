@@ -24,7 +24,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
 from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.graphs import in_batches
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
@@ -36,9 +35,8 @@ from bsg_models.runs.checkpoint import (
 from bsg_models.runs.run_folder import BEST, LAST, METRICS, make_header, name_tensors
 from bsg_models.training.buildings import (
     TrainingBuildings,
-    count_validation,
     epoch_seed,
-    stream_validation,
+    validation_buildings,
 )
 from bsg_models.training.learning_curve import EpochReport, encode_metrics, read_metrics
 from bsg_models.training.optimiser import (
@@ -51,34 +49,18 @@ from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import Network
 
-_HELD = 1024  # masked buildings whose validation graphs stay in memory
-
 
 class Validation:
-    """The validation of a training; for small data its graphs stay in memory.
-
-    Args:
-        model: the network that is trained, or another with the same inputs.
-        config: of the run.
-        data: an open dataset.
-    """
+    """The validation of a training; its nodes stay in memory."""
 
     def __init__(self, model: Network, config: RunConfig, data: Dataset) -> None:
-        self._model, self._config, self._data = model, config, data
-        held = count_validation(config, data) <= _HELD
-        self._nodes = list(self._read()) if held else None
-        if not held:
-            next(self._read())  # raises for missing pairs before anything is replaced
+        masked = validation_buildings(config, data, vocabulary=model.vocabulary)
+        self._nodes = [model.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
 
     def loss(self, model: Network) -> float:
         """Return a model's loss per (node, class) cell."""
-        parts = [model.validation_loss(some) for some in self._nodes or self._read()]
+        parts = [model.validation_loss(some) for some in self._nodes]
         return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
-
-    def _read(self) -> Iterator[Nodes]:
-        masked = stream_validation(self._config, self._data, vocabulary=self._model.vocabulary)
-        for some in in_batches(masked, BATCH):
-            yield self._model.nodes_of(some.seen, some.targets)
 
 
 class GradientSteps:

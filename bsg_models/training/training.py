@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import cast
@@ -33,7 +33,7 @@ from bsg_models.runs.run_folder import (
     save_fitted,
 )
 from bsg_models.runs.run_log import keep_log
-from bsg_models.training.buildings import TrainingBuildings, stream_validation
+from bsg_models.training.buildings import TrainingBuildings, validation_buildings
 from bsg_models.training.epochs import (
     GradientSteps,
     Validation,
@@ -212,24 +212,20 @@ def _calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -
     """Calibrate a model on val if its configuration says so; return whether it did."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
-    calibrate(model, stream_validation(config, data, vocabulary=model.vocabulary))
+    calibrate(model, validation_buildings(config, data, vocabulary=model.vocabulary))
     return True
 
 
-def calibrate(model: CalibratedModel, batches: Iterable[MaskedBuildings]) -> None:
+def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
     """Fit a model's calibration on masked buildings with their targets.
 
     If there are many rooms it uses a sample: only seven numbers are fitted, and the distributions
     of all rooms are in memory at once. A note of the model reports the sample.
-
-    Args:
-        model: whose calibration is fitted.
-        batches: one or more; the result does not depend on how buildings are batched.
     """
-    masked, buildings = take_sample(batches, most=_CALIBRATED_NODES)
-    if len(masked) < buildings:
+    masked = take_sample(every, most=_CALIBRATED_NODES)
+    if len(masked) < len(every):
         note = (
-            f"calibrated on a random sample of {len(masked):,} of {buildings:,} masked val "
+            f"calibrated on a random sample of {len(masked):,} of {len(every):,} masked val "
             f"buildings: at most {_CALIBRATED_NODES:,} nodes"
         )
         model.notes = (*model.notes, note)

@@ -6,7 +6,7 @@ Buildings are read one part of the dataset at a time, so only the result stays i
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import (
     BATCH,
     MaskedBuildings,
-    stack_masked,
     stream_sampled,
 )
 from bsg_data.recipes import MaskRecipe
@@ -71,15 +70,14 @@ def stream_uniform(data: Dataset, choice: DataConfig, *, draws: int) -> Iterator
         yield from map(next, streams)
 
 
-def take_sample(batches: Iterable[MaskedBuildings], *, most: int) -> tuple[MaskedBuildings, int]:
-    """Return a random sample of masked buildings in their order, and the number of all.
+def take_sample(masked: MaskedBuildings, *, most: int) -> MaskedBuildings:
+    """Return a random sample of masked buildings in their order: all, if they have few nodes.
 
-    It has at most `most` nodes, but one building at least. It does not depend on the batches.
+    It has at most `most` nodes, but one building at least.
     """
     rng = np.random.Generator(np.random.PCG64(0))
-    masked = stack_masked(list(batches))
     order = np.argsort(rng.random(len(masked)), kind="stable")
     last = np.searchsorted(np.cumsum(np.diff(masked.seen.starts)[order]), most, side="right")
     if last == len(masked):
-        return masked, len(masked)
-    return masked.take(np.sort(order[: max(last, 1)])), len(masked)
+        return masked
+    return masked.take(np.sort(order[: max(last, 1)]))

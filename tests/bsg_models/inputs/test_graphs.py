@@ -1,13 +1,9 @@
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from one_building import observe_building, surround_rooms
 from torch_geometric.loader import DataLoader
 
@@ -22,7 +18,7 @@ from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.graphs import MaskedGraphs, in_batches, read_split, to_graph
+from bsg_models.inputs.graphs import MaskedGraphs, read_split, to_graph
 
 
 def test_a_graph_by_hand() -> None:
@@ -104,18 +100,3 @@ def test_missing_pairs_are_refused(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(ratios=(0.5, 0.5, 0.0)), force=True)
     with pytest.raises(DatasetError):
         MaskedGraphs.stored(dataset, "train")
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
-@given(cuts=st.lists(st.integers(1, 35), max_size=5), size=st.integers(1, 45))
-def test_batches_do_not_depend_on_the_parts(dataset: Path, cuts: list[int], size: int) -> None:
-    masked = read_split(Dataset.open(dataset), "train")
-    ends = sorted({0, *cuts, len(masked)})
-    parts = [masked.take(range(a, b)) for a, b in pairwise(ends)]
-    batches, expected = list(in_batches(parts, size)), list(masked.batches(size))
-    assert [len(some) for some in batches[:-1]] == [size] * (len(batches) - 1)
-    assert len(batches) == len(expected)
-    for some, same in zip(batches, expected, strict=True):
-        assert some.seen.scene_ids == same.seen.scene_ids
-        assert np.array_equal(some.draws, same.draws)
-        assert np.array_equal(some.targets, same.targets)

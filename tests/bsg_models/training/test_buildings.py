@@ -9,7 +9,7 @@ import torch
 from torch.utils.data import DataLoader
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
+from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe
 from bsg_models.errors import TrainingError
@@ -17,10 +17,7 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.training.buildings import (
     TrainingBuildings,
-    count_validation,
     epoch_seed,
-    stream_validation,
-    validation_buildings,
 )
 from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
@@ -48,8 +45,7 @@ def same(one: MaskedBuildings, other: MaskedBuildings) -> bool:
 
 
 @pytest.mark.parametrize("masks", ["fresh", "fixed"])
-def test_data_that_fit_the_window_come_as_torch_would_load_them(dataset: Path, masks: str) -> None:
-    """All of them are held, and `DataLoader` shuffles and cuts them, as it once did."""
+def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> None:
     data, vocabulary = Dataset.open(dataset), ("wall", "floor", "curtain")
     mask = 'data.mask={strategy="uniform"}' if masks == "fixed" else "data.withhold=0.0"
     config = configure(f"data.masks={masks}", mask, "training.batch_size=4")
@@ -81,25 +77,11 @@ def test_data_that_fit_the_window_come_as_torch_would_load_them(dataset: Path, m
         assert same(some, whole.take(chosen))
 
 
-@pytest.mark.parametrize("masks", ["fresh", "fixed"])
-@pytest.mark.parametrize("window", [1, 6])
-def test_every_building_comes_once_an_epoch_whatever_the_window(
-    dataset: Path, masks: str, window: int
-) -> None:
-    data = Dataset.open(dataset)
-    mask = 'data.mask={strategy="uniform"}' if masks == "fixed" else "data.withhold=0.0"
-    config = configure(f"data.masks={masks}", mask, "training.batch_size=3")
-    held = TrainingBuildings(config, data, vocabulary=())
-    streamed = TrainingBuildings(config, data, vocabulary=(), window=window)
-    whole, parts = list(held.batches(2)), list(streamed.batches(2))
-    assert [len(some) for some in parts] == [len(some) for some in whole]
-    one, other = stack_masked(whole), stack_masked(parts)
-    assert sorted(names(one)) == sorted(names(other))
-    place = {name: number for number, name in enumerate(names(other))}
-    assert same(one, other.take([place[name] for name in names(one)]))
-    assert [names(some) for some in streamed.batches(2)] == [names(some) for some in parts]
-    orders = [[n for some in streamed.batches(e) for n in some.seen.scene_ids] for e in range(1, 6)]
-    assert len(set(map(tuple, orders))) > 1
+def test_epochs_have_orders_of_their_own(dataset: Path) -> None:
+    buildings = TrainingBuildings(configure(), Dataset.open(dataset), vocabulary=())
+    orders = [[n for some in buildings.batches(e) for n in some.seen.scene_ids] for e in (1, 1, 2)]
+    assert orders[0] == orders[1] != orders[2]
+    assert sorted(orders[0]) == sorted(orders[2])
 
 
 def test_processes_share_every_batch(dataset: Path) -> None:
@@ -108,38 +90,26 @@ def test_processes_share_every_batch(dataset: Path) -> None:
     Of the last batch some get none.
     """
     data, config = Dataset.open(dataset), configure("training.batch_size=4")
-    for window in (4, 100):
-        whole = TrainingBuildings(config, data, vocabulary=(), window=window).batches(1)
-        shares = [
-            TrainingBuildings(
-                config, data, vocabulary=(), ranks=Ranks(number, 3), window=window
-            ).batches(1)
-            for number in range(3)
-        ]
-        for some, *of_ranks in itertools.zip_longest(whole, *shares):
-            there = [names(share) if share else [] for share in of_ranks]
-            assert sum(map(len, there)) == len(some)
-            dealt = [there[place % 3][place // 3] for place in range(len(some))]
-            assert dealt == names(some)
+    whole = TrainingBuildings(config, data, vocabulary=()).batches(1)
+    shares = [
+        TrainingBuildings(config, data, vocabulary=(), ranks=Ranks(number, 3)).batches(1)
+        for number in range(3)
+    ]
+    for some, *of_ranks in itertools.zip_longest(whole, *shares):
+        there = [names(share) if share else [] for share in of_ranks]
+        assert sum(map(len, there)) == len(some)
+        dealt = [there[place % 3][place // 3] for place in range(len(some))]
+        assert dealt == names(some)
 
 
 def test_more_processes_than_buildings_are_refused(dataset: Path) -> None:
     data = Dataset.open(dataset)
-    with pytest.raises(TrainingError, match="batch_size 4 cannot be dealt to 5 processes"):
+    with pytest.raises(TrainingError):
         TrainingBuildings(
             configure("training.batch_size=4"), data, vocabulary=(), ranks=Ranks(0, 5)
         )
-    with pytest.raises(TrainingError, match="training buildings cannot be dealt to 20 processes"):
+    with pytest.raises(TrainingError):
         TrainingBuildings(configure(), data, vocabulary=(), ranks=Ranks(0, 20))
-
-
-def test_validation_comes_in_parts(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    for config in (configure(), configure('data.mask={strategy="uniform"}')):
-        parts = list(stream_validation(config, data, vocabulary=("wall",)))
-        whole = validation_buildings(config, data, vocabulary=("wall",))
-        assert len(whole) == count_validation(config, data)
-        assert same(stack_masked(parts), whole)
 
 
 def test_a_building_without_pairs_is_no_step(

@@ -192,18 +192,18 @@ def test_a_tally_is_that_of_all_rooms_at_once(dataset: Path) -> None:
         np.testing.assert_array_equal([values, times], np.unique(column, return_counts=True))
 
 
-@pytest.mark.parametrize("size", [1, 100])
-def test_a_sample_does_not_depend_on_batches(dataset: Path, size: int) -> None:
+@pytest.mark.parametrize("most", [1, 60, 200])
+def test_a_sample_is_as_much_as_fits(dataset: Path, most: int) -> None:
     data, mask = Dataset.open(dataset), MaskRecipe()
     whole = stack_masked([sample_masked(data, data.scene_ids, mask=mask, draw=d) for d in range(4)])
-    for most in (1, 60, 10_000):
-        expected, _ = take_sample([whole], most=most)
-        found, number = take_sample(whole.batches(size), most=most)
-        assert number == len(whole)
-        assert found.seen.scene_ids == expected.seen.scene_ids
-        np.testing.assert_array_equal(found.targets, expected.targets)
-        assert len(found.targets) <= most or len(found) == 1
-    assert len(take_sample([whole], most=len(whole.targets))[0]) == len(whole)
+    found = take_sample(whole, most=most)
+    assert len(found.targets) <= most or len(found) == 1
+    assert len(found.targets) > most - np.diff(whole.seen.starts).max()
+    numbers = [data.scene_ids.index(scene) for scene in found.seen.scene_ids]
+    places = [len(data.scene_ids) * d + n for d, n in zip(found.draws, numbers, strict=True)]
+    assert places == sorted(set(places))
+    np.testing.assert_array_equal(found.targets, whole.take(places).targets)
+    assert take_sample(whole, most=len(whole.targets)) is whole
 
 
 def test_calibration_mends_what_is_too_sure() -> None:
