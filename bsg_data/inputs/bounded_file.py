@@ -1,4 +1,4 @@
-"""Read files of people and other programs within a bound, packed with gzip or in a zip."""
+"""Read files of people and other programs within a bound: plain, gzip, or a member of a zip."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO, cast
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import BSGError, SourceError
 from bsg_data.inputs.bounds import DATASET_TABLE, MAX_RATIO, MIB, Bound
 
 PACKED = ".gz"
 Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class of `BSGError`
+_DAMAGE = (OSError, EOFError, zlib.error)
+# A RuntimeError of an encrypted member, a ValueError of a name that is no text.
+_ZIP_DAMAGE = (*_DAMAGE, zipfile.BadZipFile, RuntimeError, ValueError)
 _UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
 
 
@@ -25,50 +28,60 @@ class TooLargeError(OSError):
 
 
 def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
-    """Read a file whole, unpacked if its name ends in `.gz`.
-
-    Args:
-        path: of the file; a pipe and a device are read as well.
-        bound: that it must keep, packed and unpacked.
-        error: makes what is raised of a message.
-    """
+    """Read a file whole, also a pipe or a device; unpacked if its name ends in `.gz`."""
     return unpack(read_packed(path, bound, error=error), path, bound, error=error)
 
 
 def read_packed(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
-    """Read a file whole, as it lies there; see `read_bytes`."""
+    """Read a file whole, as it lies there."""
     with _refusing(path, error), path.open("rb") as file:
         _require_size(path.stat().st_size, path, bound, error)  # 0 of pipes and devices
-        data = _take(file, bound)
-    _require_size(len(data), path, bound, error)
-    return data
+        return _take(file, path, bound, error)
 
 
 def unpack(data: bytes, path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
-    """Unpack the bytes of a file if its name ends in `.gz`; see `read_bytes`."""
+    """Unpack the bytes of a file if its name ends in `.gz`."""
     if not path.name.endswith(PACKED):
         return data
     with _refusing(path, error):
-        unpacked = _take(cast(BinaryIO, gzip.GzipFile(fileobj=io.BytesIO(data))), bound)
-    _require_size(len(unpacked), path, bound, error)
-    return unpacked
+        return _take(cast(BinaryIO, gzip.GzipFile(fileobj=io.BytesIO(data))), path, bound, error)
+
+
+def read_member(path: Path, name: str, bound: Bound) -> bytes:
+    """Read the one member of a zip that has a name, in whatever folder; nothing goes to disk."""
+    with _refusing(path, SourceError, is_zip=True):
+        if not path.is_file() and path.exists():
+            raise ValueError("it is no file")  # a device may have no end
+        _require_size(path.stat().st_size, path, bound, SourceError)
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            found = [one for one in names if PurePosixPath(one).name == name]
+            if len(found) != 1:
+                raise SourceError(
+                    f"{path}: expected {name} inside once, found it {len(found)} times among "
+                    f"{', '.join(names[:5]) or 'nothing'}",
+                    code="zip-member-missing",
+                    where=path,
+                )
+            with archive.open(found[0]) as member:
+                return _take(cast(BinaryIO, member), path, bound, SourceError)
 
 
 @contextmanager
 def open_stream(path: Path, bound: Bound, *, error: Refusal = SourceError) -> Iterator[BinaryIO]:
     """Open a file to read it piece by piece, unpacked if its name ends in `.gz`."""
-    with _refusing(path, error), path.open("rb") as file:
-        counted = _Counted(file, path, bound, error)
-        with io.BufferedReader(counted) as stream:
-            yield cast(BinaryIO, stream)
+    with (
+        _refusing(path, error),
+        path.open("rb") as file,
+        io.BufferedReader(_Counted(file, path, bound, error)) as stream,
+    ):
+        yield cast(BinaryIO, stream)
 
 
 def hash_file(path: Path, bound: Bound = DATASET_TABLE) -> str:
     """Return the sha256 of the bytes of a file, in hexadecimal digits.
 
-    Args:
-        path: of the file.
-        bound: that it must keep; no kind of file that we write may be larger than the usual one.
+    No kind of file that we write may be larger than the usual bound.
     """
     with path.open("rb") as file:
         if path.stat().st_size > bound.bytes:
@@ -110,76 +123,32 @@ class _Counted(io.RawIOBase):
 
 
 @contextmanager
-def _refusing(path: Path, error: Refusal) -> Iterator[None]:
+def _refusing(path: Path, error: Refusal, *, is_zip: bool = False) -> Iterator[None]:
+    damage = _ZIP_DAMAGE if is_zip else _DAMAGE
     try:
         yield
-    except (gzip.BadGzipFile, EOFError, zlib.error) as fault:
-        raise error(
-            f"{path}: cannot be read (not a readable gzip file: {fault})",
-            code="file-unreadable",
-            where=path,
-        ) from fault
-    except OSError as fault:
-        said = fault.strerror or fault
-        raise error(
-            f"{path}: cannot be read ({said})", code="file-unreadable", where=path
-        ) from fault
+    except BSGError:  # of whoever reads within the block; some are a ValueError, too
+        raise
+    except damage as fault:
+        kind = "zip" if is_zip else "gzip"
+        said = f"not a readable {kind} file: {fault}"
+        if isinstance(fault, OSError) and not isinstance(fault, gzip.BadGzipFile):
+            said = fault.strerror or str(fault)
+        message = f"{path}: cannot be read ({said})"
+        raise error(message, code="file-unreadable", where=path) from fault
 
 
-def _take(file: BinaryIO, bound: Bound) -> bytes:
-    """Return what a file has, one block more than its bound at most."""
+def _take(file: BinaryIO, path: Path, bound: Bound, error: Refusal) -> bytes:
+    """Return what a file has, reading one block more than its bound at most."""
     blocks, size = [], 0
-    while size <= bound.bytes and (block := file.read(MIB)):
+    while block := file.read(MIB):
         blocks.append(block)
         size += len(block)
+        _require_size(size, path, bound, error)
     return b"".join(blocks)
 
 
 def _require_size(size: int, path: Path, bound: Bound, error: Refusal) -> None:
     if size > bound.bytes:
-        raise error(
-            f"{path}: expected at most {bound.bytes:,} bytes, found more",
-            code="file-too-large",
-            where=path,
-        )
-
-
-def read_member(path: Path, name: str, bound: Bound) -> bytes:
-    """Read the one member of a zip that has a name, in whatever folder of it.
-
-    Args:
-        path: of the zip.
-        name: of the file, without a folder.
-        bound: of the zip, and of what the member unpacks to.
-    """
-    try:
-        if not path.is_file() and path.exists():
-            raise ValueError("it is no file")  # a device may have no end
-        with zipfile.ZipFile(path) as archive:
-            found = [one for one in archive.namelist() if PurePosixPath(one).name == name]
-            if len(found) != 1:
-                raise SourceError(
-                    f"{path}: expected {name} inside once, found it {len(found)} times among "
-                    f"{', '.join(archive.namelist()[:5]) or 'nothing'}",
-                    code="zip-member-missing",
-                    where=path,
-                )
-            with archive.open(found[0]) as member:
-                data = member.read(bound.bytes + 1)
-    except OSError as fault:
-        raise SourceError(
-            f"{path}: cannot be read ({fault.strerror or fault})",
-            code="file-unreadable",
-            where=path,
-        ) from fault
-    except (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, ValueError) as fault:
-        raise SourceError(
-            f"{path}: not a readable zip file ({fault})", code="file-unreadable", where=path
-        ) from fault
-    if max(len(data), path.stat().st_size) > bound.bytes:
-        raise SourceError(
-            f"{path}: {name}: expected at most {bound.bytes:,} bytes, found more",
-            code="file-too-large",
-            where=path,
-        )
-    return data
+        message = f"{path}: expected at most {bound.bytes:,} bytes, found more"
+        raise error(message, code="file-too-large", where=path)

@@ -37,12 +37,7 @@ def read_json(path: Path, bound: Bound, *, error: Refusal = SourceError) -> Any:
 
 
 def parse_json(data: bytes | str, *, once: bool = True) -> Any:
-    """Parse JSON.
-
-    Args:
-        data: the text, or its bytes.
-        once: whether a key that is there twice is refused; otherwise its last value is taken.
-    """
+    """Parse JSON; a key that is there twice is refused if `once`, else its last value is taken."""
     text = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
     document = from_json(text.removeprefix(b"\xef\xbb\xbf"), allow_inf_nan=False)
     if once:

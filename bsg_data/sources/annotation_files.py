@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -12,11 +12,12 @@ from typing import TypeVar
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
 from bsg_data.inputs.bounded_file import PACKED, TooLargeError, hash_file, read_packed, unpack
 from bsg_data.inputs.bounds import Bound
-from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene
 
-TOO_LARGE = "too large"
+_TOO_LARGE = "too large"
 _SHOWN = 120  # characters of a faulty line
+# minival is part of val: a building in both is val's. The order decides which copy is kept.
+SPLITS = ("train", "val", "test", "minival", "example")
 Content = TypeVar("Content")
 
 
@@ -25,55 +26,53 @@ def find_files(
 ) -> FoundScenes:
     """Find scenes of one file each, packed or not: a file, or all such files below a folder.
 
-    A scene has the name of its file; `location` is its path below the folder.
-
-    Args:
-        path: of a file or a folder.
-        suffix: how the names end; `.gz` may follow.
-        bound: of each file.
-        expected: what is said if there is none.
-        is_path: whether the folders of the path are in the name, joined by `-`.
+    A scene has the name of its file, after the folders above it, joined by `-`, if `is_path`.
     """
-    unreadable: list[SkippedScene] = []
-    suffixes = (suffix, suffix + PACKED)
+    files, unreadable = list_files(path, (suffix, suffix + PACKED), expected=expected)
     root = path if path.is_dir() else path.parent
-    if path.is_file():
-        files = [path] if path.name.endswith(suffixes) else []
-    elif path.is_dir():
-        files = list(walk_files(path, suffixes, unreadable))
-    else:
-        raise SourceError(f"{path}: no such file or folder", code="source-missing", where=path)
-    if not files:
-        refuse_unreadable(path, unreadable)
-        raise SourceError(f"{path}: {expected}", code="source-empty", where=path)
+
+    def name_scene(file: Path) -> str:
+        name = file.name.removesuffix(PACKED).removesuffix(suffix) or file.name
+        return "-".join((*file.relative_to(root).parts[:-1], name)) if is_path else name
+
     refs = [
-        SceneRef(
-            scene_id=_name_scene(file, root if is_path else file.parent, suffix),
-            location=file.relative_to(root).as_posix(),
-            fingerprint=fingerprint(file, bound),
-            source_split=None,
-            source_version=None,
-        )
+        SceneRef(name_scene(file), file.relative_to(root).as_posix(), fingerprint(file, bound))
         for file in files
     ]
-    return replace(keep_one_copy(refs), unreadable=tuple(unreadable))
+    return replace(keep_one_copy(refs), unreadable=unreadable)
 
 
-def _name_scene(file: Path, root: Path, suffix: str) -> str:
-    name = file.name.removesuffix(PACKED).removesuffix(suffix) or file.name
-    return "-".join((*file.relative_to(root).parts[:-1], name))
+def list_files(
+    path: Path, suffixes: tuple[str, ...], *, expected: str
+) -> tuple[list[Path], tuple[SkippedScene, ...]]:
+    """Return the files below a folder, or the one file, with a suffix, and what cannot be read.
 
-
-def walk_files(
-    root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]
-) -> Iterator[Path]:
-    """Yield the files below a folder with certain suffixes; follow links, but no loops.
-
-    Args:
-        root: the folder.
-        suffixes: suffixes of the names; hidden files are left out.
-        unreadable: collects the unreadable folders and files, with the reasons.
+    Where there is none, the error says what was expected.
     """
+    unreadable: list[SkippedScene] = []
+    if path.is_dir():
+        files = list(_walk(path, suffixes, unreadable))
+    elif path.is_file():
+        files = [path] if path.name.endswith(suffixes) else []
+    else:
+        raise SourceError(f"{path}: no such file or folder", code="source-missing", where=path)
+    if not files and unreadable:
+        first = unreadable[0]
+        shown = os.fsencode(path).decode("utf-8", "backslashreplace")
+        raise SourceError(
+            f"{shown}: nothing there can be read; left out are {first.location} ({first.reason}) "
+            f"and {len(unreadable) - 1:,} more; rename them or the folders above, or make them "
+            "readable",
+            code="source-unreadable",
+            where=shown,
+        )
+    if not files:
+        raise SourceError(f"{path}: {expected}", code="source-empty", where=path)
+    return files, tuple(unreadable)
+
+
+def _walk(root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene]) -> Iterator[Path]:
+    """Yield the files below a folder that are not hidden; follow links, but no loops."""
 
     def note(where: str, reason: str) -> None:
         shown = os.path.relpath(where, root).encode("utf-8", "backslashreplace").decode()
@@ -93,11 +92,11 @@ def walk_files(
         folders.sort()
         for name in sorted(names):
             if name.endswith(suffixes) and not name.startswith("."):
-                reason = _why_not(Path(folder, name))
-                if reason is None:
-                    yield Path(folder, name)
+                path = Path(folder, name)
+                if reason := _why_not(path):
+                    note(str(path), reason)
                 else:
-                    note(str(Path(folder, name)), reason)
+                    yield path
 
 
 def _why_not(path: Path) -> str | None:
@@ -121,18 +120,25 @@ def _require_lasting(error: OSError, path: object) -> None:
         ) from error
 
 
-def refuse_unreadable(root: Path, unreadable: Sequence[SkippedScene]) -> None:
-    """Refuse a folder in which nothing that was found can be read; there may be nothing."""
-    if unreadable:
-        first = unreadable[0]
-        shown = os.fsencode(root).decode("utf-8", "backslashreplace")
-        raise SourceError(
-            f"{shown}: nothing there can be read; left out are {first.location} ({first.reason}) "
-            f"and {len(unreadable) - 1:,} more; rename them or the folders above, or make them "
-            "readable",
-            code="source-unreadable",
-            where=shown,
-        )
+def keep_one_copy(refs: Iterable[SceneRef]) -> FoundScenes:
+    """Keep one copy of every building: numbered first, newest version, then split, then path."""
+    kept: dict[str, SceneRef] = {}
+    duplicates = []
+    for ref in sorted(refs, key=_preference):
+        first = kept.setdefault(ref.building, ref)
+        if first is not ref:
+            same = "the same" if first.fingerprint == ref.fingerprint else "OTHER"
+            reason = f"building found before at {first.location} with {same} annotation"
+            duplicates.append(SkippedScene(ref.scene_id, ref.location, reason))
+    scenes = sorted(kept.values(), key=lambda ref: ref.scene_id)
+    return FoundScenes(tuple(scenes), tuple(sorted(duplicates, key=lambda skip: skip.location)))
+
+
+def _preference(ref: SceneRef) -> tuple[bool, tuple[int, ...], int, str]:
+    rank = SPLITS.index(ref.source_split) if ref.source_split in SPLITS else len(SPLITS)
+    version = (ref.source_version or "v0.0").removeprefix("v").split(".")
+    newest = tuple(-int(number) for number in version)
+    return (ref.scene_id == ref.building, newest, rank, ref.location)
 
 
 def fingerprint(path: Path, bound: Bound) -> str:
@@ -140,25 +146,30 @@ def fingerprint(path: Path, bound: Bound) -> str:
     try:
         return hash_file(path, bound)
     except TooLargeError:
-        return TOO_LARGE
+        return _TOO_LARGE
     except OSError as error:
         _require_lasting(error, path)
         return f"unreadable: {error.strerror}"
 
 
-def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> bytes:
-    """Read a file that was listed, unpacked if its name ends in `.gz`.
+def state_of(path: Path) -> tuple[int, int]:
+    """Return the size of a file and when it changed: while they stay, what was read of it holds."""
+    try:
+        stat = path.stat()
+    except OSError as error:
+        raise SourceError(
+            f"{path}: cannot be read ({error.strerror})", code="file-unreadable", where=path
+        ) from error
+    return stat.st_size, stat.st_mtime_ns
 
-    Args:
-        path: of the file.
-        bound: that it must keep, packed and unpacked.
-        expected: its fingerprint when it was listed, which these very bytes must have.
-    """
+
+def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> bytes:
+    """Read a file whose packed bytes have the fingerprint of when it was listed, unpacked."""
     try:
         data = read_packed(path, bound)
     except SourceError as error:
         cause = error.__cause__
-        found = f"unreadable: {cause.strerror}" if isinstance(cause, OSError) else TOO_LARGE
+        found = f"unreadable: {cause.strerror}" if isinstance(cause, OSError) else _TOO_LARGE
         require_fingerprint(path, found, expected)
         raise
     require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
@@ -168,40 +179,26 @@ def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> byt
 def fetch_listed(
     ref: SceneRef, path: Path, read: Callable[[], Content], digest: Callable[[Content], str]
 ) -> Content:
-    """Return what a file of many scenes says of one, which must be what was listed.
-
-    Args:
-        ref: the scene, as it was listed.
-        path: of the file, named in errors.
-        read: reads the scene; it could when the scenes were listed.
-        digest: hashes what is read.
-    """
+    """Return what a file of many scenes says of one, which must be what was listed."""
     where = f"{path}: {ref.location}"
     try:
         content = read()
     except (SourceError, KeyError) as error:
-        raise SourceChangedError(
-            f"{where}: changed after the scenes were listed: {error}",
-            code="source-changed",
-            where=where,
-        ) from error
+        raise _changed(where, f": {error}") from error
     require_fingerprint(where, digest(content), ref.fingerprint)
     return content
 
 
 def require_fingerprint(path: Path | str, found: str, expected: str | None) -> None:
-    """Refuse a file that changed after it was listed.
-
-    Args:
-        path: path for the error.
-        found: fingerprint of the file now.
-        expected: fingerprint when it was listed; None if it was not listed.
-    """
+    """Refuse a file that changed after it was listed; one that was not listed has None."""
     if expected is not None and found != expected:
-        why = f" ({found})" if found.startswith("unreadable") else ""
-        raise SourceChangedError(
-            f"{path}: changed after the scenes were listed{why}", code="source-changed", where=path
-        )
+        raise _changed(path, f" ({found})" if found.startswith("unreadable") else "")
+
+
+def _changed(where: Path | str, why: str) -> SourceChangedError:
+    return SourceChangedError(
+        f"{where}: changed after the scenes were listed{why}", code="source-changed", where=where
+    )
 
 
 def malformed(path: Path, number: int, line: str, *, expected: str) -> AnnotationError:
@@ -214,7 +211,7 @@ def malformed(path: Path, number: int, line: str, *, expected: str) -> Annotatio
 
 
 def decode(data: bytes, *, path: Path) -> str:
-    """Return UTF-8 text."""
+    """Return UTF-8 text; the error names the first line that is none."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

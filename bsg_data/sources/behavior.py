@@ -27,7 +27,7 @@ from bsg_data.inputs.documents import read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Room, SceneObject, is_scene_id
-from bsg_data.sources.annotation_files import fetch_listed
+from bsg_data.sources.annotation_files import fetch_listed, state_of
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     FoundScenes,
@@ -38,8 +38,8 @@ from bsg_data.sources.source import (
     Terms,
 )
 
-FILE = "combined_room_object_list.json"
-MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all
+_FILE = "combined_room_object_list.json"
+_MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all
 _FLOOR = re.compile(r"([A-Z][A-Za-z]*)(?:_([0-9]{1,3}))?_(?:int|garden)")
 _STOREY = re.compile(r"(house_double_floor)_(lower|upper)")
 _ROOM = re.compile(r"(.+)_([0-9]{1,6})")
@@ -59,7 +59,7 @@ _KINDS = {
 
 # BEHAVIOR has one category for two things. These models stand in public washrooms without a shower,
 # one for each toilet: they are its cubicles. The others are showers.
-TOILET_STALLS = frozenset(
+_TOILET_STALLS = frozenset(
     f"shower_stall-{model}"
     for model in ("gqxmqf", "nvempw", "rhvubh", "sqzpmj", "taqzxq", "vshrva")
 )
@@ -73,8 +73,8 @@ def _require_scene_id(name: str) -> str:
 
 _Scene = Annotated[str, AfterValidator(_require_scene_id)]
 _Name = Annotated[str, Field(max_length=200)]  # the longest real one has 38 characters
-_Count = Annotated[int, Field(ge=0, le=MAX_OBJECTS)]
-RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
+_Count = Annotated[int, Field(ge=0, le=_MAX_OBJECTS)]
+_RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
 
 
 class _Listing(BaseModel):
@@ -84,32 +84,32 @@ class _Listing(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class _Floor:
     """Where a scene of BEHAVIOR belongs."""
 
     building: str  # the house that it is a floor of, or its own name
     number: int = 0  # of the floor, from below; 0 where there is one
 
 
-def find_floor(scene: str) -> Floor:
+def _find_floor(scene: str) -> _Floor:
     """Return which house a scene is of.
 
-    >>> find_floor("Beechwood_1_int"), find_floor("Rs_garden")
-    (Floor(building='Beechwood', number=1), Floor(building='Rs', number=0))
+    >>> _find_floor("Beechwood_1_int"), _find_floor("Rs_garden")
+    (_Floor(building='Beechwood', number=1), _Floor(building='Rs', number=0))
     """
     if match := _FLOOR.fullmatch(scene):
-        return Floor(match[1], int(match[2] or 0))
+        return _Floor(match[1], int(match[2] or 0))
     if match := _STOREY.fullmatch(scene):
-        return Floor(match[1], ("lower", "upper").index(match[2]))
-    return Floor(scene)
+        return _Floor(match[1], ("lower", "upper").index(match[2]))
+    return _Floor(scene)
 
 
-def find_building_kind(scene: str) -> str | None:
+def _find_building_kind(scene: str) -> str | None:
     """Return what a scene or building is: home, office, school, restaurant, shop, hotel or hall.
 
     The names say it; None for a name that is none of BEHAVIOR's.
 
-    >>> find_building_kind("Rs_int"), find_building_kind("restaurant_hotel")
+    >>> _find_building_kind("Rs_int"), _find_building_kind("restaurant_hotel")
     ('home', 'restaurant')
     """
     starts = (kind for start, kind in _KINDS.items() if f"{scene}_".startswith(f"{start}_"))
@@ -125,10 +125,7 @@ class BehaviorRooms:
     # there several times, and can be in two splits
     as_listed: bool = False
 
-    @property
-    def kind(self) -> str:
-        """`behavior`."""
-        return "behavior"
+    kind = "behavior"
 
     @property
     def options(self) -> dict[str, int | str]:
@@ -143,8 +140,6 @@ class BehaviorRooms:
                 scene_id=building,
                 location=", ".join(scene for scenes in floors.values() for scene in scenes),
                 fingerprint=_digest(self._floors(floors)),
-                source_split=None,
-                source_version=None,
             )
             for building, floors in houses.items()
         )
@@ -170,22 +165,22 @@ class BehaviorRooms:
             sha256=ref.fingerprint,
             class_map=class_map,
             rooms=rooms,
-            building_kind=find_building_kind(ref.scene_id),
+            building_kind=_find_building_kind(ref.scene_id),
         )
         return Reading(graph)
 
-    def _floors(self, floors: Mapping[int, list[str]]) -> dict[int, RoomLists]:
+    def _floors(self, floors: Mapping[int, list[str]]) -> dict[int, _RoomLists]:
         return {number: self._rooms(scenes) for number, scenes in floors.items()}
 
     def _houses(self) -> dict[str, dict[int, list[str]]]:
         """Return building → floor → its scenes, the one with the garden first."""
         houses: dict[str, dict[int, list[str]]] = {}
         for scene in sorted(self._scenes):  # `garden` stands before `int`
-            floor = Floor(scene) if self.as_listed else find_floor(scene)
+            floor = _Floor(scene) if self.as_listed else _find_floor(scene)
             houses.setdefault(floor.building, {}).setdefault(floor.number, []).append(scene)
         return {name: dict(sorted(houses[name].items())) for name in sorted(houses)}
 
-    def _rooms(self, scenes: list[str]) -> RoomLists:
+    def _rooms(self, scenes: list[str]) -> _RoomLists:
         """Return the rooms of a floor, each as the first of its scenes has it."""
         rooms: dict[str, Mapping[str, int]] = {}
         for scene in reversed(scenes):
@@ -200,24 +195,16 @@ class BehaviorRooms:
                     yield SkippedScene(scene_id=scene, location=scene, reason=reason)
 
     @property
-    def _scenes(self) -> Mapping[str, RoomLists]:
-        try:
-            stat = self.path.stat()
-        except OSError as error:
-            raise SourceError(
-                f"{self.path}: cannot be read ({error.strerror})",
-                code="file-unreadable",
-                where=self.path,
-            ) from error
-        return _read_listing(self.path, stat.st_size, stat.st_mtime_ns)
+    def _scenes(self) -> Mapping[str, _RoomLists]:
+        return _read_listing(self.path, *state_of(self.path))
 
 
 @lru_cache(maxsize=2)
-def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, RoomLists]:
+def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomLists]:
     """Read the list, once for each state of the file."""
     if path.is_dir():
         raise SourceError(
-            f"{path}: is a folder; expected the file {FILE} of the package bddl",
+            f"{path}: is a folder; expected the file {_FILE} of the package bddl",
             code="source-folder",
             where=path,
         )
@@ -226,7 +213,7 @@ def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, RoomLists
     except ValidationError as error:
         raise SourceError(
             f"{path}: {name_fault(error)}; expected scenes → room → category-model → number, as "
-            f"in {FILE} of the package bddl",
+            f"in {_FILE} of the package bddl",
             code="listing-malformed",
             where=path,
         ) from error
@@ -247,7 +234,7 @@ def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:
                 where=where,
             )
         for _ in range(count):
-            yield "toilet_stall" if name in TOILET_STALLS else category
+            yield "toilet_stall" if name in _TOILET_STALLS else category
 
 
 def _type_of(room: str) -> str:

@@ -25,7 +25,7 @@ SOURCES = Registry(
         "table": "bsg_data.sources.table:ROW",
         "mp3d": "bsg_data.sources.mp3d:ROW",
         "spark-dsg": "bsg_data.sources.spark_dsg:ROW",
-        "synthetic": "bsg_data.sources.synthetic:ROW",
+        "synthetic": "bsg_data.sources.hm3d:SYNTHETIC_ROW",
     },
 )
 

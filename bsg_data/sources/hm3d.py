@@ -1,6 +1,6 @@
-"""Read HM3D's folders: annotation texts, and the semantic meshes beside them.
+"""Read HM3D's folders: annotation texts `<hash>.semantic.txt`, and the meshes beside them.
 
-The first line of a text `<hash>.semantic.txt` contains `HM3D Semantic Annotations`; every other is
+The first line of a text contains `HM3D Semantic Annotations`; every other is
 `id,HEXRGB,"name",region`. Quirks of the real files: names hold commas, slashes, odd case and
 non-ASCII letters; colours lack their leading zeros; region ids of 0 and more are rooms, negative
 ones are the null region; ids may be out of order; a blank or `unknown` name is an object without a
@@ -27,16 +27,16 @@ from bsg_data.inputs.bounds import ANNOTATION, SYNTHETIC
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import SceneObject, split_scene_id
 from bsg_data.sources.annotation_files import (
+    SPLITS,
     decode,
     fingerprint,
+    keep_one_copy,
+    list_files,
     malformed,
     read_listed,
-    refuse_unreadable,
     require_fingerprint,
-    walk_files,
 )
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, split_of_folder, version_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
 
 HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
@@ -56,6 +56,12 @@ MATTERPORT = Terms(
 _SUFFIXES = (".semantic.txt", "_semantic.txt")
 SYNTHETIC_MARK = "synthetic.json"
 _ENDS = 2**16  # bytes
+HEADER = "HM3D Semantic Annotations"
+_ROW = re.compile(r'([0-9]{1,9}),([0-9A-Fa-f]{1,6}),"(.*)",(-?[0-9]{1,9})')
+_EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
+_VERSION = re.compile(r"v[0-9]+\.[0-9]+")
+# HM3D's own numbers: 0-799 train, 800-899 val, 900-999 test.
+_FIRST_OF_NEXT = {800: "train", 900: "val", 1000: "test"}
 
 
 @dataclass(frozen=True)
@@ -104,19 +110,14 @@ class HM3DFolder:
             message = f"{self.path}: {what}{zipped}"
             raise SourceError(message, code="source-missing", where=self.path)
         self._refuse_unfinished_or_mixed()
-        unreadable: list[SkippedScene] = []
-        refs = [self._refer(path) for path in walk_files(self.path, _SUFFIXES, unreadable)]
-        if not refs:
-            refuse_unreadable(self.path, unreadable)
-            raise SourceError(
-                f"{self.path}: no scene found; looked in every folder below it for "
-                "<hash>.semantic.txt or <hash>_semantic.txt, as in "
-                "hm3d/train/00006-HkseAnWCgqk/HkseAnWCgqk.semantic.txt. The annotations come in "
-                "HM3D's `semantic-annots` archives, which are downloaded beside the meshes",
-                code="source-empty",
-                where=self.path,
-            )
-        return replace(keep_one_copy(refs), unreadable=tuple(unreadable))
+        expected = (
+            "no scene found; looked in every folder below it for <hash>.semantic.txt or "
+            "<hash>_semantic.txt, as in hm3d/train/00006-HkseAnWCgqk/HkseAnWCgqk.semantic.txt. The "
+            "annotations come in HM3D's `semantic-annots` archives, which are downloaded beside "
+            "the meshes"
+        )
+        files, unreadable = list_files(self.path, _SUFFIXES, expected=expected)
+        return replace(keep_one_copy(map(self._refer, files)), unreadable=unreadable)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
@@ -210,23 +211,6 @@ def _mesh_mark(annotation: Path) -> str | None:
     return f"mesh of {size} bytes, {digest.hexdigest()}"
 
 
-def _last(values: Iterator[str | None]) -> str | None:
-    """Return the last value that is not None: that of the folder nearest to the file."""
-    return next((value for value in reversed(list(values)) if value is not None), None)
-
-
-ROW = SourceRow(
-    summary="a folder above HM3D's annotations, v0.1 or v0.2, with or without the meshes",
-    open=HM3DFolder,
-    terms=MATTERPORT,
-)
-
-
-HEADER = "HM3D Semantic Annotations"
-_ROW = re.compile(r'([0-9]{1,9}),([0-9A-Fa-f]{1,6}),"(.*)",(-?[0-9]{1,9})')
-_EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
-
-
 def parse_annotation(data: bytes, *, path: Path) -> tuple[SceneObject, ...]:
     """Parse the bytes of one `semantic.txt` into objects sorted by id, with their region ids."""
     lines = decode(data, path=path).split("\n")  # not splitlines(): a name may hold a U+2028
@@ -248,3 +232,74 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[SceneObject, ...]:
     if not objects:
         raise malformed(path, 1, lines[0], expected="at least one annotated instance below")
     return tuple(objects[key] for key in sorted(objects))
+
+
+def split_of_folder(folder: str) -> str | None:
+    """Read the split from a folder's name: `train`, or `hm3d-minival-semantic-annots-v0.2`.
+
+    >>> split_of_folder("hm3d-minival-semantic-annots-v0.2")
+    'minival'
+    """
+    name = folder.split("-")[1] if folder.startswith("hm3d-") else folder
+    return name if name in SPLITS else None
+
+
+def split_by_number(scene_id: str) -> str | None:
+    """Read the split from the number of a scene; None without one.
+
+    >>> split_by_number("00801-HaxA7YrQdEC")
+    'val'
+    """
+    number, _ = split_scene_id(scene_id)
+    if number is None:
+        return None
+    return next((split for end, split in _FIRST_OF_NEXT.items() if number < end), None)
+
+
+def version_of(name: str) -> str | None:
+    """Read the version from the name of a folder or file.
+
+    >>> version_of("HM3DSem-v0.2.zip")
+    'v0.2'
+    """
+    match = _VERSION.search(name)
+    return match[0] if match else None
+
+
+def _last(values: Iterator[str | None]) -> str | None:
+    """Return the last value that is not None: that of the folder nearest to the file."""
+    return next((value for value in reversed(list(values)) if value is not None), None)
+
+
+ROW = SourceRow(
+    summary="a folder above HM3D's annotations, v0.1 or v0.2, with or without the meshes",
+    open=HM3DFolder,
+    terms=MATTERPORT,
+)
+
+
+def _open_synthetic(
+    path: Path, *, meshes: bool = True, snap_colours: int | None = None
+) -> HM3DFolder:
+    """Open a folder of synthetic buildings."""
+    folder = HM3DFolder(path, meshes=meshes, snap_colours=snap_colours)
+    if path.is_dir() and folder.kind != "synthetic":
+        raise SourceError(
+            f"{path}: holds no buildings of `bsg-data synth`; read it as the source hm3d",
+            code="source-mixed",
+            where=path,
+        )
+    return folder
+
+
+SYNTHETIC_ROW = SourceRow(
+    summary="a folder that `bsg-data synth` wrote",
+    open=_open_synthetic,
+    terms=Terms(
+        licence="Apache-2.0",
+        licence_url="https://www.apache.org/licenses/LICENSE-2.0",
+        homepage=HOMEPAGE,
+        citation="Saucedo et al., Belief Scene Graphs, ICRA 2024, arXiv:2402.03840",
+        sentence="The buildings are synthetic: no building like them exists, and none was scanned.",
+    ),
+)

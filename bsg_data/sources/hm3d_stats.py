@@ -12,7 +12,7 @@ import hashlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 from pathlib import Path
 
 from bsg_data.errors import AnnotationError, SourceError
@@ -21,10 +21,15 @@ from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import SceneObject
-from bsg_data.sources.annotation_files import decode, fetch_listed, malformed
+from bsg_data.sources.annotation_files import (
+    decode,
+    fetch_listed,
+    keep_one_copy,
+    malformed,
+    state_of,
+)
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.hm3d import MATTERPORT
-from bsg_data.sources.hm3d_names import keep_one_copy, split_by_number, version_of
+from bsg_data.sources.hm3d import MATTERPORT, split_by_number, version_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 MEMBER = "Per_Scene_Region_Neighborhoods.csv"
@@ -48,10 +53,7 @@ class HM3DStatistics:
     def __init__(self, path: AnyPath) -> None:
         object.__setattr__(self, "path", Path(path))
 
-    @property
-    def kind(self) -> str:
-        """`hm3d-stats`."""
-        return "hm3d-stats"
+    kind = "hm3d-stats"
 
     @property
     def options(self) -> dict[str, int | str]:
@@ -61,14 +63,8 @@ class HM3DStatistics:
     def find(self) -> FoundScenes:
         """List the scenes of the zip."""
         refs = [
-            SceneRef(
-                scene_id=scene_id,
-                location=scene_id,
-                fingerprint=_digest_scene_lines(lines),
-                source_split=split_by_number(scene_id),
-                source_version=version_of(self.path.name),
-            )
-            for scene_id, lines in self._lines.items()
+            SceneRef(name, name, _digest(lines), split_by_number(name), version_of(self.path.name))
+            for name, lines in self._lines.items()
         ]
         if not refs:
             raise SourceError(
@@ -80,9 +76,9 @@ class HM3DStatistics:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
-        lines = fetch_listed(ref, self.path, lambda: self._lines[ref.location], _digest_scene_lines)
+        lines = fetch_listed(ref, self.path, lambda: self._lines[ref.location], _digest)
         graph = assemble(
-            parse_scene_lines(lines, path=self.path),
+            _parse_scene(lines, path=self.path),
             ref=ref,
             kind=self.kind,
             sha256=ref.fingerprint,
@@ -90,20 +86,19 @@ class HM3DStatistics:
         )
         return Reading(graph)
 
-    @cached_property
+    @property
     def _lines(self) -> dict[str, list[tuple[int, str]]]:
-        return read_scene_lines(self.path)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Support pickling without the table; a worker reads it again."""
-        return type(self), (self.path,)
+        return read_scene_lines(self.path, *state_of(self.path))
 
 
-def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
-    """Read the statistics as numbered lines by scene, scenes sorted by id."""
+@lru_cache(maxsize=2)
+def read_scene_lines(
+    path: Path, size: int = 0, changed: int = 0
+) -> dict[str, list[tuple[int, str]]]:
+    """Read the numbered lines of every scene, sorted by id, once for each state of the zip."""
     scenes: dict[str, list[tuple[int, str]]] = {}
-    lines = _read_member(path)
-    header = next(lines, "")
+    text = decode(read_member(path, MEMBER, STATISTICS), path=path / MEMBER)
+    header, *lines = text.replace("\r\n", "\n").split("\n")
     if tuple(header.split(",")[: len(HEADER)]) != HEADER:
         raise malformed(path / MEMBER, 1, header, expected=",".join(HEADER))
     for number, line in enumerate(lines, start=2):
@@ -112,7 +107,7 @@ def read_scene_lines(path: Path) -> dict[str, list[tuple[int, str]]]:
     return dict(sorted(scenes.items()))
 
 
-def parse_scene_lines(lines: list[tuple[int, str]], *, path: Path) -> tuple[SceneObject, ...]:
+def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> tuple[SceneObject, ...]:
     """Parse the lines of one scene into objects sorted by id, with their region ids."""
     objects: dict[int, SceneObject] = {}
     regions: set[int] = set()
@@ -126,7 +121,7 @@ def parse_scene_lines(lines: list[tuple[int, str]], *, path: Path) -> tuple[Scen
     return tuple(objects[key] for key in sorted(objects))
 
 
-def _digest_scene_lines(lines: list[tuple[int, str]]) -> str:
+def _digest(lines: list[tuple[int, str]]) -> str:
     """Return the sha256 of the lines of one scene, joined by line feeds."""
     return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
 
@@ -153,12 +148,6 @@ def _parse_region(line: str, path: Path, number: int, seen: set[int]) -> Iterato
         if match is None:
             raise fault(token, "<name>_<instance id>")
         yield SceneObject(0, int(match[2]), region, match[1])
-
-
-def _read_member(path: Path) -> Iterator[str]:
-    """Return the lines of the table, without the line feeds at their ends."""
-    text = decode(read_member(path, MEMBER, STATISTICS), path=path / MEMBER)
-    return iter(text.replace("\r\n", "\n").split("\n"))
 
 
 ROW = SourceRow(

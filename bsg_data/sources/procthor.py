@@ -3,7 +3,7 @@
 A house is a JSON object; files hold one a line (`.jsonl`), or an array of them (`.json`), gzip or
 not. `rooms` have `id` (`room|4`), `roomType` and `floorPolygon`; `doors` name two rooms; `objects`
 have `id`, whose first number is the room's (`4|0|0`, `Apple|surface|4|0`), `assetId` (`Bed_25`),
-`position`, and in `children` what is in or on them; `walls` say how high a room is. Metres, Y up,
+`position`, and in `children` what is in or on them; `walls` say how high a room is. _Metres, Y up,
 left-handed.
 
 Doors, windows and walls are no objects there, and so none here.
@@ -32,24 +32,22 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Room, SceneObject
-from bsg_data.sources.annotation_files import fetch_listed
+from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
 
-SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
-MAX_METRES = 10_000.0
+_SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
+_MAX_METRES = 10_000.0
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file
 _SPLITS = ("train", "val", "test")
-_ROOM = re.compile(r"room\|([0-9]{1,6})")
 _OF_ROOM = re.compile(r"(?:^|\|)([0-9]{1,6})(?:\||$)")  # 4|0|0, small|4|5, Apple|surface|4|0
 _BETWEEN = re.compile(r"[\s,]*")  # what stands between two houses of an array
 _DECODER = json.JSONDecoder()
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _local = threading.local()  # of each thread, the file that it is reading: see `_fetch`
 
-Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES, allow_inf_nan=False)]
-Name = Annotated[str, Field(min_length=1, max_length=200)]
+_Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES, allow_inf_nan=False)]
+_Name = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class _Entry(BaseModel):
@@ -57,15 +55,19 @@ class _Entry(BaseModel):
 
 
 class _Place(_Entry):
-    x: Metres
-    y: Metres
-    z: Metres
+    x: _Metres
+    y: _Metres
+    z: _Metres
 
 
 class _Room(_Entry):
-    id: Annotated[str, Field(pattern=f"^{_ROOM.pattern}$")]
-    room_type: Annotated[Name, Field(alias="roomType")]
+    id: Annotated[str, Field(pattern=r"^room\|[0-9]{1,6}$")]
+    room_type: Annotated[_Name, Field(alias="roomType")]
     corners: Annotated[tuple[_Place, ...], Field(alias="floorPolygon", min_length=3)]
+
+    @property
+    def number(self) -> int:
+        return int(self.id.removeprefix("room|"))
 
 
 class _Door(_Entry):
@@ -79,8 +81,8 @@ class _Wall(_Entry):
 
 
 class _Thing(_Entry):
-    id: Name
-    asset: Annotated[Name, Field(alias="assetId")]
+    id: _Name
+    asset: Annotated[_Name, Field(alias="assetId")]
     position: _Place
     children: tuple[_Thing, ...] = ()
 
@@ -102,10 +104,7 @@ class ProcTHORHouses:
 
     path: Path
 
-    @property
-    def kind(self) -> str:
-        """`procthor`."""
-        return "procthor"
+    kind = "procthor"
 
     @property
     def options(self) -> dict[str, int | str]:
@@ -151,10 +150,10 @@ class ProcTHORHouses:
     def _files(self) -> list[Path]:
         if not self.path.is_dir():
             return [self.path]
-        files = sorted(file for file in self.path.iterdir() if file.name.endswith(SUFFIXES))
+        files = sorted(file for file in self.path.iterdir() if file.name.endswith(_SUFFIXES))
         if not files:
             raise SourceError(
-                f"{self.path}: holds no file that ends in {', '.join(SUFFIXES)}",
+                f"{self.path}: holds no file that ends in {', '.join(_SUFFIXES)}",
                 code="source-empty",
                 where=self.path,
             )
@@ -169,7 +168,6 @@ class ProcTHORHouses:
             location=f"{file.name}:{number}",
             fingerprint=digest,
             source_split=stem if stem in _SPLITS else None,
-            source_version=None,
         )
 
 
@@ -251,7 +249,7 @@ def _split(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
 class _Reading:
     """A file that a thread is reading: its state, the houses to come, the number of the last."""
 
-    key: tuple[Path, int]
+    key: tuple[Path, int, int]
     houses: Iterator[tuple[int, bytes]]
     last: int = 0
 
@@ -262,7 +260,7 @@ def _fetch(file: Path, number: int) -> bytes:
     A compressed file has no way to a line but from its beginning. Builds read houses in their
     order, so each thread goes on where it was, and begins again only for an earlier house.
     """
-    key = (file, file.stat().st_mtime_ns)
+    key = (file, *state_of(file))
     place: _Reading | None = getattr(_local, "place", None)
     if place is None or place.key != key or number <= place.last:
         place = _Reading(key, _stream(file))
@@ -297,16 +295,9 @@ def _parse(text: bytes, where: str) -> _House:
     return house
 
 
-def _number_rooms(house: _House) -> dict[str, int]:
-    return {room.id: int(room.id.removeprefix("room|")) for room in house.rooms}
-
-
 def _list_objects(house: _House) -> Iterator[SceneObject]:
     """Yield the objects, each before its children; one of no room is the building's."""
-    floors = {
-        int(room.id.removeprefix("room|")): [(at.x, at.z) for at in room.corners]
-        for room in house.rooms
-    }
+    floors = {room.number: [(at.x, at.z) for at in room.corners] for room in house.rooms}
     waiting = list(reversed(house.objects))
     count = 0
     while waiting:
@@ -344,7 +335,7 @@ def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
     box = Box((a, b, floor), (c, d, max([floor, *tops])))
     return Room(
         room_index=0,
-        region_id=int(room.id.removeprefix("room|")),
+        region_id=room.number,
         source_label=room.room_type,
         centroid=box.centre,
         box=box,
@@ -356,7 +347,7 @@ def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
 
 def _list_doors(house: _House) -> Iterator[tuple[int, int]]:
     """Yield the pairs of rooms that doors join; other doors lead outside."""
-    rooms = _number_rooms(house)
+    rooms = {room.id: room.number for room in house.rooms}
     for door in house.doors:
         if door.room0 != door.room1 and door.room0 in rooms and door.room1 in rooms:
             yield rooms[door.room0], rooms[door.room1]

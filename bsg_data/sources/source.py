@@ -36,8 +36,8 @@ class SceneRef:
     scene_id: str
     location: str
     fingerprint: str
-    source_split: str | None
-    source_version: str | None
+    source_split: str | None = None
+    source_version: str | None = None
     geometry: str | None = None
 
     @property

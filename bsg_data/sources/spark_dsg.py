@@ -28,10 +28,7 @@ class RobotGraphs:
     # None takes the names that the files have
     labels: str | None = None
 
-    @property
-    def kind(self) -> str:
-        """`spark-dsg`."""
-        return "spark-dsg"
+    kind = "spark-dsg"
 
     @property
     def options(self) -> dict[str, int | str]:

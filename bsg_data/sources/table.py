@@ -10,7 +10,6 @@ import csv
 import hashlib
 import io
 import re
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -18,26 +17,19 @@ from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    model_validator,
-)
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_LINE, MAX_OBJECT_ROWS, TABLE
-from bsg_data.inputs.parquet import reading_parquet
+from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point, Room, SceneObject, is_scene_id
-from bsg_data.sources.annotation_files import fetch_listed
+from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
 from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.hm3d_names import keep_one_copy
 from bsg_data.sources.source import (
     LICENCE_REF,
     FoundScenes,
@@ -49,10 +41,10 @@ from bsg_data.sources.source import (
 )
 from bsg_data.spelling import ask_if_meant
 
-SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".parquet")
-REQUIRED = ("scene", "room", "category")
-CENTROID = ("x", "y", "z")
-BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in CENTROID)
+_SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".parquet")
+_REQUIRED = ("scene", "room", "category")
+_CENTROID = ("x", "y", "z")
+_BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in _CENTROID)
 _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")
 _SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
@@ -72,8 +64,8 @@ def _as_names(value: Any) -> Any:
 
 
 # The longest name of HM3D has 61 characters.
-Name = Annotated[str, BeforeValidator(_as_text), Field(max_length=200)]
-Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
+_Name = Annotated[str, BeforeValidator(_as_text), Field(max_length=200)]
+_Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
 
 
 class _TableRow(BaseModel):
@@ -81,25 +73,25 @@ class _TableRow(BaseModel):
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
-    scene: Name  # the name of its building
-    room: Name = ""  # the name of its room; empty for an object of the building
-    category: Name = ""  # the name of the object; empty for a room alone
-    room_label: Name | None = None  # what the room is, e.g. `kitchen`.
+    scene: _Name  # the name of its building
+    room: _Name = ""  # the name of its room; empty for an object of the building
+    category: _Name = ""  # the name of the object; empty for a room alone
+    room_label: _Name | None = None  # what the room is, e.g. `kitchen`.
     # the level of the room, counted as one likes
     floor: Annotated[int, Field(ge=-1000, le=1000)] | None = None
     floor_area: Annotated[float, Field(gt=0, le=1e7)] | None = None  # of the room, square metres
-    # names of rooms that connect to the room. x, y, z: where the object is, metres, Z up. box_min_x
-    # and so on: the box of the object, metres, Z up.
-    connected: Annotated[tuple[Name, ...], BeforeValidator(_as_names)] = ()
-    x: Metres | None = None
-    y: Metres | None = None
-    z: Metres | None = None
-    box_min_x: Metres | None = None
-    box_min_y: Metres | None = None
-    box_min_z: Metres | None = None
-    box_max_x: Metres | None = None
-    box_max_y: Metres | None = None
-    box_max_z: Metres | None = None
+    # names of rooms that connect to the room
+    connected: Annotated[tuple[_Name, ...], BeforeValidator(_as_names)] = ()
+    # where the object is, and its box; metres, Z up
+    x: _Metres | None = None
+    y: _Metres | None = None
+    z: _Metres | None = None
+    box_min_x: _Metres | None = None
+    box_min_y: _Metres | None = None
+    box_min_z: _Metres | None = None
+    box_max_x: _Metres | None = None
+    box_max_y: _Metres | None = None
+    box_max_z: _Metres | None = None
 
     @model_validator(mode="after")
     def _fits_together(self) -> _TableRow:
@@ -110,7 +102,7 @@ class _TableRow(BaseModel):
             raise ValueError("category: expected an object, or a room in the column room")
         if not self.room and given & {"room_label", "floor", "floor_area", "connected"}:
             raise ValueError("room: expected the room that the row describes, found none")
-        for group in (CENTROID, BOX):
+        for group in (_CENTROID, _BOX):
             if 0 < len(given.intersection(group)) < len(group):
                 absent = next(name for name in group if name not in given)
                 raise ValueError(f"{absent}: expected a number, as in the rest of {group}")
@@ -122,7 +114,7 @@ class _TableRow(BaseModel):
 
     def _require_inside(self, box: Box) -> None:
         """Refuse a box that is inside out, and a centroid that is not in its box."""
-        for axis, low, high in zip(CENTROID, box.minimum, box.maximum, strict=True):
+        for axis, low, high in zip(_CENTROID, box.minimum, box.maximum, strict=True):
             if low > high:
                 raise ValueError(f"box_max_{axis}: expected {low} or more, found {high}")
             value = getattr(self, axis)
@@ -131,7 +123,6 @@ class _TableRow(BaseModel):
 
     @property
     def centroid(self) -> Point | None:
-        """Where the object is: as given, else the middle of its box."""
         x, y, z = self.x, self.y, self.z
         if x is None or y is None or z is None:
             return self.box.centre if self.box else None
@@ -139,10 +130,9 @@ class _TableRow(BaseModel):
 
     @property
     def box(self) -> Box | None:
-        """The box of the object."""
         if self.box_min_x is None:
             return None
-        a, b, c, d, e, f = (getattr(self, name) for name in BOX)
+        a, b, c, d, e, f = (getattr(self, name) for name in _BOX)
         return Box((a, b, c), (d, e, f))
 
     @property
@@ -156,27 +146,23 @@ class _TableRow(BaseModel):
         )
 
 
-OPTIONAL = tuple(name for name in _TableRow.model_fields if name not in REQUIRED)
+_OPTIONAL = tuple(name for name in _TableRow.model_fields if name not in _REQUIRED)
 
 
 @dataclass(frozen=True)
 class ObjectTable:
     """A table of objects, CSV (`.csv`, `.tsv`, gzip too) or parquet."""
 
-    path: Path  # the file
-    licence: str | None = None  # SPDX identifier of its licence; None where it is unknown
-    # where the licence is to be read; SPDX's own page if it is not given
-    licence_url: str | None = None
-    homepage: str | None = None  # where the data are to be found
-    citation: str | None = None  # how to cite them
+    path: Path
+    licence: str | None = None  # SPDX identifier
+    licence_url: str | None = None  # SPDX's own page if it is not given
+    homepage: str | None = None
+    citation: str | None = None
+
+    kind = "table"
 
     def __post_init__(self) -> None:
         _ = self.terms  # refuse what would spoil a card before anything is built
-
-    @property
-    def kind(self) -> str:
-        """`table`."""
-        return "table"
 
     @property
     def options(self) -> dict[str, int | str]:
@@ -186,53 +172,36 @@ class ObjectTable:
     @property
     def terms(self) -> Terms | None:
         """The terms that the user gave; None where nobody said any."""
-        given = {"licence": self.licence, "homepage": self.homepage, "citation": self.citation}
-        missing = [name for name, value in given.items() if value is None]
-        if len(missing) == len(given) and self.licence_url is None:
+        licence, homepage, citation = self.licence, self.homepage, self.citation
+        if not any((licence, homepage, citation, self.licence_url)):
             return None
-        if self.licence is None or self.homepage is None or self.citation is None:
-            raise SourceError(
-                f"the terms of {self.path}: {' and '.join(missing)} missing; give licence, "
-                "homepage and citation together, or none of them if the licence is unknown",
-                code="terms-missing",
-                where=self.path,
+        if licence is None or homepage is None or citation is None:
+            said = "give licence, homepage and citation, or no terms if the licence is unknown"
+        elif self.licence_url is None and licence.startswith(LICENCE_REF):
+            said = f"licence {licence}: give licence_url, too: SPDX has no page of it"
+        else:
+            return Terms(
+                licence=licence,
+                licence_url=self.licence_url or f"https://spdx.org/licenses/{licence}.html",
+                homepage=homepage,
+                citation=citation,
+                sentence=f"The data are under the licence {licence}, as {homepage} says.",
             )
-        if self.licence_url is None and self.licence.startswith(LICENCE_REF):
-            raise SourceError(
-                f"licence {self.licence}: give licence_url, too: SPDX has no page of it",
-                code="terms-missing",
-                where=self.path,
-            )
-        return Terms(
-            licence=self.licence,
-            licence_url=self.licence_url or f"https://spdx.org/licenses/{self.licence}.html",
-            homepage=self.homepage,
-            citation=self.citation,
-            sentence=f"The data are under the licence {self.licence}, as {self.homepage} says.",
-        )
+        message = f"the terms of {self.path}: {said}"
+        raise SourceError(message, code="terms-missing", where=self.path)
 
     def find(self) -> FoundScenes:
         """Find the scenes of the table; columns that are not read are listed as left out."""
-        table = self._table()
-        found = keep_one_copy(
-            SceneRef(
-                scene_id=scene,
-                location=scene,
-                fingerprint=_digest(rows),
-                source_split=None,
-                source_version=None,
-            )
-            for scene, rows in table.scenes.items()
-        )
-        if not table.unread:
+        scenes, unread = self._read()
+        found = keep_one_copy(SceneRef(name, name, _digest(rows)) for name, rows in scenes.items())
+        if not unread:
             return found
-        reason = f"columns that are not read: {', '.join(map(_name_unread, table.unread))}"
-        skip = SkippedScene(scene_id="all", location=self.path.name, reason=reason)
-        return replace(found, unused=(skip,))
+        reason = f"columns that are not read: {', '.join(map(_name_unread, unread))}"
+        return replace(found, unused=(SkippedScene("all", self.path.name, reason),))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
-        rows = fetch_listed(ref, self.path, lambda: self._table().scenes[ref.scene_id], _digest)
+        rows = fetch_listed(ref, self.path, lambda: self._read()[0][ref.scene_id], _digest)
         regions = number_rooms({row.room for row in rows if row.room})
         placed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         placed.sort(key=lambda pair: (pair[0], pair[1].key))
@@ -251,72 +220,61 @@ class ObjectTable:
         )
         return Reading(graph)
 
-    def _table(self) -> _Table:
-        try:
-            stat = self.path.stat()
-        except OSError as error:
-            raise SourceError(
-                f"{self.path}: cannot be read ({error.strerror})",
-                code="file-unreadable",
-                where=self.path,
-            ) from error
-        return _read_table(self.path, stat.st_size, stat.st_mtime_ns)
+    def _read(self) -> tuple[Mapping[str, Sequence[_TableRow]], Sequence[str]]:
+        return _read_table(self.path, *state_of(self.path))
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
-    scenes: Mapping[str, Sequence[_TableRow]]
-    unread: tuple[str, ...]
+def _name_unread(column: str) -> str:
+    """Name a column that is not read, and the one that may be meant."""
+    asked = ask_if_meant(column, _OPTIONAL)
+    return f"{column} ({asked})" if asked else column
 
 
 @lru_cache(maxsize=1)
-def _read_table(path: Path, size: int, changed: int) -> _Table:
-    """Read the table, once for each state of the file; the rows of a scene by their keys."""
+def _read_table(
+    path: Path, size: int, changed: int
+) -> tuple[Mapping[str, Sequence[_TableRow]], Sequence[str]]:
+    """Read the rows of each scene, by their keys, and the columns that are not read.
+
+    Once for each state of the file.
+    """
     name = path.name.casefold()
-    if not name.endswith(SUFFIXES):
-        raise SourceError(
-            f"{path}: expected a file that ends in {', '.join(SUFFIXES)}",
-            code="table-suffix",
-            where=path,
-        )
+    if not name.endswith(_SUFFIXES):
+        expected = f"a file that ends in {', '.join(_SUFFIXES)}"
+        raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
     lines = _read_parquet(path) if name.endswith(".parquet") else _read_csv(path)
-    _, header = next(lines, ("", []))
-    columns = [str(column).strip() for column in header]
+    columns = [str(column).strip() for column in next(lines, ("", []))[1]]
     _require_columns(path, columns)
-    scenes: dict[str, list[tuple[_TableRow, str]]] = defaultdict(list)
+    scenes: dict[str, list[tuple[_TableRow, str]]] = {}
     for count, (line, cells) in enumerate(lines):
         if count >= MAX_OBJECT_ROWS:
-            raise SourceError(
-                f"{path}: over {MAX_OBJECT_ROWS:,} rows; split it into several tables",
-                code="table-too-long",
-                where=path,
-            )
+            message = f"{path}: over {MAX_OBJECT_ROWS:,} rows; split it into several tables"
+            raise SourceError(message, code="table-too-long", where=path)
         row = _parse_row(f"{path}, {line}", columns, cells)
-        scenes[row.scene].append((row, line))
+        scenes.setdefault(row.scene, []).append((row, line))
     if not scenes:
-        raise SourceError(
-            f"{path}: no row; expected an object a row", code="source-empty", where=path
-        )
+        message = f"{path}: no row; expected an object a row"
+        raise SourceError(message, code="source-empty", where=path)
     for scene, rows in scenes.items():
         _require_agreement(rows, f"{path}: scene {scene}")
-    unread = tuple(column for column in columns if column not in _TableRow.model_fields)
+    unread = [column for column in columns if column not in _TableRow.model_fields]
     ordered = {
         scene: sorted((row for row, _ in rows), key=lambda row: row.key)
         for scene, rows in scenes.items()
     }
-    return _Table(ordered, unread)
+    return ordered, unread
 
 
 def _read_csv(path: Path) -> Iterator[tuple[str, list[Any]]]:
-    """Yield the header, then the place and the fields of every line that is not empty."""
+    """Yield the header, then the place and the fields of every line that is not empty.
+
+    The csv module knows the line of a fault, also where a field has several; pandas does not.
+    """
     number = 0
 
     def refuse(said: str, **place: Any) -> SourceError:
         after = f", after line {number}" if number else ""
         return SourceError(f"{path}{after}{said.removeprefix(str(path))}", **place)
-
-    def fault(said: object) -> SourceError:
-        return refuse(f": no text in columns ({said})", code="csv-malformed", where=path)
 
     separator = "\t" if ".tsv" in path.name.casefold() else ","
     try:
@@ -328,12 +286,13 @@ def _read_csv(path: Path) -> Iterator[tuple[str, list[Any]]]:
                 if any(field.strip() for field in fields):
                     yield f"line {number}", fields
     except (UnicodeDecodeError, csv.Error) as error:
-        raise fault(error) from error
+        said = f": no text in columns ({error})"
+        raise refuse(said, code="csv-malformed", where=path) from error
 
 
 def _read_parquet(path: Path) -> Iterator[tuple[str, list[Any]]]:
     """Yield the names of the columns, then the place and the values of every row."""
-    with reading_parquet(path, most=MAX_OBJECT_ROWS) as file:
+    with open_parquet_file(path, most=MAX_OBJECT_ROWS) as file, refusing_damage(path):
         names = file.schema_arrow.names
         yield "", names
         known = [name for name in names if name in _TableRow.model_fields]
@@ -344,19 +303,14 @@ def _read_parquet(path: Path) -> Iterator[tuple[str, list[Any]]]:
 
 def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> _TableRow:
     if len(cells) != len(columns):
-        raise SourceError(
-            f"{where}: expected {len(columns)} fields, as many as the header has; found "
-            f"{len(cells)}",
-            code="row-ragged",
-            where=where,
-        )
+        message = f"{where}: expected {len(columns)} fields, as the header; found {len(cells)}"
+        raise SourceError(message, code="row-ragged", where=where)
     given = {name: cell for name, cell in zip(columns, cells, strict=True) if not _is_empty(cell)}
     try:
         return _TableRow.model_validate({"scene": "", **given})
     except ValidationError as error:
-        raise SourceError(
-            f"{where}, column {name_fault(error)}", code="row-malformed", where=where
-        ) from error
+        message = f"{where}, column {name_fault(error)}"
+        raise SourceError(message, code="row-malformed", where=where) from error
 
 
 def _is_empty(cell: Any) -> bool:
@@ -367,27 +321,20 @@ def _require_columns(path: Path, columns: Sequence[str]) -> None:
     twice = [column for number, column in enumerate(columns) if column in columns[:number]]
     if twice:
         raise SourceError(f"{path}: the column {twice[0]!r} twice", code="column-twice", where=path)
-    wanted = [*REQUIRED]
-    for group in (CENTROID, BOX):
-        wanted += group if set(group) & set(columns) else ()
-    missing = [name for name in wanted if name not in columns]
+    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(columns)]
+    wanted = [*_REQUIRED, *(name for group in groups for name in group)]
+    missing = next((name for name in wanted if name not in columns), None)
     if missing:
-        semicolons = len(columns) == 1 and ";" in columns[0]
-        hint = "; save it with commas, or with tabs as .tsv" if semicolons else ""
-        asked = ask_if_meant(missing[0], columns)
+        hint = ask_if_meant(missing, columns)
+        if len(columns) == 1 and ";" in columns[0]:
+            hint = "save it with commas, or with tabs as .tsv"
         raise SourceError(
-            f"{path}: no column {missing[0]!r}{hint or f'; {asked}' if asked else hint}. Expected "
-            f"{', '.join(REQUIRED)}, in small letters, and any of {', '.join(OPTIONAL)}; found "
+            f"{path}: no column {missing!r}{hint and f'; {hint}'}. Expected "
+            f"{', '.join(_REQUIRED)}, in small letters, and any of {', '.join(_OPTIONAL)}; found "
             f"{', '.join(columns) or 'none'}",
             code="column-missing",
             where=path,
         )
-
-
-def _name_unread(column: str) -> str:
-    """Name a column that is not read, and the one that may be meant."""
-    asked = ask_if_meant(column, OPTIONAL)
-    return f"{column} ({asked})" if asked else column
 
 
 def _require_agreement(rows: Sequence[tuple[_TableRow, str]], where: str) -> None:
@@ -395,26 +342,26 @@ def _require_agreement(rows: Sequence[tuple[_TableRow, str]], where: str) -> Non
     first: dict[tuple[str, str], tuple[object, str]] = {}
     names = {row.room for row, _ in rows if row.room}
     for row, line in rows:
+        place = f"{where}, {line}"
         for name in ("room_label", "floor", "floor_area"):
             value = getattr(row, name)
+            if value is None:
+                continue
             known, earlier = first.setdefault((row.room, name), (value, line))
-            if value is not None and known is None:
-                first[row.room, name] = (value, line)
-            elif value not in (None, known):
+            if value != known:
                 raise SourceError(
-                    f"{where}, {line}, column {name}: expected {known!r} for room {row.room!r}, as "
+                    f"{place}, column {name}: expected {known!r} for room {row.room!r}, as "
                     f"{earlier} says; found {value!r}",
                     code="rows-disagree",
-                    where=f"{where}, {line}",
+                    where=place,
                 )
         for other in row.connected:
             if other not in names or other == row.room:
                 raise SourceError(
-                    f"{where}, {line}, column connected: expected names of other rooms with ; "
-                    f"between them; found {other!r}. A room without objects is a row without a "
-                    "category",
+                    f"{place}, column connected: expected names of other rooms with ; between "
+                    f"them; found {other!r}. A room without objects is a row without a category",
                     code="room-unknown",
-                    where=f"{where}, {line}",
+                    where=place,
                 )
 
 
@@ -459,19 +406,14 @@ def _describe_room(name: str, rows: Sequence[_TableRow], region: int) -> Room:
     """Return a room with the box around its objects; where they are points, with its middle."""
     label = _first(rows, "room_label") or (None if _NUMBER.fullmatch(name) else name)
     room = Room(0, region, source_label=label, floor_area=_first(rows, "floor_area"))
-    points = [Box(row.centroid, row.centroid) for row in rows if row.centroid is not None]
+    points = [row.centroid for row in rows if row.centroid is not None]
     boxes = [row.box for row in rows if row.box is not None]
     if not points:
         return room
-    corners = [[*zip(*(getattr(b, end) for b in (*points, *boxes)), strict=True)] for end in _ENDS]
-    (a, b, c), (d, e, f) = (
-        [*map(end, axes)] for end, axes in zip((min, max), corners, strict=True)
-    )
+    corners = np.array([*points, *(end for box in boxes for end in (box.minimum, box.maximum))])
+    (a, b, c), (d, e, f) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
     around = Box((a, b, c), (d, e, f))
     return place_room(room, around) if boxes else replace(room, centroid=around.centre)
-
-
-_ENDS = ("minimum", "maximum")
 
 
 def _first(rows: Iterable[_TableRow], name: str) -> Any:

@@ -13,7 +13,7 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import HOUSE as HOUSE_BOUND
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.annotation_files import decode
-from bsg_data.sources.house_file import parse_house
+from bsg_data.sources.mp3d import parse_house
 
 HOUSE = REPOSITORY.parent / "shared" / "sources" / "17DRP5sb8fy.house.gz"
 OURS, HM3D = load_class_map("mp3d45-v1"), load_class_map("hm3d45-v2")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import os
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,13 @@ from refusals import refuses
 
 from bsg_data.errors import DatasetError, SourceError
 from bsg_data.inputs import bounded_file
-from bsg_data.inputs.bounded_file import TooLargeError, hash_file, open_stream, read_bytes
+from bsg_data.inputs.bounded_file import (
+    TooLargeError,
+    hash_file,
+    open_stream,
+    read_bytes,
+    read_member,
+)
 from bsg_data.inputs.bounds import Bound
 
 
@@ -75,3 +82,32 @@ def test_a_file_that_is_too_large_is_not_hashed(tmp_path: Path) -> None:
     os.truncate(path, 300 * 2**30)  # no byte of it is read, or this test would take minutes
     with pytest.raises(TooLargeError):
         hash_file(path)
+
+
+def write_zip(path: Path, *members: tuple[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, data in members:
+            file.writestr(name, data)
+    return path
+
+
+def test_a_member_of_a_zip_is_there_once_and_within_its_bound(tmp_path: Path) -> None:
+    path, bound = tmp_path / "a.zip", Bound("", 100_000)
+    write_zip(path, ("other", b""), ("in/here/table.csv", b"words"))
+    assert read_member(path, "table.csv", bound) == b"words"
+    for members, code in (
+        ([("a/table.csv", b"1"), ("b/table.csv", b"2")], "zip-member-missing"),
+        ([("table.csv", b"0" * 100_001)], "file-too-large"),
+    ):
+        write_zip(path, *members)
+        with refuses(SourceError, code, path):
+            read_member(path, "table.csv", bound)
+
+
+def test_what_is_no_zip_or_is_damaged_is_one_error(tmp_path: Path) -> None:
+    path = write_zip(tmp_path / "a.zip", ("table.csv", b"words" * 99))
+    data = path.read_bytes()
+    for damaged in (b"", b"PK", data[: len(data) // 2], data.replace(b"PK\x03\x04", b"PK\x03\x05")):
+        path.write_bytes(damaged)
+        with refuses(SourceError, "file-unreadable", path, golden=False):
+            read_member(path, "table.csv", Bound("", 100_000))

@@ -8,8 +8,14 @@ from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
 from bsg_data.inputs.bounds import Bound
-from bsg_data.sources.annotation_files import decode, fingerprint, read_listed, walk_files
-from bsg_data.sources.source import SkippedScene
+from bsg_data.sources.annotation_files import (
+    decode,
+    fingerprint,
+    keep_one_copy,
+    list_files,
+    read_listed,
+)
+from bsg_data.sources.source import SceneRef
 
 
 def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
@@ -18,8 +24,7 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
         (tmp_path / name).write_text("")
     (tmp_path / "b" / "round").symlink_to(tmp_path)
     (tmp_path / "lost.house").symlink_to(tmp_path / "nowhere")
-    unreadable: list[SkippedScene] = []
-    found = list(walk_files(tmp_path, (".house",), unreadable))
+    found, unreadable = list_files(tmp_path, (".house",), expected="")
     assert [path.relative_to(tmp_path).as_posix() for path in found] == ["z.house", "b/a.house"]
     assert [(skip.location, skip.reason) for skip in unreadable] == [
         ("lost.house", "not a file, or a link that leads nowhere")
@@ -55,3 +60,19 @@ def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
 def test_the_line_that_is_no_text_is_named() -> None:
     with refuses(AnnotationError, "line-malformed", "a.txt, line 2"):
         decode(b"a\nb\xff", path=Path("a.txt"))
+
+
+def test_a_numbered_copy_then_the_newest_then_the_split_is_kept() -> None:
+    copies = [
+        SceneRef("a", "hash/alone", "f", "train", "v0.9"),
+        SceneRef("00001-a", "minival", "f", "minival", "v0.10"),
+        SceneRef("00001-a", "val", "f", "val", "v0.10"),
+        SceneRef("00001-a", "older", "g", "train", "v0.2"),
+    ]
+    kept = keep_one_copy(copies)
+    assert [ref.location for ref in kept.scenes] == ["val"]
+    assert [(skip.location, skip.reason.split()[-2]) for skip in kept.duplicates] == [
+        ("hash/alone", "same"),
+        ("minival", "same"),
+        ("older", "OTHER"),
+    ]

@@ -12,13 +12,7 @@ from refusals import refuses
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
-from bsg_data.sources.behavior import (
-    FILE,
-    BehaviorRooms,
-    Floor,
-    find_building_kind,
-    find_floor,
-)
+from bsg_data.sources.behavior import BehaviorRooms
 from bsg_data.testing import SourceContract
 
 SAMPLE = SHARED.parent / "sources" / "behavior_room_object_list.json"
@@ -37,7 +31,7 @@ SCENES = {
 
 
 def write_list(folder: Path, scenes: Any = SCENES) -> Path:
-    path = folder / FILE
+    path = folder / "list.json"
     path.write_text(json.dumps({"success": True, "scenes": scenes}), "utf-8")
     return path
 
@@ -108,41 +102,37 @@ def test_cubicles_of_public_washrooms_are_no_showers(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scene", "floor", "kind"),
+    ("scene", "building", "kind"),
     [
-        ("Beechwood_1_int", Floor("Beechwood", 1), "home"),
-        ("Rs_garden", Floor("Rs"), "home"),
-        ("house_double_floor_upper", Floor("house_double_floor", 1), "home"),
-        ("house_single_floor", Floor("house_single_floor"), "home"),
-        ("gates_bedroom", Floor("gates_bedroom"), "home"),
-        ("grocery_store_cafe", Floor("grocery_store_cafe"), "shop"),
-        ("hall_train_station", Floor("hall_train_station"), "hall"),
-        ("hotel_suite_small", Floor("hotel_suite_small"), "hotel"),
-        ("office_large", Floor("office_large"), "office"),
-        ("restaurant_hotel", Floor("restaurant_hotel"), "restaurant"),
-        ("school_gym", Floor("school_gym"), "school"),
-        ("officer", Floor("officer"), None),
+        ("Beechwood_1_int", "Beechwood", "home"),
+        ("house_single_floor", "house_single_floor", "home"),
+        ("gates_bedroom", "gates_bedroom", "home"),
+        ("grocery_store_cafe", "grocery_store_cafe", "shop"),
+        ("hall_train_station", "hall_train_station", "hall"),
+        ("hotel_suite_small", "hotel_suite_small", "hotel"),
+        ("restaurant_hotel", "restaurant_hotel", "restaurant"),
+        ("school_gym", "school_gym", "school"),
+        ("officer", "officer", None),
     ],
 )
-def test_where_a_scene_belongs(scene: str, floor: Floor, kind: str | None) -> None:
-    assert find_floor(scene) == floor
-    assert find_building_kind(scene) == kind
-    assert find_building_kind(floor.building) == kind
+def test_a_name_says_building_and_kind(
+    tmp_path: Path, scene: str, building: str, kind: str | None
+) -> None:
+    ((name, graph),) = read_all(BehaviorRooms(write_list(tmp_path, {scene: {"a_0": {}}}))).items()
+    assert (name, graph.building_kind) == (building, kind)
 
 
 @pytest.mark.parametrize(
     ("text", "code"),
     [
         ("", "json-malformed"),
-        ('{"rooms": {}}', "listing-malformed"),
         ('{"scenes": {}}', "listing-malformed"),
         ('{"scenes": {"a": {"kitchen_0": {"bed-x": 1.5}}}}', "listing-malformed"),
-        ('{"scenes": {"a": {"kitchen_0": {"bed-x": 1e300}}}}', "listing-malformed"),
         ('{"scenes": {"../a": {"kitchen_0": {}}}}', "listing-malformed"),
     ],
 )
 def test_a_malformed_list_is_refused(tmp_path: Path, text: str, code: str) -> None:
-    path = tmp_path / FILE
+    path = tmp_path / "list.json"
     path.write_text(text, "utf-8")
     with refuses(SourceError, code, path):
         BehaviorRooms(path).find()

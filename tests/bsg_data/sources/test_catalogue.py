@@ -17,12 +17,12 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.card import write_card, write_croissant
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import RecipeError, SourceError
+from bsg_data.errors import SourceError
 from bsg_data.recipes import SplitRecipe
 from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
-from bsg_data.sources.source import Source
+from bsg_data.sources.source import Source, Terms
 from bsg_data.synthetic.buildings import write_synthetic
 
 DOLLS = '''
@@ -118,11 +118,6 @@ def test_options_reach_the_source(tmp_path: Path) -> None:
         open_source("hm3d-stats", tmp_path, meshes=False)
 
 
-def test_an_unknown_name_gets_the_nearest(tmp_path: Path) -> None:
-    with pytest.raises(RecipeError, match=r"no source 'hm3d-stat'; did you mean hm3d-stats\?"):
-        open_source("hm3d-stat", tmp_path)
-
-
 def test_real_buildings_are_no_synthetic_ones(tmp_path: Path) -> None:
     with refuses(SourceError, "source-mixed"):
         open_source("synthetic", write_twelve(tmp_path / "real"))
@@ -190,5 +185,25 @@ def test_options_that_a_source_does_not_take(source: str, words: dict[str, str],
         parse_options(source, words)
 
 
-def test_words_for_a_source_of_someone_elses(dolls: Path) -> None:
-    assert parse_options("dolls", {"kind": "dolls"}) == {"kind": "dolls"}
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("licence", "CC BY 4.0"),
+        ("licence", "MIT\nlicense_name: x"),
+        ("licence_url", "creativecommons.org"),
+        ("homepage", "javascript:alert(1)"),
+        ("citation", ""),
+        ("sentence", "One.\n---\nTwo."),
+    ],
+)
+def test_terms_that_would_spoil_a_card_are_refused(field: str, value: str) -> None:
+    terms = {
+        "licence": "MIT",
+        "licence_url": "https://opensource.org/license/mit",
+        "homepage": "https://example.org",
+        "citation": "A. Doll, 2020",
+        "sentence": "The houses are under the MIT licence.",
+    }
+    assert Terms(**terms).licence == "MIT"
+    with refuses(SourceError, "terms-malformed", field, golden=False):
+        Terms(**{**terms, field: value})

@@ -5,15 +5,17 @@ from pathlib import Path
 
 import pytest
 from conftest import KITCHEN, annotation_text, write_scene
+from hypothesis import given
+from hypothesis import strategies as st
 from refusals import refuses
 
-from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import SYNTHETIC
+from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import Edge, Room
-from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.scene.scene_graph import Edge, Room, SceneObject
+from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation
 from bsg_data.synthetic.buildings import write_synthetic
 
+FILE = Path("scene.semantic.txt")
 TEXT = annotation_text({0: KITCHEN})
 
 
@@ -62,6 +64,8 @@ def test_one_building_by_hand(tmp_path: Path) -> None:
             "v0.2",
         ),
         ("x/00801-HaxA7YrQdEC/HaxA7YrQdEC_semantic.txt", "00801-HaxA7YrQdEC", "val", None),
+        ("validation/00899-HaxA7YrQdEC/HaxA7YrQdEC_semantic.txt", "00899-HaxA7YrQdEC", "val", None),
+        ("00900-HaxA7YrQdEC/HaxA7YrQdEC_semantic.txt", "00900-HaxA7YrQdEC", "test", None),
         ("HaxA7YrQdEC.semantic.txt", "HaxA7YrQdEC", None, None),
         ("v0.1/minival/odd/HaxA7YrQdEC.semantic.txt", "HaxA7YrQdEC", "minival", "v0.1"),
     ],
@@ -74,29 +78,6 @@ def test_the_path_says_id_split_and_version(
     file.write_text(TEXT, "utf-8")
     (ref,) = HM3DFolder(tmp_path).find().scenes
     assert (ref.scene_id, ref.source_split, ref.source_version) == (scene_id, split, version)
-
-
-def test_a_building_found_twice_is_taken_once(tmp_path: Path) -> None:
-    write_scene(tmp_path, "00801-HaxA7YrQdEC", TEXT, split="minival")
-    write_scene(tmp_path, "00801-HaxA7YrQdEC", TEXT, split="val")
-    write_scene(tmp_path, "copy-HaxA7YrQdEC", TEXT + '99,ABCDEF,"bed",0\n', split="a")
-    found = HM3DFolder(tmp_path).find()
-    assert [ref.source_split for ref in found.scenes] == ["val"]
-    assert [(d.location.split("/")[0], d.reason.split()[-3:]) for d in found.duplicates] == [
-        ("a", ["with", "OTHER", "annotation"]),
-        ("minival", ["the", "same", "annotation"]),
-    ]
-
-
-def test_links_are_followed_but_not_in_circles(tmp_path: Path) -> None:
-    write_scene(tmp_path / "real", "00006-HkseAnWCgqk", TEXT)
-    root = tmp_path / "root"
-    root.mkdir()
-    (root / "linked").symlink_to(tmp_path / "real", target_is_directory=True)
-    (tmp_path / "real" / "loop").symlink_to(root, target_is_directory=True)
-    found = HM3DFolder(root).find()
-    assert [ref.scene_id for ref in found.scenes] == ["00006-HkseAnWCgqk"]
-    assert found.duplicates == ()
 
 
 def test_a_linked_annotation_keeps_its_number(tmp_path: Path) -> None:
@@ -136,13 +117,6 @@ def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
         source.read(ref, load_class_map())
 
 
-def test_the_newest_version_of_a_building_is_taken(tmp_path: Path) -> None:
-    for version in ("v0.1", "v0.2"):
-        write_scene(tmp_path / f"hm3d-train-semantic-annots-{version}", "00006-HkseAnWCgqk", TEXT)
-    found = HM3DFolder(tmp_path).find()
-    assert [ref.source_version for ref in found.scenes] == ["v0.2"]
-
-
 def test_synthetic_buildings_are_never_taken_for_real_ones(tmp_path: Path) -> None:
     list(write_synthetic(tmp_path / "made", scenes=2, seed=0))
     assert HM3DFolder(tmp_path / "made").kind == "synthetic"
@@ -155,20 +129,6 @@ def test_synthetic_buildings_are_never_taken_for_real_ones(tmp_path: Path) -> No
         HM3DFolder(tmp_path / "half").find()
     stream.close()  # which ends its lock
     assert len(list(write_synthetic(tmp_path / "half", scenes=2, seed=0))) == 2
-
-
-def test_a_mark_of_synthetic_buildings_has_a_bound(tmp_path: Path) -> None:
-    list(write_synthetic(tmp_path, scenes=1, seed=0))
-    mark = tmp_path / "synthetic.json"
-    mark.write_text(mark.read_text("utf-8") + " " * SYNTHETIC.bytes, "utf-8")
-    with refuses(SourceError, "file-too-large", mark):
-        HM3DFolder(tmp_path).find()
-
-
-def test_hidden_files_of_archives_are_no_scenes(tmp_path: Path) -> None:
-    path = write_scene(tmp_path, "00006-HkseAnWCgqk", TEXT)
-    path.with_name("._HkseAnWCgqk.semantic.txt").write_bytes(b"\x00\x05\x16\x07")
-    assert len(HM3DFolder(tmp_path).find().scenes) == 1
 
 
 def test_a_folder_whose_name_is_no_text_is_named(tmp_path: Path) -> None:
@@ -190,3 +150,65 @@ def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
     file.touch()
     with refuses(SourceError, "source-missing", file):
         HM3DFolder(file).find()
+
+
+def parse(*lines: str | bytes) -> tuple[SceneObject, ...]:
+    encoded = [line if isinstance(line, bytes) else line.encode() for line in (HEADER, *lines)]
+    return parse_annotation(b"\n".join(encoded) + b"\n", path=FILE)
+
+
+def test_a_file_by_hand() -> None:
+    found = parse('2,F3A,"magazines, albums",0', '1,00ff00,"śign",-1', "", '9,0,"a "big" box",12')
+    assert found == (
+        SceneObject(0, 1, -1, "śign", colour="00FF00"),
+        SceneObject(0, 2, 0, "magazines, albums", colour="000F3A"),
+        SceneObject(0, 9, 12, 'a "big" box', colour="000000"),
+    )
+
+
+def test_byte_order_mark_carriage_returns_and_odd_separators_in_names() -> None:
+    data = b'\xef\xbb\xbfHM3D Semantic Annotations\r\n1,AB,"a\xe2\x80\xa8b",0\r\n'
+    assert parse_annotation(data, path=FILE) == (SceneObject(0, 1, 0, "a\u2028b", colour="0000AB"),)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '1,AB,"chair"',
+        'x,AB,"chair",1',
+        '1,1234567,"chair",1',
+        '1,AB,"chair,1',
+        '1,AB,"chair",1.5',
+        '1,AB,"chair",٣',
+        '12345678901,AB,"chair",1',
+        '7,AC,"chair",1',
+        '8,0000ff,"chair",1',
+        b'8,AC,"ch\xe4ir",1',
+    ],
+)
+def test_a_malformed_line_is_named(line: str | bytes) -> None:
+    with refuses(AnnotationError, "line-malformed", "scene.semantic.txt, line 3"):
+        parse('7,FF,"table",0', line)
+
+
+@pytest.mark.parametrize("data", [b"", b'1,AB,"chair",1\n', HEADER.encode()])
+def test_another_file_is_refused_by_its_first_line(data: bytes) -> None:
+    with refuses(AnnotationError, "line-malformed", f"{FILE}, line 1"):
+        parse_annotation(data, path=FILE)
+
+
+names = st.text(st.characters(exclude_characters="\n\r", exclude_categories=["Cs"]), max_size=20)
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 10**9 - 1), names, st.integers(-5, 1000)),
+        min_size=1,
+        unique_by=lambda row: row[0],
+    )
+)
+def test_any_names_come_back_exactly(rows: list[tuple[int, str, int]]) -> None:
+    text = [f'{i},{k:X},"{name}",{region}' for k, (i, name, region) in enumerate(rows)]
+    found = parse(*text)
+    assert {(f.instance_id, f.raw_category, f.room_index) for f in found} == set(rows)
+    assert [f.instance_id for f in found] == sorted(i for i, _, _ in rows)

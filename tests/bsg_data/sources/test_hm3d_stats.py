@@ -8,8 +8,7 @@ from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import SceneObject
-from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics, parse_scene_lines, read_scene_lines
+from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics
 
 HEADER = "Scene Name,Region #,# Unique Categories,# Objects,Object Instances in Region,Category"
 
@@ -27,19 +26,19 @@ def test_a_table_by_hand(tmp_path: Path) -> None:
         "00006-aaaaaaaaaaa,4,2,3,chair_12:chair_3:some_thing_7",
         "00006-aaaaaaaaaaa,-1,1,1,book_20",
     )
-    scenes = read_scene_lines(path)
-    assert list(scenes) == ["00006-aaaaaaaaaaa", "00801-bbbbbbbbbbb"]
-    found = parse_scene_lines(scenes["00006-aaaaaaaaaaa"], path=path)
-    assert found == (
-        SceneObject(0, 3, 4, "chair"),
-        SceneObject(0, 7, 4, "some_thing"),
-        SceneObject(0, 12, 4, "chair"),
-        SceneObject(0, 20, -1, "book"),
-    )
-    refs = HM3DStatistics(path).find().scenes
-    assert [(r.source_split, r.source_version) for r in refs] == [
-        ("train", "v0.2"),
-        ("val", "v0.2"),
+    source = HM3DStatistics(path)
+    refs = source.find().scenes
+    assert [(r.scene_id, r.source_split, r.source_version) for r in refs] == [
+        ("00006-aaaaaaaaaaa", "train", "v0.2"),
+        ("00801-bbbbbbbbbbb", "val", "v0.2"),
+    ]
+    graph = source.read(refs[0], load_class_map()).graph
+    assert [room.region_id for room in graph.rooms] == [4]
+    assert [(o.instance_id, o.room_index, o.raw_category) for o in graph.objects] == [
+        (3, 1, "chair"),
+        (7, 1, "some_thing"),
+        (12, 1, "chair"),
+        (20, 0, "book"),
     ]
 
 
@@ -57,19 +56,12 @@ def test_a_table_by_hand(tmp_path: Path) -> None:
 )
 def test_a_malformed_row_is_named(tmp_path: Path, row: str) -> None:
     path = write_zip(tmp_path / "s.zip", "s,7,1,1,bed_9", row)
+    source = HM3DStatistics(path)
+    (ref,) = source.find().scenes
     with refuses(AnnotationError, "line-malformed", f"{path / MEMBER}, line 3"):
-        parse_scene_lines(read_scene_lines(path)["s"], path=path)
+        source.read(ref, load_class_map())
 
 
 def test_an_empty_table_says_so(tmp_path: Path) -> None:
     with refuses(SourceError, "source-empty"):
         HM3DStatistics(write_zip(tmp_path / "empty.zip")).find()
-
-
-def test_the_source_travels_without_its_table(tmp_path: Path) -> None:
-    source = HM3DStatistics(write_zip(tmp_path / "s.zip", "s,0,1,1,chair_1"))
-    ref = source.find().scenes[0]
-    kind, arguments = source.__reduce__()
-    copy = kind(*arguments)  # type: ignore[operator, misc]
-    class_map = load_class_map()
-    assert copy.read(ref, class_map) == source.read(ref, class_map)

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import gzip
+import re
 from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from conftest import REPOSITORY
 from house_files import HOUSE, change
+from hypothesis import given
+from hypothesis import strategies as st
 from refusals import refuses
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
 from bsg_data.sources.catalogue import SOURCES
-from bsg_data.sources.mp3d import REGION_LABELS, MatterportHouses
+from bsg_data.sources.mp3d import REGION_LABELS, MatterportHouses, parse_house
 from bsg_data.testing import SourceContract
 
 SAMPLES = REPOSITORY.parent / "shared" / "sources"
 ROW = SOURCES["mp3d"]
+PATH = Path("house.house")
 
 
 class TestMatterportHouses(SourceContract):
@@ -100,16 +106,6 @@ def test_every_letter_of_the_description_has_a_label() -> None:
     assert "".join(sorted(REGION_LABELS)) == "BCDSZabcdefghijklmnoprstuvwxyz"
 
 
-def test_a_house_found_twice_is_taken_once(tmp_path: Path) -> None:
-    write_house(tmp_path / "abc.house")
-    write_house(
-        tmp_path / "packed" / "abc.house.gz", change("E  0", "-").replace(" 1 5 4", " 0 5 4")
-    )
-    found = MatterportHouses(tmp_path).find()
-    assert [ref.location for ref in found.scenes] == ["abc.house"]
-    assert "with OTHER annotation" in found.duplicates[0].reason
-
-
 @pytest.mark.parametrize(
     ("name", "data", "code"),
     [
@@ -125,6 +121,62 @@ def test_a_damaged_file_or_none_is_a_source_error(
     (tmp_path / name).write_bytes(data)
     with refuses(SourceError, code):
         read(tmp_path)
+
+
+def test_the_text_of_a_house_by_hand() -> None:
+    house = parse_house(HOUSE, path=PATH)
+    assert house.levels == [0.0]
+    assert house.regions[0].polygons == [[(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)]]
+    assert house.portals == {(0, 1)}
+    assert (house.categories[1], house.categories[3]) == ("coffee table", "wall /otherroom")
+    turned = house.objects[1][2]  # a square of 2 m turned by 45 degrees is 2 √2 m wide
+    assert turned is not None
+    assert turned.minimum == pytest.approx((6 - 2**0.5, 2 - 2**0.5, 0), abs=1e-6)
+    assert turned.maximum == pytest.approx((6 + 2**0.5, 2 + 2**0.5, 1), abs=1e-6)
+    assert house.objects[2][2] is None, "radii below 0 are an empty box"
+
+
+def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> None:
+    text = change("P  0 0 1", "R  0 1 0  D  4 1 0  4.1 2 2  0 0 0 0")
+    assert parse_house(text, path=PATH).portals == {(0, 1)}
+    empty = "R  2 -1  0 0  -  0 0 0  1e+30 1e+30 1e+30  -1e+30 -1e+30 -1e+30  0  0 0 0 0"
+    house = parse_house(change("R  2", empty), path=PATH)
+    assert (house.regions[2].box, house.regions[2].level) == (None, -1)
+
+
+@pytest.mark.parametrize(
+    ("line", "other"),
+    [
+        ("ASCII", "ASCII 1.0"),
+        ("H  -", "-"),
+        ("L  0", "H  -  -  1"),
+        ("P  00ebb", "-"),
+        ("H  -", "H  -  -  many"),
+        ("R  1", "R  2 0  0 0  b"),
+        ("R  1", "R  1 1  0 0  b"),
+        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 nan  8 4 2.5"),
+        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 0.1  8 4 1e9"),
+        ("R  1", "R  1 0  0 0  b  6 2 0  9 0 0.1  8 4 2"),
+        ("S  1", "S  1 7  0"),
+        ("V  9", "V  9 5  F  0 0 0"),
+        ("O  0", "O  0 3 1"),
+        ("O  0", "O  0 0 1  1 1 0.25  1 0 0  0 1 0  0.5 x 0.25"),
+        ("O  0", "O  0 0 1  1 1 0.25  9 0 0  0 1 0  1 1 1"),
+        ("O  1", "-"),
+        ("E  0", "X  0"),
+    ],
+)
+def test_a_malformed_line_is_named(line: str, other: str) -> None:
+    with refuses(AnnotationError, "line-malformed"):
+        parse_house(change(line, other), path=PATH)
+
+
+@given(st.lists(st.sampled_from(HOUSE.split("\n")), max_size=40), st.integers(0, 60))
+def test_lines_in_any_order_give_a_house_or_a_source_error(lines: Sequence[str], cut: int) -> None:
+    text = "\n".join(["ASCII 1.1", *lines])
+    for damaged in (text, text[: len(text) - cut], re.sub("1", "9" * 9, text)):
+        with suppress(SourceError):
+            parse_house(damaged, path=PATH)
 
 
 @pytest.mark.skipif(not list(SAMPLES.glob("*.house.gz")), reason="no samples here")
