@@ -27,49 +27,32 @@ from bsg_models.errors import BeliefFileError
 
 NODES = "nodes.parquet"  # the file that identifies belief tables
 _ROWS_PER_GROUP = 65_536
-_NUMBERS = pa.list_(pa.float64())
+_TEXT, _WHOLE, _NUMBER = pa.string(), pa.int32(), pa.float64()
+_WHOLES, _NUMBERS = pa.list_(_WHOLE), pa.list_(_NUMBER)
 _SCHEMAS = {
     "nodes": pa.schema(
         {
-            "scene_id": pa.string(),
-            "node": pa.int32(),
-            "kind": pa.string(),
-            "id": pa.string(),
-            "room": pa.string(),
-            "category": pa.string(),
-            "corrected": pa.string(),
-            "class": pa.string(),
-            "expected": pa.float64(),
-            "presence": pa.float64(),
+            "scene_id": _TEXT,
+            "node": _WHOLE,
+            **dict.fromkeys(("kind", "id", "room", "category", "corrected", "class"), _TEXT),
+            **dict.fromkeys(("expected", "presence"), _NUMBER),
             "visited": pa.bool_(),
-            "hidden_share": pa.float64(),
-            "hidden_share_sd": pa.float64(),
-            "label": pa.string(),
-            "position": _NUMBERS,
-            "box": _NUMBERS,
-            "footprint": _NUMBERS,
+            **dict.fromkeys(("hidden_share", "hidden_share_sd"), _NUMBER),
+            "label": _TEXT,
+            **dict.fromkeys(("position", "box", "footprint"), _NUMBERS),
             "floor_index": pa.int16(),
-            "floor_area": pa.float64(),
-            "room_type": pa.map_(pa.string(), pa.float64()),
-            "building_kind": pa.string(),
-            "source": pa.string(),
+            "floor_area": _NUMBER,
+            "room_type": pa.map_(_TEXT, _NUMBER),
+            **dict.fromkeys(("building_kind", "source"), _TEXT),
         }
     ),
-    "edges": pa.schema(
-        {
-            "scene_id": pa.string(),
-            "source": pa.int32(),
-            "target": pa.int32(),
-            "kind": pa.string(),
-        }
-    ),
+    "edges": pa.schema({"scene_id": _TEXT, "source": _WHOLE, "target": _WHOLE, "kind": _TEXT}),
     "histograms": pa.schema(
         {
-            "scene_id": pa.string(),
-            "node": pa.int32(),
-            "input": pa.list_(pa.int32()),
-            "expected": _NUMBERS,
-            "presence": _NUMBERS,
+            "scene_id": _TEXT,
+            "node": _WHOLE,
+            "input": _WHOLES,
+            **dict.fromkeys(("expected", "presence"), _NUMBERS),
         }
     ),
 }

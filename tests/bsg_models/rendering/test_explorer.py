@@ -150,29 +150,6 @@ def test_a_room_of_the_ranking_is_opened_and_left_by_keyboard(browser: Any, crow
         assert page.evaluate("document.activeElement.dataset.key") == node
 
 
-def test_hover_readers_panel_and_legend_say_the_same(browser: Any, crowd: Path) -> None:
-    belief = make_crowd()
-    node = int(belief.presence[1:, SINK].argmax()) + 1
-    chance = percent(round(belief.presence[node, SINK], 4))
-    with open_page(browser, crowd) as page:
-        page.select_option("#class", str(SINK))
-        room = page.locator(f"g.room[data-node='{node}'][tabindex]")
-        said = room.get_attribute("aria-label")
-        assert f"{chance} for at least one unseen sink, " in said
-        room.focus()
-        assert page.locator("#caption").inner_text() == said
-        page.keyboard.press("Enter")
-        assert page.locator("#spoken").inner_text() == said
-        assert said.partition(": ")[2] in page.locator("aside p.answer").inner_text()
-        heads = page.locator("table.histogram th[scope=col]").all_inner_texts()
-        assert heads == ["class", "seen", "more expected", "at least one unseen"]
-        row = page.locator("table.histogram tr.picked td").all_inner_texts()
-        assert row[-1] == chance
-        assert f"at least one unseen sink: 0 %{chance}" in page.locator(".legend").text_content()
-        page.locator("main").hover(position={"x": 5, "y": 5})
-        assert not page.locator("#caption").is_visible()
-
-
 @pytest.mark.parametrize(
     ("drawing", "sought", "width"),
     [("plan", "", 1366), ("layers", "&class=sink&room=r7", 900), ("plan", "", 390)],

@@ -44,12 +44,6 @@ def test_a_room_whose_place_is_unknown_is_as_far_as_others_are() -> None:
     assert ways.edges[2, 3] == 3  # the mean of 2 and 4
 
 
-def test_without_places_rooms_are_counted() -> None:
-    ways = measure_ways(graph_of([None] * 3, [(1, 2), (2, 3)]))
-    assert ways.unit == "rooms"
-    assert ways.costs[1, 1:].tolist() == [0, 1, 2]
-
-
 def test_parts_that_no_edge_joins_are_joined_where_they_are_nearest() -> None:
     graph = graph_of([[0, 0, 0], [1, 0, 0], [5, 0, 0], [9, 0, 0]], [(1, 2), (3, 4)])
     ways = measure_ways(graph)
