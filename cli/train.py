@@ -146,9 +146,6 @@ def _show(summary: bsg_models.RunSummary, *, as_json: bool) -> None:
         print_json(summary.encode())
         return
     _print_summary(summary)
-    if not summary.trainings:
-        print_note(f"{summary.run}: has no log, because an earlier version trained it")
-        return
     print_text(
         f"seed {summary.config.seed}; to train it again: "
         f"bsg-train --config {summary.written_config} --data DATASET\n"

@@ -38,11 +38,7 @@ def name_kept(entry: ClassMapEntry, dataset: Path) -> str:
 
 
 def read_class_maps(dataset: Path, manifest: Manifest) -> tuple[str | OwnMap, ...]:
-    """Return the class maps of a dataset's sources: names, and the files of kept maps.
-
-    Published maps are returned by name. So are own maps without a copy in the dataset, as in
-    datasets of earlier versions.
-    """
+    """Return the class maps of a dataset's sources: names of published ones, files of kept ones."""
     maps = (_read(dataset, entry) for entry in _list_entries(manifest))
     return tuple(maps)
 
@@ -76,7 +72,7 @@ def _path_of(entry: ClassMapEntry) -> PurePosixPath:
 
 
 def _read(dataset: Path, entry: ClassMapEntry) -> str | OwnMap:
-    if not _is_own(entry) or not (dataset / _path_of(entry)).is_file():
+    if not _is_own(entry):
         return entry.version
     path = dataset / _path_of(entry)
     own = read_own_map(path)

@@ -152,20 +152,7 @@ def unsealed(run: Path) -> Iterator[None]:
 
 
 def _is_run(folder: Path) -> bool:
-    """Return whether a folder was begun by a training, as its log or a checkpoint shows.
-
-    Runs of early versions have no log.
-    """
-    return _has_log(folder) or _has_header(folder / BEST) or _has_header(folder / LAST)
-
-
-def refuse_run(folder: Path) -> None:
-    """Refuse to put other results into a run; a stopped run has no seal to recognise it by."""
-    if _is_run(folder):
-        raise DatasetError(f"{folder}: is a run of bsg-train; choose another folder")
-
-
-def _has_log(folder: Path) -> bool:
+    """Return whether a folder was begun by a training, as the first line of its log shows."""
     try:
         with open_stream(folder / LOG, RUN_RECORD, error=TrainingError) as log:
             return log.read(len(_BEGUN)) == _BEGUN
@@ -173,12 +160,10 @@ def _has_log(folder: Path) -> bool:
         return False
 
 
-def _has_header(path: Path) -> bool:
-    try:
-        read_header(path)
-    except CheckpointError:
-        return False
-    return True
+def refuse_run(folder: Path) -> None:
+    """Refuse to put other results into a run; a stopped run has no seal to recognise it by."""
+    if _is_run(folder):
+        raise DatasetError(f"{folder}: is a run of bsg-train; choose another folder")
 
 
 def _has_checkpoint(run: Path) -> bool:

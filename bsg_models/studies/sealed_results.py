@@ -48,7 +48,7 @@ def check_results(path: AnyPath) -> tuple[str, ...]:
     if not sums:
         raise DatasetError(
             f"{path}: has no {SEAL}, or an empty one, so it cannot be checked: its command was "
-            "stopped, an earlier version wrote it, or it is not a folder of results"
+            "stopped, or it is not a folder of results"
         )
     for folder in {(path / name).parent for name in sums} - {path}:
         require_seal(folder)  # the run of an ensemble's member
@@ -77,7 +77,7 @@ def _measures_other_weights(results: Path) -> bool:
         results: its folder in the run, as `bsg-evaluate` and `bsg-search` choose it.
 
     Returns:
-        False also if it does not say which checkpoints it measured, as those of earlier versions.
+        False also if it does not say which checkpoints it measured.
     """
     report, best = results / _OF_A_RUN[results.name], results.parent / _BEST
     if not (report.is_file() and best.is_file()):

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -9,7 +8,7 @@ from conftest import KITCHEN, annotation_text, write_scene
 
 from bsg_data.build import Part, build_dataset, build_part, finalise_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.errors import DatasetError, RecipeError, SourceError
+from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.sources.hm3d import HM3DFolder
 
 SHARDS = 6  # of the twelve buildings, two in each
@@ -127,15 +126,6 @@ def test_a_class_map_of_ones_own_is_found_without_its_file(
     own.unlink()
     finalise_dataset(tmp_path / "out")
     assert all_bytes(tmp_path / "out") == all_bytes(tmp_path / "whole")
-
-
-def test_parts_of_which_nothing_can_be_read(tmp_path: Path) -> None:
-    write_scene(tmp_path / "root", "00042-broken00000", b"")
-    build(tmp_path / "root", tmp_path / "out", 1, 1)
-    with pytest.raises(SourceError, match="no scene could be read"):
-        finalise_dataset(tmp_path / "out")
-    shutil.rmtree(tmp_path / "root")
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("number", "of"), [(0, 3), (4, 3), (1, 0)])

@@ -13,11 +13,8 @@ import pytest
 from conftest import BEDROOM, annotation_text
 
 from bsg_data.build import build_dataset
-from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
-from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.source import Reading, SceneRef
 from bsg_data.sources.table import ObjectTable
 
 
@@ -29,10 +26,6 @@ def all_bytes(folder: Path) -> dict[str, bytes]:
     }
 
 
-def cut(path: Path) -> None:
-    path.write_bytes(path.read_bytes()[:40])
-
-
 def change(path: Path) -> None:
     path.write_text(annotation_text({0: BEDROOM}))
 
@@ -41,7 +34,7 @@ def grow(path: Path) -> None:
     os.truncate(path, 10 * 2**30)  # sparse: it takes no disk
 
 
-@pytest.mark.parametrize("harm", [Path.unlink, cut, change, grow])
+@pytest.mark.parametrize("harm", [Path.unlink, change, grow])
 def test_a_scene_that_is_not_what_was_listed_stops_the_build(
     hm3d_folder: Path, tmp_path: Path, harm: Callable[[Path], None]
 ) -> None:
@@ -62,8 +55,8 @@ def test_a_scene_that_is_not_what_was_listed_stops_the_build(
     assert all_bytes(out) == all_bytes(tmp_path / "whole")
 
 
-@pytest.mark.parametrize("number", [errno.EIO, errno.ESTALE, errno.ETIMEDOUT, errno.EMFILE])
-@pytest.mark.parametrize("fails_at", [5, 12, 16])  # the listing reads twelve
+@pytest.mark.parametrize("number", [errno.EIO, errno.ESTALE])
+@pytest.mark.parametrize("fails_at", [5, 16])  # the listing reads twelve
 def test_an_error_of_the_disk_stops_the_build_which_goes_on_later(
     hm3d_folder: Path,
     tmp_path: Path,
@@ -109,22 +102,6 @@ def test_a_file_that_may_not_be_read_is_skipped_and_named(
     assert skip.reason == "cannot be read (Permission denied)"
 
 
-def test_a_mesh_that_goes_away_costs_no_geometry(hm3d_folder: Path, tmp_path: Path) -> None:
-    (victim,) = hm3d_folder.rglob("*07.semantic.txt")
-    mesh = victim.with_suffix(".glb")
-    mesh.write_bytes(b"no mesh")
-
-    def strike(done: int, total: int) -> None:
-        mesh.unlink(missing_ok=True)
-
-    with pytest.raises(
-        SourceChangedError, match=r"07\.semantic\.glb: changed after the scenes were listed"
-    ):
-        build_dataset(
-            HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=1, progress=strike
-        )
-
-
 def test_a_table_that_is_written_anew_stops_the_build(tmp_path: Path) -> None:
     table = tmp_path / "objects.csv"
     rows = [f"scene-{k},room,chair\n" for k in range(4)]
@@ -136,30 +113,6 @@ def test_a_table_that_is_written_anew_stops_the_build(tmp_path: Path) -> None:
 
         with pytest.raises(SourceChangedError, match="no scene was skipped"):
             build_dataset(ObjectTable(table), tmp_path / "out", scenes_per_shard=1, progress=strike)
-
-
-def test_a_source_of_somebody_elses_is_held_to_it(hm3d_folder: Path, tmp_path: Path) -> None:
-    class Remote(HM3DFolder):
-        def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
-            if ref.scene_id.endswith("05"):
-                raise ConnectionResetError(errno.ECONNRESET, "Connection reset by peer")
-            return super().read(ref, class_map)
-
-    with pytest.raises(SourceChangedError, match=r"00005-abcdefghi05 .*Connection reset"):
-        build_dataset(Remote(hm3d_folder), tmp_path / "out")
-
-
-def test_a_shard_that_is_done_is_not_read_again(hm3d_folder: Path, tmp_path: Path) -> None:
-    source = HM3DFolder(hm3d_folder)
-
-    def stop(done: int, total: int) -> None:
-        if done == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        build_dataset(source, tmp_path / "out", scenes_per_shard=2, progress=stop)
-    build_dataset(source, tmp_path / "out", scenes_per_shard=2)
-    assert read_manifest(tmp_path / "out").totals.scenes == 12
 
 
 def test_what_the_system_said_is_found_among_the_causes() -> None:

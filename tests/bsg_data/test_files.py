@@ -7,7 +7,6 @@ import pytest
 
 from bsg_data.errors import DatasetError
 from bsg_data.files import (
-    encode_json,
     open_beside,
     refuse_links,
     resolve_links,
@@ -47,12 +46,6 @@ def test_a_way_through_a_link_that_leads_to_itself_is_refused(way: str, tmp_path
         resolve_links(tmp_path / way)
 
 
-def test_what_is_not_there_yet_has_a_place(tmp_path: Path) -> None:
-    (tmp_path / "dangling").symlink_to("nowhere")
-    assert resolve_links(tmp_path / "dangling" / "new") == tmp_path.resolve() / "nowhere" / "new"
-    assert resolve_links(str(tmp_path / "a" / ".." / "b")) == tmp_path.resolve() / "b"
-
-
 def test_a_link_in_the_way_is_not_followed(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_text("mine")
@@ -84,13 +77,6 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
 )
 def test_a_name_becomes_the_stem_of_a_file(name: str, stem: str) -> None:
     assert stem_of(name) == stem
-
-
-@pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf")])
-def test_json_has_no_number_that_is_none(number: float) -> None:
-    assert encode_json({"a": [1.5, None]}, separators=(",", ":")) == '{"a":[1.5,null]}'
-    with pytest.raises(DatasetError, match="not finite"):
-        encode_json({"a": [1.5, number]})
 
 
 def test_a_place_that_a_link_leads_to_is_refused(tmp_path: Path) -> None:

@@ -95,12 +95,6 @@ def test_a_kept_map_that_was_changed_is_a_fault(own: Path) -> None:
     assert "differs from the class map" in str(check_dataset(own)[0])
 
 
-def test_a_dataset_from_before_maps_were_kept_names_its_map(own: Path) -> None:
-    shutil.rmtree(own / KEPT)
-    assert read_class_maps(own, read_manifest(own)) == ("mine",)
-    assert check_dataset(own) == ()
-
-
 @pytest.mark.parametrize(
     "entry",
     [

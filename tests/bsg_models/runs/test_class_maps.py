@@ -104,11 +104,6 @@ def test_joined_maps_classify_as_the_first_that_lists_a_name() -> None:
         assert again.classify(name) == DEFAULT.classify(name)
 
 
-def test_a_run_from_before_datasets_kept_maps_says_what_to_do(own_run: Path) -> None:
-    with pytest.raises(CheckpointError, match=r"no published .* class_map=.*train again"):
-        choose_class_map(PATH, header_of(own_run, "mine"))
-
-
 def test_a_map_into_other_classes_than_the_models_is_refused(run: Path) -> None:
     other = own_map("bed,bed,rest\n", "0,rest,To lie on.\n")
     with pytest.raises(CheckpointError, match=r"predicts classes of hm3d45-v2 .* leads into mine"):
