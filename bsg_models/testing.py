@@ -32,7 +32,7 @@ from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import FORMATS, choose_format
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
 from bsg_models.evaluation.measurement import measure_metric
-from bsg_models.evaluation.streams import Stream
+from bsg_models.evaluation.metric_kinds import Stream
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model

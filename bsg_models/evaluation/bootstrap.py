@@ -23,7 +23,7 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from bsg_models.evaluation.metrics import Floats
+from bsg_data.arrays import Floats
 
 Rule = Literal["centred", "percentile"]
 LEAST_BUILDINGS = 5  # with fewer, a bootstrap says nothing
@@ -31,19 +31,12 @@ LEAST_BUILDINGS = 5  # with fewer, a bootstrap says nothing
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A value with its 95 % interval over buildings.
+    """A value with its 95 % interval over buildings."""
 
-    Attributes:
-        value: nan if it is not defined.
-        low: lower end; nan without an interval.
-        high: upper end; nan without an interval.
-        nodes: number of nodes, or of searches, behind the value.
-    """
-
-    value: float
-    low: float
-    high: float
-    nodes: int
+    value: float  # nan if it is not defined
+    low: float  # lower end; nan without an interval
+    high: float  # upper end; nan without an interval
+    nodes: int  # number of nodes, or of searches, behind the value
 
 
 class Measurable(Protocol):
@@ -62,17 +55,11 @@ class Measurable(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Bootstrap:
-    """A model's metrics, with their values on every resample of the buildings.
+    """A model's metrics, with their values on every resample of the buildings."""
 
-    Attributes:
-        point: metric → value.
-        resampled: metric → `[resamples]`.
-        nodes: metric → number of nodes behind it.
-    """
-
-    point: dict[str, float]
-    resampled: dict[str, Floats]
-    nodes: dict[str, int]
+    point: dict[str, float]  # metric → value
+    resampled: dict[str, Floats]  # metric → `[resamples]`
+    nodes: dict[str, int]  # metric → number of nodes behind it
 
     def estimates(self) -> dict[str, Estimate]:
         """Return every metric with its interval."""

@@ -1,21 +1,20 @@
-"""Measure models on the stored pairs of a split: every metric, for any weights of the buildings."""
+"""Measure a model on stored pairs, batch by batch: every metric, on every resample of buildings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
-from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
-from bsg_models.evaluation.metrics import Bools, Floats
-from bsg_models.evaluation.streams import Key, Stream, Values, Weights
+from bsg_models.evaluation.metric_kinds import Metric, Stream, Values, Weights
+from bsg_models.evaluation.metrics import mean_known
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel
 
@@ -46,162 +45,84 @@ def predict_all(model: BeliefModel, masked: MaskedBuildings, *, batch: int = 256
     return join([model.expect(some.seen) for some in masked.batches(batch)])
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """Every metric of one model under W weights of the buildings."""
+class Fold(NamedTuple):
+    """What one training of a model is measured on."""
 
-    # metric → `[W]`, in the order of all tables; the first column is the data
-    values: Mapping[str, Floats]
-    nodes: Mapping[str, int]  # metric → number of nodes behind it
-
-    def bootstrap(self) -> Bootstrap:
-        """Return the values with those of every resample, as `weigh_buildings` weighs them."""
-        return Bootstrap(
-            point={name: float(value[0]) for name, value in self.values.items()},
-            resampled={name: value[1:] for name, value in self.values.items()},
-            nodes=dict(self.nodes),
-        )
+    scene_ids: Sequence[str]  # `[B]` of all its buildings
+    # of some nodes, in any order; read once, and not kept
+    batches: Iterable[tuple[Truth, Expectation]]
 
 
-class StreamedMeasurement:
-    """All metrics of one model on one split, without keeping its nodes.
+def measure(folds: Sequence[Fold], *, resamples: int = 0, seed: int = 0) -> Bootstrap:
+    """Return every metric of a model, mean over the folds, and its value on every resample.
 
-    Args:
-        scene_ids: `[B]` of all buildings that will be added.
-        weights: `[B, W]` how often each building counts, such as `weigh_buildings` returns.
+    A building has one weight in all folds that it is in. Scores of models trained separately for
+    each fold cannot be pooled: a ranking or correlation over two trainings describes neither. A
+    fold in which a metric is not defined, or of which a resample has no building, is left out of
+    that mean.
     """
-
-    def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
-        self._stream = Stream(scene_ids, weights)
-        self._sums = {
-            name: metric.start(self._stream) for name, metric in METRICS.load_all()[0].items()
-        }
-
-    def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Add some nodes, in any order."""
-        batch = self._stream.batch(Prediction(truth, expectation))
-        for accumulator in self._sums.values():
-            accumulator.add(batch)
-
-    def finish(self) -> Measured:
-        """Return every metric by name, e.g. `rooms/wasserstein_values/mean`."""
-        values: dict[str, Floats] = {}
-        nodes: dict[str, int] = {}
-        for row, accumulator in self._sums.items():
-            found = accumulator.finish()
-            _require_parts(row, found.nodes)
-            values |= {name_value(row, *key): value for key, value in found.values.items()}
-            nodes |= {name_value(row, *key): number for key, number in found.nodes.items()}
-        names = list_values()
-        return Measured({name: values[name] for name in names}, {n: nodes[n] for n in names})
+    weights = _weigh_folds([fold.scene_ids for fold in folds], resamples=resamples, seed=seed)
+    measured = [measure_fold(fold, own) for fold, own in zip(folds, weights, strict=True)]
+    there = np.stack([own.any(axis=0) for own in weights])
+    values = {
+        name: _average(np.stack([one[name] for one, _ in measured]), there)
+        for name in list_values()
+    }
+    return Bootstrap(
+        point={name: float(value[0]) for name, value in values.items()},
+        resampled={name: value[1:] for name, value in values.items()},
+        nodes={name: sum(nodes[name] for _, nodes in measured) for name in values},
+    )
 
 
-class Measurement:
-    """All metrics of one model on one truth that is held in memory.
-
-    Args:
-        truth: of N nodes.
-        expectation: of the same nodes.
-    """
-
-    def __init__(self, truth: Truth, expectation: Expectation) -> None:
-        self.prediction = Prediction(truth, expectation)
-        self.scene_ids = truth.scene_ids
-
-    def measure(self, weights: Weights) -> Measured:
-        """Return every metric under some weights of the buildings, `[B, W]`."""
-        streamed = StreamedMeasurement(self.scene_ids, weights)
-        streamed.add(self.prediction.truth, self.prediction.expectation)
-        return streamed.finish()
-
-    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
-        """Return every metric by name, e.g. `rooms/wasserstein_values/mean`.
-
-        Args:
-            building_weights: `[B]` how often each building counts; None counts each once.
-        """
-        weights = np.ones(len(self.scene_ids)) if building_weights is None else building_weights
-        return self.measure(weights[:, None]).bootstrap().point
-
-    def count_nodes(self, metric: str) -> int:
-        """Return the number of nodes behind a metric."""
-        return self._plain.nodes[metric]
-
-    @cached_property
-    def _plain(self) -> Measured:
-        return self.measure(np.ones((len(self.scene_ids), 1)))
-
-
-class SplitWeights:
-    """The weights of the buildings of several splits; a building has one weight in all of them.
-
-    Args:
-        splits: scene ids of the buildings of each.
-        resamples: fewer than 2 give no intervals.
-        seed: of the resamples.
-    """
-
-    def __init__(self, splits: Sequence[Sequence[str]], *, resamples: int, seed: int) -> None:
-        every = {scene for split in splits for scene in split}
-        scene_ids = tuple(splits[0]) if len(splits) == 1 else tuple(sorted(every))
-        number = {scene: place for place, scene in enumerate(scene_ids)}
-        self._weights = weigh_buildings(len(scene_ids), resamples=resamples, seed=seed)
-        self._places = [np.array([number[scene] for scene in split]) for split in splits]
-
-    def of_split(self, split: int) -> Weights:
-        """Return the weights of the buildings of a split, `[B, 1 + resamples]`."""
-        if len(self._places) == 1:
-            return self._weights
-        return np.asarray(self._weights[self._places[split]])
-
-    def average(self, splits: Sequence[Measured]) -> Measured:
-        """Return the mean over the splits in which a metric is defined.
-
-        Scores of models trained separately for each split cannot be pooled: a ranking or
-        correlation over two trainings describes neither. If a resample has no building of a split,
-        that split is left out of the resample's mean.
-        """
-        if len(splits) == 1:
-            return splits[0]
-        there = np.stack([self._weights[places].any(axis=0) for places in self._places])
-        return Measured(
-            {
-                name: _mean_known(np.stack([one.values[name] for one in splits]), there)
-                for name in splits[0].values
-            },
-            {name: sum(one.nodes[name] for one in splits) for name in splits[0].nodes},
-        )
-
-
-def _mean_known(values: Floats, there: Bools) -> Floats:
-    """Return the mean over splits, `[W]` of `[S, W]`, of the values that exist and are not nan."""
-    columns = np.where(there, values, np.nan).T
-    return np.array([metrics.mean_known(column.tolist()) for column in columns])
+def measure_fold(fold: Fold, weights: Weights) -> tuple[dict[str, Floats], dict[str, int]]:
+    """Return metric → its values `[W]` under weights `[B, W]`, and its number of nodes."""
+    values: dict[str, Floats] = {}
+    nodes: dict[str, int] = {}
+    for row, found in _measure(METRICS.load_all()[0], fold, weights).items():
+        values |= {name_value(row, *key): value for key, value in found.values.items()}
+        nodes |= {name_value(row, *key): number for key, number in found.nodes.items()}
+    return values, nodes
 
 
 def measure_metric(name: str, prediction: Prediction, weights: Weights) -> Values:
     """Return a row of `METRICS` for a whole prediction, under weights of its buildings `[B, W]`."""
-    stream = Stream(prediction.truth.scene_ids, weights)
-    accumulator = METRICS[name].start(stream)
-    accumulator.add(stream.batch(prediction))
-    found = accumulator.finish()
-    _require_parts(name, found.nodes)
+    truth = prediction.truth
+    fold = Fold(truth.scene_ids, [(truth, prediction.expectation)])
+    return _measure({name: METRICS[name]}, fold, weights)[name]
+
+
+def _measure(metrics: Mapping[str, Metric], fold: Fold, weights: Weights) -> dict[str, Values]:
+    stream = Stream(fold.scene_ids, weights)
+    sums = {name: metric.start(stream) for name, metric in metrics.items()}
+    for truth, expectation in fold.batches:
+        batch = stream.batch(Prediction(truth, expectation))
+        for accumulator in sums.values():
+            accumulator.add(batch)
+    found = {name: accumulator.finish() for name, accumulator in sums.items()}
+    for name, values in found.items():
+        _require_parts(name, metrics[name], values)
     return found
 
 
-def _require_parts(name: str, nodes: Mapping[Key, int]) -> None:
-    metric = METRICS[name]
+def _require_parts(name: str, metric: Metric, found: Values) -> None:
     expected = {(node_set, part) for node_set in metric.node_sets for part in metric.parts}
-    if set(nodes) != expected:
+    if set(found.nodes) != expected:
         raise RecipeError(
             f"metric {name!r}: expected the values {sorted(expected)} that its node sets and parts "
-            f"say, found {sorted(nodes)}"
+            f"say, found {sorted(found.nodes)}"
         )
 
 
-def count_empty(truth: Truth) -> dict[str, int]:
-    """Count the nodes with an all-zero input or target: their distances are degenerate."""
-    return {
-        "empty_inputs": int((truth.inputs.sum(axis=1) == 0).sum()),
-        "empty_targets": int((truth.targets.sum(axis=1) == 0).sum()),
-    }
+def _weigh_folds(folds: Sequence[Sequence[str]], *, resamples: int, seed: int) -> list[Weights]:
+    """Return the weights of the buildings of each fold, `[B, 1 + resamples]`."""
+    every = {scene for fold in folds for scene in fold}
+    scene_ids = folds[0] if len(folds) == 1 else sorted(every)
+    number = {scene: place for place, scene in enumerate(scene_ids)}
+    weights = weigh_buildings(len(scene_ids), resamples=resamples, seed=seed)
+    return [weights[[number[scene] for scene in fold]] for fold in folds]
+
+
+def _average(values: Floats, there: Bools) -> Floats:
+    """Return the mean over folds, `[W]` of `[F, W]`, of the values that exist and are not nan."""
+    return values[0] if len(values) == 1 else mean_known(np.where(there, values, np.nan))

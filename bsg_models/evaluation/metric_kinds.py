@@ -4,50 +4,114 @@
 - `CellMetric`: a function of means over (room, class) cells.
 - `RankMetric`: AUROC or average precision of the ranking of the cells.
 - `CorrelationMetric`: a function of weighted sums over nodes.
-- `WholeMetric`: any function of a whole prediction and of weights.
+- `WholeMetric`: any function of a whole prediction and of weights; it keeps the batches in memory.
 
-A metric sees a prediction batch by batch, under the weights of all resamples at once; a
-`WholeMetric` keeps the batches in memory.
+The resamples of the buildings are known before the first batch. So a metric keeps sums under each
+of W weights (the data, and every resample) instead of its nodes. A building takes two bytes per
+resample.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
+from scipy import sparse
 
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_models.belief.expectation import Expectation, join
-from bsg_models.evaluation.metrics import (
-    Bools,
-    Floats,
-    Moments,
-    correlate_sums,
-    moments_of_sums,
-)
+from bsg_models.evaluation.metrics import MOMENTS, correlate_sums, mean_known, moments_of_sums
 from bsg_models.evaluation.presence import SELECTIONS, PresenceHistograms, select_cells
-from bsg_models.evaluation.streams import Accumulator, Batch, Key, Stream, Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth, join_truths
+
+Key = tuple[str, str]  # node set, part
+Weights = npt.NDArray[Any]  # `[B, W]` of floats or of whole numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """A metric under each of W weights."""
+
+    values: Mapping[Key, Floats]  # (node set, part) → `[W]`; nan if it is not defined
+    nodes: Mapping[Key, int]  # (node set, part) → number of nodes behind it
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Some nodes of a prediction, with the weights of all B buildings."""
+
+    prediction: Prediction  # of N nodes
+    building: Ints  # `[N]` 0..B-1, the number of each node's building
+    weights: Weights  # `[B, W]` how often each building counts
+
+    def sum(self, rows: Ints, values: Floats) -> Floats:
+        """Return the sums of values `[M, K]` of M nodes under every weight, `[W, K]`."""
+        there, place = np.unique(self.building[rows], return_inverse=True)
+        one_of = sparse.csr_array(
+            (np.ones(len(rows)), (place, np.arange(len(rows)))), shape=(len(there), len(rows))
+        )
+        return np.asarray(self.weights[there].T.astype(float) @ (one_of @ values))
+
+
+class Accumulator(ABC):
+    """The sums of a metric over the batches so far."""
+
+    @abstractmethod
+    def add(self, batch: Batch) -> None:
+        """Add some nodes; those of a building may come in several batches."""
+
+    @abstractmethod
+    def finish(self) -> Values:
+        """Return the metric over all batches."""
+
+
+class Stream:
+    """The batches of one model on one split.
+
+    Args:
+        scene_ids: `[B]` of all buildings that will come.
+        weights: `[B, W]` how often each building counts.
+    """
+
+    def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
+        self.weights = weights
+        self.width = int(weights.shape[1])
+        self._number = {scene: number for number, scene in enumerate(scene_ids)}
+        self._cells: PresenceHistograms | None = None
+
+    def rank_cells(self) -> PresenceHistograms:
+        """Return the histograms of presence, which all metrics of ranks share."""
+        self._cells = self._cells or PresenceHistograms(self.weights)
+        return self._cells
+
+    def batch(self, prediction: Prediction) -> Batch:
+        """Return some nodes for the metrics, after counting their cells."""
+        truth = prediction.truth
+        numbers = np.array([self._number[scene] for scene in truth.scene_ids], dtype=np.int64)
+        building = numbers[truth.building]
+        if self._cells is not None:
+            rooms = prediction.rows["rooms"]
+            self._cells.add(truth, prediction.expectation, rooms, building[rooms])
+        return Batch(prediction, building, self.weights)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Metric(ABC):
-    """A row of `METRICS`.
-
-    The names of its values are `NODE_SET/METRIC` or `NODE_SET/METRIC/PART`.
-    """
+    """A row of `METRICS`; its values are named `NODE_SET/METRIC` or `NODE_SET/METRIC/PART`."""
 
     label: str  # common name, short enough for a column head
     less: bool | None  # whether less is better; None if neither is, as for a signed error
     about: str  # what it is, in a sentence for the docs
 
     @property
-    @abstractmethod
     def node_sets(self) -> tuple[str, ...]:
         """Some of `NODE_SETS`."""
+        return NODE_SETS
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -93,7 +157,7 @@ class NodeMetric(Metric):
     @property
     def parts(self) -> tuple[str, ...]:
         """The four moments, or none."""
-        return Moments._fields if self.spread else ("",)
+        return MOMENTS if self.spread else ("",)
 
     def start(self, stream: Stream) -> Accumulator:
         """Start to sum the powers of the values."""
@@ -112,16 +176,14 @@ class NodeMetric(Metric):
 
 
 class _PresenceMetric(Metric):
-    """A metric of the cells of each selection."""
+    """A metric of the cells of each selection, over rooms."""
 
     @property
     def node_sets(self) -> tuple[str, ...]:
-        """The rooms."""
         return ("rooms",)
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The selections of cells."""
         return SELECTIONS
 
 
@@ -148,8 +210,8 @@ class RankMetric(_PresenceMetric):
     by_class: bool = False  # whether it is the mean over the classes in which it is defined
 
     def start(self, stream: Stream) -> Accumulator:
-        """Start to read the histograms, which all metrics of this kind share."""
-        return _Ranked(self, stream.share(PresenceHistograms))
+        """Start to count the cells, once for all metrics of this kind."""
+        return _Ranked(self, stream.rank_cells())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,19 +221,12 @@ class CorrelationMetric(Metric):
     # function of the two matrices `[C, C]`, predicted and true
     distance: Callable[[Floats, Floats], float]
 
-    @property
-    def node_sets(self) -> tuple[str, ...]:
-        """All node sets."""
-        return NODE_SETS
-
     def start(self, stream: Stream) -> Accumulator:
         """Start to sum counts and their products."""
         return _Products(self, stream.width)
 
 
 class _Whole(Accumulator):
-    """A whole prediction, for a metric that needs it."""
-
     def __init__(self, metric: WholeMetric, weights: Weights) -> None:
         self._metric, self._weights = metric, weights
         self._batches: list[Batch] = []
@@ -191,7 +246,7 @@ class _Whole(Accumulator):
 
 
 class _NodePowers(Accumulator):
-    """Sums of the powers of the values of a `NodeMetric`, about a value of the first batch."""
+    """Sums of the powers of the values, about a value of the first batch."""
 
     def __init__(self, metric: NodeMetric, width: int) -> None:
         self._metric = metric
@@ -222,8 +277,6 @@ class _NodePowers(Accumulator):
 
 
 class _CellSums(Accumulator):
-    """Sums over the cells of each selection."""
-
     def __init__(self, metric: CellMetric) -> None:
         self._metric = metric
         self._rooms = dict.fromkeys(SELECTIONS, 0)
@@ -249,23 +302,19 @@ class _CellSums(Accumulator):
 
 
 class _Ranked(Accumulator):
-    """One measure of the shared histograms."""
-
     def __init__(self, metric: RankMetric, histograms: PresenceHistograms) -> None:
         self._metric, self._histograms = metric, histograms
 
     def add(self, batch: Batch) -> None:
-        """Do nothing: the shared histograms count the cells."""
+        """Do nothing: the stream counts the cells."""
 
     def finish(self) -> Values:
-        suffix = "_of_classes" if self._metric.by_class else ""
-        ranks: dict[str, Floats] = getattr(self._histograms.ranks, self._metric.measure + suffix)
+        by_class = self._metric.by_class
+        name = self._metric.measure + ("_of_classes" if by_class else "")
+        ranks: dict[str, Floats] = getattr(self._histograms.ranks, name)
         return Values(
-            {
-                ("rooms", name): _mean_known(one) if self._metric.by_class else one
-                for name, one in ranks.items()
-            },
-            {("rooms", name): rooms for name, rooms in self._histograms.rooms.items()},
+            {("rooms", key): mean_known(one) if by_class else one for key, one in ranks.items()},
+            {("rooms", key): rooms for key, rooms in self._histograms.rooms.items()},
         )
 
 
@@ -288,7 +337,7 @@ class _Products(Accumulator):
             if name == "all":  # is the sum of the other two
                 continue
             for number, (some, centre) in enumerate(zip(counts, self._centre, strict=True)):
-                sums = batch.sum_products(rows, some[rows] - centre)
+                sums = _sum_products(batch, rows, some[rows] - centre)
                 key = (name, number)
                 self._sums[key] = self._sums[key] + sums if key in self._sums else sums
 
@@ -308,13 +357,19 @@ class _Products(Accumulator):
         return Values(values, {(name, ""): nodes for name, nodes in self._nodes.items()})
 
 
+def _sum_products(batch: Batch, rows: Ints, values: Floats) -> Floats:
+    """Return Σ z zᵀ over some nodes under every weight, `[W, 1 + K, 1 + K]`; z = (1, values)."""
+    if not len(rows):
+        return np.zeros((batch.weights.shape[1], *2 * (1 + values.shape[1],)))
+    augmented = np.column_stack([np.ones(len(rows)), values])
+    there, place = np.unique(batch.building[rows], return_inverse=True)
+    order = np.argsort(place, kind="stable")
+    ends = np.searchsorted(place[order], np.arange(1, len(there)))
+    products = [own.T @ own for own in np.split(augmented[order], ends)]
+    weights = batch.weights[there].T.astype(float)
+    return np.tensordot(weights, np.stack(products), axes=1)
+
+
 def _correlate(sums: Floats) -> Floats:
-    """Return the correlations `[C, C]` from the output of `Batch.sum_products` for one weight."""
+    """Return the correlations `[C, C]` from the output of `_sum_products` for one weight."""
     return correlate_sums(float(sums[0, 0]), sums[0, 1:], sums[1:, 1:])
-
-
-def _mean_known(values: Floats) -> Floats:
-    """Return the means over classes of the values `[C, W]` that are not nan, `[W]`."""
-    known = ~np.isnan(values)
-    number, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
-    return np.asarray(np.divide(total, number, out=np.full(len(total), np.nan), where=number > 0))

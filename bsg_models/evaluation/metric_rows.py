@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from bsg_data.arrays import Bools, Floats
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.metric_kinds import CellMetric, CorrelationMetric, NodeMetric, RankMetric
-from bsg_models.evaluation.metrics import Bools, Floats
 from bsg_models.evaluation.truth import Truth
 
 BINS = 15  # bins of presence, of equal width, for the calibration error
@@ -31,12 +31,12 @@ def _between_distributions(
     return values
 
 
-def mean_error(truth: Truth, expectation: Expectation) -> Floats:
+def _mean_error(truth: Truth, expectation: Expectation) -> Floats:
     """Return O″ − O per class, averaged over the classes, `[N]`."""
     return np.asarray((expectation.totals - truth.targets).mean(axis=1))
 
 
-def mean_absolute_error(truth: Truth, expectation: Expectation) -> Floats:
+def _mean_absolute_error(truth: Truth, expectation: Expectation) -> Floats:
     """Return |O″ − O| per class, averaged over the classes, `[N]`."""
     return np.asarray(np.abs(expectation.totals - truth.targets).mean(axis=1))
 
@@ -46,7 +46,7 @@ def hidden_nll(truth: Truth, expectation: Expectation) -> Floats:
     return np.asarray(-expectation.log_probability(truth.hidden).mean(axis=1))
 
 
-def topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
+def _topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
     """Return a function of the hits among the k likeliest unseen classes, `metrics.topk_unseen`."""
 
     def values(truth: Truth, expectation: Expectation) -> Floats:
@@ -79,7 +79,7 @@ def _sum_of_gaps(means: Floats) -> Floats:
     return np.asarray(np.abs(means).sum(axis=1))
 
 
-def frobenius(predicted: Floats, true: Floats) -> float:
+def _frobenius(predicted: Floats, true: Floats) -> float:
     """Return the Frobenius norm of the difference of two matrices `[C, C]`."""
     return float(np.linalg.norm(predicted - true))
 
@@ -123,14 +123,14 @@ TOTAL_VARIATION = NodeMetric(
 MEAN_ERROR = NodeMetric(
     label="signed error in number",
     less=None,
-    values=mean_error,
+    values=_mean_error,
     about="O″ − O per class, mean over classes and nodes; per class in `classes.csv` and in the "
     "box plot",
 )
 MEAN_ABSOLUTE_ERROR = NodeMetric(
     label="error in number",
     less=True,
-    values=mean_absolute_error,
+    values=_mean_absolute_error,
     about="|O″ − O|, averaged in the same way",
 )
 HIDDEN_NLL = NodeMetric(
@@ -144,7 +144,7 @@ HIDDEN_NLL = NodeMetric(
 CORRELATION_FROBENIUS = CorrelationMetric(
     label="Frobenius",
     less=True,
-    distance=frobenius,
+    distance=_frobenius,
     about="Frobenius norm of the difference of the two 45 × 45 Pearson correlation matrices of the "
     "counts over nodes; a class without variance correlates 0 with the others and 1 with itself",
 )
@@ -195,7 +195,7 @@ TOP1_UNSEEN, TOP3_UNSEEN, TOP5_UNSEEN = (
         label=f"top {k} unseen",
         less=False,
         over=("rooms",),
-        values=topk_unseen(k),
+        values=_topk_unseen(k),
         about="share of the rooms hiding an unseen class in which a hidden class is "
         + ("the likeliest unseen class" if k == 1 else f"among the {k} likeliest unseen classes"),
     )

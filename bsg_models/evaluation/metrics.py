@@ -7,30 +7,15 @@ by how often its building was drawn, so sums and counts are accumulated first an
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
+from bsg_data.arrays import Bools, Floats
 
-
-class Moments(NamedTuple):
-    """Mean, population variance, skewness and excess kurtosis; nan if undefined."""
-
-    mean: float
-    variance: float
-    skewness: float
-    kurtosis: float
+MOMENTS = ("mean", "variance", "skewness", "kurtosis")  # of a population; excess kurtosis
 
 
 def normalise(counts: Floats) -> Floats:
-    """Return histograms as distributions E: each row sums to 1; an all-zero row stays zero.
-
-    Args:
-        counts: `[N, C]`, 0 or more.
+    """Return histograms `[N, C]` as distributions E: rows sum to 1; an all-zero row stays zero.
 
     >>> normalise(np.array([[1.0, 3.0], [0.0, 0.0]])).tolist()
     [[0.25, 0.75], [0.0, 0.0]]
@@ -106,11 +91,8 @@ def total_variation(p: Floats, q: Floats) -> Floats:
 def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
     """Return the four moments of the paper's Table I from sums of powers, each `[W]`.
 
-    Mean, population variance, skewness and excess kurtosis; two sums give the mean only.
-
-    Args:
-        sums: `[W, 5]` or `[W, 2]`: Σ w, Σ w (x − centre), … Σ w (x − centre)⁴.
-        centre: near the mean, so that differences of powers keep their digits.
+    Two sums give the mean only. `sums` are `[W, 5]` or `[W, 2]`: Σ w, Σ w (x − centre), … to the
+    power of 4; a centre near the mean keeps the digits of differences of powers.
 
     >>> [float(one[0]) for one in moments_of_sums(np.array([[3.0, 3.0, 9.0, 27.0, 81.0]]))][:2]
     [1.0, 2.0]
@@ -122,9 +104,8 @@ def moments_of_sums(sums: Floats, *, centre: float = 0.0) -> tuple[Floats, ...]:
         return (mean,)
     first, second, third, fourth = raw[:, 1:].T
     variance = np.maximum(second - first**2, 0.0)
-    least = np.finfo(float).eps * np.maximum(
-        mean**2, first**2
-    )  # like SciPy: no shape without spread
+    # like SciPy: no shape without spread
+    least = np.finfo(float).eps * np.maximum(mean**2, first**2)
     spread = np.where(variance > least, variance, np.nan)
     skewness = (third - 3 * first * second + 2 * first**3) / spread**1.5
     kurtosis = (fourth - 4 * first * third + 6 * first**2 * second - 3 * first**4) / spread**2 - 3
@@ -148,13 +129,7 @@ def correlation_matrix(counts: Floats, weights: Floats | None = None) -> Floats:
 
 
 def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
-    """Return the correlations `[C, C]` of rows from their sums.
-
-    Args:
-        number: of rows, or the sum of their weights.
-        sums: `[C]` Σ x.
-        products: `[C, C]` Σ x xᵀ.
-    """
+    """Return the correlations `[C, C]` from the sum of weights, Σ x `[C]` and Σ x xᵀ `[C, C]`."""
     mean = sums / max(number, 1.0)
     second = np.diag(products) / max(number, 1.0)
     covariance = products / max(number, 1.0) - np.outer(mean, mean)
@@ -171,14 +146,8 @@ def correlate_sums(number: float, sums: Floats, products: Floats) -> Floats:
 def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floats:
     """Return per room whether a hidden class is among its k likeliest unseen ones, `[N]`.
 
-    Args:
-        presence: `[N, C]` probability of a hidden object.
-        seen: `[N, C]` whether the class is in the input; such classes do not compete.
-        hidden: `[N, C]` whether an object of the class is hidden.
-        k: number of unseen classes that count; ties go to the lower class index.
-
-    Returns:
-        1 for a hit, 0 for a miss, nan for a room that hides no unseen class.
+    All are `[N, C]`; classes in the input do not compete; ties go to the lower class index. A room
+    that hides no unseen class gets nan.
 
     >>> topk_unseen(np.array([[0.9, 0.5, 0.1]]), np.array([[True, False, False]]),
     ...             np.array([[True, True, False]]), k=1).tolist()
@@ -190,14 +159,15 @@ def topk_unseen(presence: Floats, seen: Bools, hidden: Bools, *, k: int) -> Floa
     return np.where(wanted.any(axis=1), hit.astype(float), np.nan)
 
 
-def mean_known(values: Sequence[float]) -> float:
-    """Return the mean of the values that are not nan; nan if there are none.
+def mean_known(values: Floats) -> Floats:
+    """Return the means over the first axis of the values that are not nan; nan without any.
 
-    >>> mean_known([1.0, float("nan"), 3.0])
-    2.0
+    >>> mean_known(np.array([[1.0], [np.nan], [3.0]])).tolist()
+    [2.0]
     """
-    known = [value for value in values if not np.isnan(value)]
-    return float(np.mean(known)) if known else float("nan")
+    known = ~np.isnan(values)
+    number, total = known.sum(axis=0), np.where(known, values, 0.0).sum(axis=0)
+    return np.asarray(np.divide(total, number, out=np.full(len(total), np.nan), where=number > 0))
 
 
 def _both_filled(p: Floats, q: Floats) -> Bools:

@@ -17,18 +17,21 @@ Both are 0 if no bin has different scores.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_models.evaluation.streams import Batch, SharedSums, Weights
+from bsg_models.belief.expectation import Expectation
+from bsg_models.evaluation.truth import Truth
 
 SELECTIONS = ("all", "unseen", "unvisited")
 BINS = 1 << 18
 _REACH = 20.0  # presence beyond these log odds, 2e-9 and its complement, is in the outer bins
 _COLUMNS = 32  # weights for which histograms are dense at a time
+_Weights = npt.NDArray[Any]
 _Counts = tuple[Ints, Bools, Ints, Ints]  # bin, hidden, building and number of some cells
 
 
@@ -42,12 +45,7 @@ class Ranks(NamedTuple):
 
 
 def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
-    """Return the cells of each selection, `[N, C]`.
-
-    Args:
-        seen: `[N, C]` whether an object of the class was seen in the room.
-        visited: `[N]`.
-    """
+    """Return the cells of each selection `[N, C]`, from which classes were seen and rooms `[N]`."""
     unvisited = np.broadcast_to(~visited[:, None], seen.shape)
     return dict(zip(SELECTIONS, (np.ones_like(seen), ~seen, unvisited), strict=True))
 
@@ -63,45 +61,29 @@ def bin_presence(presence: Floats) -> Ints:
     return np.asarray(np.clip((odds / _REACH + 1) * (BINS / 2), 0, BINS - 1)).astype(np.int64)
 
 
-class PresenceHistograms(SharedSums):
-    """How many cells of each building, class and selection lie in each bin, hidden and other.
+class PresenceHistograms:
+    """How many cells of each building, class and selection lie in each bin, hidden and other."""
 
-    Attributes:
-        rooms: selection → number of rooms with such a cell.
-
-    Args:
-        weights: `[B, W]` how often each building counts.
-    """
-
-    def __init__(self, weights: Weights) -> None:
-        self.rooms = dict.fromkeys(SELECTIONS, 0)
-        self._weights = weights
+    def __init__(self, weights: _Weights) -> None:
+        self.rooms = dict.fromkeys(SELECTIONS, 0)  # selection → number of rooms with such a cell
+        self._weights = weights  # `[B, W]`
         self._classes = 1
         self._cells: list[tuple[Ints, Ints]] = []  # of each batch: distinct cells, their number
 
-    def add(self, batch: Batch) -> None:
-        """Add the rooms of some nodes."""
-        truth, rooms = batch.prediction.truth, batch.prediction.rows["rooms"]
+    def add(self, truth: Truth, expectation: Expectation, rows: Ints, building: Ints) -> None:
+        """Add some nodes, of the buildings `[M]` by number."""
         self.add_rooms(
-            presence=batch.prediction.expectation.presence[rooms],
-            seen=truth.inputs[rooms] > 0,
-            hidden=truth.hidden[rooms] > 0,
-            visited=truth.visited[rooms],
-            building=batch.building[rooms],
+            presence=expectation.presence[rows],
+            seen=truth.inputs[rows] > 0,
+            hidden=truth.hidden[rows] > 0,
+            visited=truth.visited[rows],
+            building=building,
         )
 
     def add_rooms(
         self, *, presence: Floats, seen: Bools, hidden: Bools, visited: Bools, building: Ints
     ) -> None:
-        """Add some rooms, or other nodes.
-
-        Args:
-            presence: `[M, C]` P(at least one hidden object).
-            seen: `[M, C]` whether an object was seen.
-            hidden: `[M, C]` whether an object is hidden.
-            visited: `[M]`.
-            building: `[M]` row of the weights.
-        """
+        """Add M rooms: P(an object is hidden), whether one was seen, or is hidden, `[M, C]`."""
         self._classes = presence.shape[1]
         flags = hidden.astype(np.int64)
         for number, (name, own) in enumerate(select_cells(seen, visited).items(), 1):
@@ -157,7 +139,7 @@ def _take(cells: _Counts, rows: Bools) -> _Counts:
     return bins[rows], hidden[rows], building[rows], counts[rows]
 
 
-def _rank(cells: _Counts, weights: Weights) -> tuple[Floats, Floats]:
+def _rank(cells: _Counts, weights: _Weights) -> tuple[Floats, Floats]:
     """Return AUROC and average precision of some cells under every weight."""
     bins, hidden, building, counts = cells
     present, place = np.unique(-bins, return_inverse=True)

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from bsg_data.arrays import Bools, Floats
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.metrics import Bools, Floats
 
 NODE_SETS = ("rooms", "building", "all")
 

@@ -13,11 +13,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from bsg_data.arrays import Floats
 from bsg_data.figure_file import PLAIN_TEXT, noting_failures, write_figure
 from bsg_data.files import stem_of
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.evaluation.metrics import Floats, correlation_matrix, normalise
-from bsg_models.evaluation.shown_nodes import ShownNodes
+from bsg_models.evaluation.details import ShownNodes
+from bsg_models.evaluation.metrics import correlation_matrix, normalise
 from bsg_models.training.learning_curve import EpochReport
 
 _INPUT, _PREDICTED, _TRUE = "#BBBBBB", "#0018EC", "#FF8000"

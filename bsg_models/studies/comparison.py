@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -16,11 +16,21 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
 from bsg_models.evaluation.catalogue import head_value
-from bsg_models.evaluation.measurement import EVALUATOR_VERSION, SplitWeights
-from bsg_models.evaluation.shown_nodes import ShownNodes
+from bsg_models.evaluation.details import ClassErrors, ShownCollector, ShownNodes
+from bsg_models.evaluation.measurement import (
+    EVALUATOR_VERSION,
+    Fold,
+    measure,
+    predict_all,
+    read_truth,
+)
+from bsg_models.evaluation.prediction_files import PredictionWriter
+from bsg_models.evaluation.truth import Truth
 from bsg_models.evaluation.verdict import list_headlines
 from bsg_models.inputs.folds import Split
 from bsg_models.runs.checkpoint import (
@@ -33,50 +43,31 @@ from bsg_models.runs.checkpoint import (
 )
 from bsg_models.runs.found_model import FoundModel, find_model, name_model
 from bsg_models.runs.run_folder import LAST
-from bsg_models.studies.entries import Entry, Folds, folds_of, hash_measured, read_entry
-from bsg_models.studies.measuring import (
-    MeasuredModel,
-    Measuring,
-    NodePredictor,
-    Receiver,
-    Survey,
-    choose_stride,
-    join_surveys,
-    predict_by,
-    survey_split,
-)
+from bsg_models.studies.entries import Folds, folds_of, hash_measured, read_entry
+from bsg_models.studies.survey import Survey, join_surveys, stream_batches, survey_split
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
+from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.settings import DataConfig
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Runs and baselines measured on the same truth.
+    """Runs and baselines measured on the same truth."""
 
-    Attributes:
-        runs: names of the runs, in the order given; the baselines follow them.
-        split: that they were measured on.
-        bootstraps: model → its metrics, with their values on every resample of the buildings.
-        shown: run → the nodes in its figures.
-        survey: of the buildings that they were measured on.
-        classes: one row per model, node set and class.
-        class_names: `[C]`.
-        facts: what was measured on: dataset, class map, buildings, draws, empty nodes; and which
-            runs, with the sha256 of their checkpoints in the same order.
-        notes: warnings that a reader of the values needs.
-    """
-
-    runs: tuple[str, ...]
-    split: str
+    runs: tuple[str, ...]  # names of the runs and predictions, in the order given
+    split: str  # that they were measured on
+    # model → its metrics, on every resample of the buildings; the baselines are last
     bootstraps: dict[str, Bootstrap]
-    shown: dict[str, ShownNodes]
-    survey: Survey
-    classes: pd.DataFrame
-    class_names: tuple[str, ...]
+    shown: dict[str, ShownNodes]  # run → the nodes in its figures
+    survey: Survey  # of the buildings that they were measured on
+    classes: pd.DataFrame  # one row per model, node set and class
+    class_names: tuple[str, ...]  # `[C]`
+    # what was measured on: dataset, class map, buildings, draws, empty nodes; and which runs, with
+    # the sha256 of their checkpoints in the same order
     facts: dict[str, Any]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # warnings that a reader of the values needs
 
     @property
     def has_verdicts(self) -> bool:
@@ -93,13 +84,18 @@ class _Loaded(NamedTuple):
     """A run that is compared."""
 
     name: str  # of its column
-    found: FoundModel  # where it is
-    checkpoint: Checkpoint  # its weights
+    found: FoundModel
+    checkpoint: Checkpoint
 
     @property
     def header(self) -> CheckpointHeader:
-        """Header of its checkpoint."""
         return self.checkpoint.header
+
+
+# Returns the expectation of masked buildings, and the categories outside the classes that it reads.
+_Predictor = tuple[Callable[[MaskedBuildings], Expectation], tuple[str, ...]]
+_Opener = Callable[[int | None], _Predictor]  # of a fold
+_Writer = Callable[[str, int | None], PredictionWriter]  # of a run's predictions for a fold
 
 
 def compare_runs(
@@ -111,7 +107,7 @@ def compare_runs(
     fold: int | None = None,
     resamples: int = 200,
     seed: int = 0,
-    write: Callable[[str, int | None], Receiver] | None = None,
+    write: _Writer | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
     """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
@@ -128,7 +124,7 @@ def compare_runs(
         fold: fold to measure if there is no run; None for all.
         resamples: number of bootstrap resamples of the buildings.
         seed: of the bootstrap.
-        write: called with a run's name and a fold; returns a receiver of its predictions.
+        write: called with a run's name and a fold; returns a writer of its predictions.
         progress: called with (masked buildings done, in all), over all models.
 
     Raises:
@@ -137,83 +133,152 @@ def compare_runs(
         DatasetError: if the split has no pairs.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    dataset = Path(dataset)
-    data = Dataset.open(dataset)
-    found = [find_model(run) for run in runs]
-    checkpoints = [load_checkpoint(one.path) for one in found]
-    sums = [hash_file(one.path) for one in found]
-    columns = name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
-    loaded = [_Loaded(*one) for one in zip(columns, found, checkpoints, strict=True)]
-    for run in loaded:
-        require_dataset(run.found.path, run.header, data.manifest)
+    data = Dataset.open(Path(dataset))
+    loaded = _load_runs(runs, data)
     fold = _one_fold(loaded, fold) if loaded else fold
     part = cast(Split, split)
     folds: Folds = (fold,) if loaded else folds_of(data, fold)
     surveys = [survey_split(data, part, fold=one) for one in folds]
     survey = join_surveys(surveys)
-    entries = [read_entry(Path(p), data, split=part, folds=folds) for p in predictions]
-    names = _order((run.name for run in loaded), entries)
-    measuring = Measuring(
-        data,
-        part,
-        folds,
-        surveys,
-        SplitWeights([one.scene_ids for one in surveys], resamples=resamples, seed=seed),
-        _count(progress, total=len(names) * survey.masked),
-    )
-    of_run = {run.name: run for run in loaded}
-    measured: dict[str, MeasuredModel] = {}
-    for name, entry in names.items():
-        own = of_run.get(name)
-        measured[name] = measuring.measure(
-            name,
-            entry.open_fold if entry else _opener(own, name, data),
-            receive=partial(write, name) if write and own else None,
-            is_drawn=name not in BASELINES,
-        )
-    chosen = tuple(name for name in names if name not in BASELINES)
+    openers: dict[str, _Opener] = {run.name: partial(_open_run, run) for run in loaded}
+    entries = {}
+    for path in predictions:
+        entry = read_entry(Path(path), data, split=part, folds=folds)
+        name = _first_free(entry.name, {*openers, *BASELINES})
+        entries[name] = entry.facts
+        openers[name] = partial(_open_entry, entry.aligned.expect)
+    chosen = tuple(openers)
+    openers |= {name: partial(_fit_baseline, name, data) for name in BASELINES}
+    measuring = _Measuring(data, part, folds, surveys, resamples, seed)
+    count = _count(progress, total=len(openers) * survey.masked)
+    for name, opener in openers.items():
+        writes = write if any(run.name == name for run in loaded) else None
+        measuring.add(name, opener, write=writes, progress=count)
     return Comparison(
         runs=chosen,
         split=split,
-        bootstraps={name: one.bootstrap for name, one in measured.items()},
-        shown={name: one.shown for name, one in measured.items() if one.shown is not None},
+        bootstraps=measuring.bootstraps,
+        shown=measuring.shown,
         survey=survey,
-        classes=pd.DataFrame([row for one in measured.values() for row in one.classes]),
+        classes=pd.DataFrame(measuring.classes),
         class_names=data.manifest.class_space.classes,
         facts=_facts(data, survey, fold=fold, resamples=resamples, seed=seed)
         | {
             "masks_sha256": hash_measured(data, part, folds),
             "runs": _describe(loaded),
-            "checkpoints_sha256": sums,
-            "predictions": {name: entry.facts for name, entry in names.items() if entry},
+            "checkpoints_sha256": [hash_file(run.found.path) for run in loaded],
+            "predictions": entries,
         },
         notes=tuple(_notes(loaded, data, survey, split)),
     )
 
 
-def _opener(run: _Loaded | None, name: str, data: Dataset) -> Callable[[int | None], NodePredictor]:
-    """Return a function that opens a run, or fits the baseline of that name, for a fold."""
+class _Measuring:
+    """The stored pairs that all models are measured on, and what is measured so far."""
 
-    def open_fold(fold: int | None) -> NodePredictor:
-        if run is not None:
-            return predict_by(restore_model(run.found.path, run.checkpoint))
-        model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
-        model.fit(data, DataConfig(fold=fold))
-        return predict_by(model)
+    def __init__(
+        self,
+        data: Dataset,
+        split: Split,
+        folds: Folds,
+        surveys: Sequence[Survey],
+        resamples: int,
+        seed: int,
+    ) -> None:
+        self._data, self._split, self._folds, self._surveys = data, split, folds, surveys
+        self._resamples, self._seed = resamples, seed
+        self._survey = join_surveys(surveys)
+        self.bootstraps: dict[str, Bootstrap] = {}
+        self.shown: dict[str, ShownNodes] = {}
+        self.classes: list[dict[str, Any]] = []
 
-    return open_fold
+    def add(
+        self,
+        name: str,
+        opener: _Opener,
+        *,
+        write: _Writer | None,
+        progress: Callable[[int], None],
+    ) -> None:
+        """Measure a model on every fold, batch by batch."""
+        classes = ClassErrors()
+        shown = ShownCollector(self._survey.stride, self._survey.example)
+
+        def predict(fold: int | None) -> Iterator[tuple[Truth, Expectation]]:
+            expect, vocabulary = opener(fold)
+            writer = write(name, fold) if write else None
+            for masked in stream_batches(self._data, self._split, fold=fold, vocabulary=vocabulary):
+                truth, found = read_truth(masked), expect(masked)
+                yield truth, found
+                classes.add(truth, found)
+                if name not in BASELINES:
+                    shown.add(truth, found)
+                if writer is not None:
+                    writer.add(found, masked)
+                progress(len(masked))
+
+        folds = [
+            Fold(survey.scene_ids, predict(fold))
+            for survey, fold in zip(self._surveys, self._folds, strict=True)
+        ]
+        self.bootstraps[name] = measure(folds, resamples=self._resamples, seed=self._seed)
+        self.classes += classes.rows(name, self._data.manifest.class_space.classes)
+        if name not in BASELINES:
+            self.shown[name] = shown.finish()
 
 
-def _order(runs: Iterable[str], entries: Sequence[Entry]) -> dict[str, Entry | None]:
-    """Return everything that is measured, by name: runs, then predictions, then baselines."""
-    names: dict[str, Entry | None] = dict.fromkeys(runs)
-    for entry in entries:
-        names[first_free(entry.name, {*names, *BASELINES})] = entry
-    return names | dict.fromkeys(BASELINES)
+def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Loaded]:
+    found = [find_model(run) for run in runs]
+    checkpoints = [load_checkpoint(one.path) for one in found]
+    names = name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
+    for one, checkpoint in zip(found, checkpoints, strict=True):
+        require_dataset(one.path, checkpoint.header, data.manifest)
+    return [_Loaded(*one) for one in zip(names, found, checkpoints, strict=True)]
+
+
+def name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
+    """Return a name for each run: its model's, such as `ceci-gcn`.
+
+    Runs of one model, and a run whose model is also a baseline, get their folder as well:
+    `ceci-gcn (second)`. If that name is taken too, a number follows.
+    """
+    models = [name_model(found, header) for found, header in runs]
+    times = Counter([*models, *BASELINES])
+    names: list[str] = []
+    for model, (found, _) in zip(models, runs, strict=True):
+        name = model if times[model] == 1 else f"{model} ({found.name})"
+        names.append(_first_free(name, names))
+    return tuple(names)
+
+
+def _first_free(name: str, taken: Collection[str]) -> str:
+    """Return a name, or the first of `name-2`, `name-3` … whose files would have another name."""
+    stems = {stem_of(one) for one in taken}
+    free, number = name, 2
+    while stem_of(free) in stems:
+        free, number = f"{name}-{number}", number + 1
+    return free
+
+
+def _predict_by(model: BeliefModel) -> _Predictor:
+    return partial(predict_all, model), model.vocabulary
+
+
+def _open_run(run: _Loaded, fold: int | None) -> _Predictor:
+    return _predict_by(restore_model(run.found.path, run.checkpoint))
+
+
+def _open_entry(expect: Callable[[MaskedBuildings], Expectation], fold: int | None) -> _Predictor:
+    return expect, ()
+
+
+def _fit_baseline(name: str, data: Dataset, fold: int | None) -> _Predictor:
+    model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
+    model.fit(data, DataConfig(fold=fold))
+    return _predict_by(model)
 
 
 def _describe(loaded: Sequence[_Loaded]) -> dict[str, Any]:
-    """Return folder, epoch, dataset and configuration of each run, by name."""
     return {
         run.name: {
             "folder": run.found.name,
@@ -256,12 +321,11 @@ def _facts(
     }
 
 
-def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str) -> list[str]:
-    notes = []
+def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str) -> Iterator[str]:
     for run in loaded:
         header = run.header
         if header.dataset_sha256 != data.sha256:
-            notes.append(
+            yield (
                 f"note: {run.name} was trained on another dataset or another version of this one; "
                 f"buildings of this {split} split may have been in its training set"
             )
@@ -269,19 +333,18 @@ def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str)
         unfinished = run.found.path.with_name(LAST)
         last = read_header(unfinished).epoch if unfinished.is_file() else epochs
         if header.calibrated != getattr(header.config.model, "calibrate", False):
-            notes.append(f"note: {run.name} stopped before its calibration; --resume finishes it")
+            yield f"note: {run.name} stopped before its calibration; --resume finishes it"
         if last < epochs:
-            notes.append(f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on")
+            yield f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on"
     if (buildings := len(survey.scene_ids)) < LEAST_BUILDINGS:
-        notes.append(
+        yield (
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "
             f"and verdicts need at least {LEAST_BUILDINGS} of them"
         )
-    if (stride := choose_stride(survey)) > 1:
-        notes.append(f"note: the figures show one in {stride} masked buildings")
+    if survey.stride > 1:
+        yield f"note: the figures show one in {survey.stride} masked buildings"
     if split == "train":
-        notes.append("note: the models were trained on these buildings")
-    return notes
+        yield "note: the models were trained on these buildings"
 
 
 def _count(progress: Callable[[int, int], None] | None, *, total: int) -> Callable[[int], None]:
@@ -332,33 +395,3 @@ def _cell(estimate: Estimate) -> str:
     value = f"{estimate.value:.3g}"
     half = (estimate.high - estimate.low) / 2
     return value if np.isnan(half) else f"{value} ±{half:.1g}"
-
-
-def name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
-    """Return a name for each run: its model's, such as `ceci-gcn`.
-
-    Runs of one model, and a run whose model is also a baseline, get their folder as well:
-    `ceci-gcn (second)`. If that name is taken too, a number follows.
-    """
-    models = [name_model(found, header) for found, header in runs]
-    times = Counter([*models, *BASELINES])
-    names: list[str] = []
-    for model, (found, _) in zip(models, runs, strict=True):
-        name = model if times[model] == 1 else f"{model} ({found.name})"
-        names.append(first_free(name, names))
-    return tuple(names)
-
-
-def first_free(name: str, taken: Collection[str]) -> str:
-    """Return a name, or the first of `name-2`, `name-3` … that is not taken.
-
-    Two names count as equal if files named after them would have the same name.
-
-    >>> first_free("mine", ["mine", "mine-2"])
-    'mine-3'
-    """
-    stems = {stem_of(one) for one in taken}
-    free, number = name, 2
-    while stem_of(free) in stems:
-        free, number = f"{name}-{number}", number + 1
-    return free

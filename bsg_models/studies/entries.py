@@ -23,9 +23,9 @@ from bsg_models.evaluation.prediction_files import (
 )
 from bsg_models.evaluation.predictions import AlignedPredictions, align
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
-from bsg_models.studies.measuring import NodePredictor, stream_batches
+from bsg_models.studies.survey import stream_batches
 
-Folds = tuple[int | None, ...]
+Folds = tuple[int | None, ...]  # (None,) without folds
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +35,6 @@ class Entry:
     name: str  # stem of the file, or name of the folder
     aligned: AlignedPredictions  # predictions of all measured nodes
     facts: dict[str, Any]  # where the entry comes from
-
-    def open_fold(self, fold: int | None) -> NodePredictor:
-        """Return the predictor of a fold; an entry has the same for all folds."""
-        return NodePredictor(self.aligned.expect)
 
 
 def folds_of(data: Dataset, fold: int | None) -> Folds:
@@ -60,27 +56,22 @@ def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entr
     """
     names = {scene for fold in folds for scene in scenes_of(data, split, fold=fold)}
     others = frozenset(s for name in data.splits.values() for s in name if s not in names)
-    predictions = read_predictions(path, most_rows=_count_cells(data))
+    classes = data.manifest.class_space.classes
+    nodes = sum(entry.rows for entry in data.manifest.files_of("pairs"))
+    predictions = read_predictions(path, most_rows=nodes * len(classes))
     _require_masks(predictions, data, split=split, folds=folds)
     masked = (some for fold in folds for some in stream_batches(data, split, fold=fold))
-    aligned = align(
-        predictions,
-        masked,
-        data.manifest.class_space.classes,
-        elsewhere=others if folds != (None,) else frozenset(),
-    )
+    elsewhere = others if folds != (None,) else frozenset()
     facts = {
         "files": {file.name: hash_file(file) for file in predictions.files},
         "rows": len(predictions.rows),
         "exactly": predictions.exactly,
     }
-    return Entry(path.stem if path.is_file() else resolve_links(path).name, aligned, facts)
-
-
-def _count_cells(data: Dataset) -> int:
-    """Return the number of (node, class) cells of all pairs."""
-    rows = sum(entry.rows for entry in data.manifest.files_of("pairs"))
-    return rows * len(data.manifest.class_space.classes)
+    return Entry(
+        path.stem if path.is_file() else resolve_links(path).name,
+        align(predictions, masked, classes, elsewhere=elsewhere),
+        facts,
+    )
 
 
 def open_entry(

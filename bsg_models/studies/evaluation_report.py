@@ -43,35 +43,25 @@ REPORT, CLASSES = "evaluation.json", "classes.csv"
 
 
 class EvaluationRequest(Record):
-    """What to compare, and which files to write.
+    """What to compare, and which files to write."""
 
-    Attributes:
-        runs: trained models, as `find_model` takes them: paths of runs, or names.
-        dataset: folder of a split dataset with pairs.
-        split: split to measure on.
-        predictions: files of predictions of other programs, or folders of such files.
-        fold: fold to measure if there is no run; None for all.
-        write_predictions: folder for the expectations of the runs, written as predictions.
-        out: folder of the results. None means `evaluation` in the folder of the first run; if that
-            run is no folder, `evaluation` here; without runs, `STEM-evaluation` beside the first
-            predictions.
-        html: file for one page with all results; None for none.
-        resamples: number of bootstrap resamples of the buildings; 0 gives no intervals.
-        seed: of the bootstrap.
-        force: replace existing results.
-    """
-
+    # trained models, as `find_model` takes them: paths of runs, or names
     runs: tuple[Path | str, ...] = ()
-    dataset: Path
-    split: Literal["train", "val", "test"] = "test"
+    dataset: Path  # folder of a split dataset with pairs
+    split: Literal["train", "val", "test"] = "test"  # split to measure on
+    # files of predictions of other programs, or folders of such files
     predictions: tuple[Path, ...] = ()
-    fold: int | None = Field(default=None, ge=0)
+    fold: int | None = Field(default=None, ge=0)  # fold to measure if there is no run; None for all
+    # folder for the expectations of the runs, written as predictions
     write_predictions: Path | None = None
+    # folder of the results. None means `evaluation` in the folder of the first run; if that run is
+    # no folder, `evaluation` here; without runs, `STEM-evaluation` beside the first predictions.
     out: Path | None = None
-    html: Path | None = None
+    html: Path | None = None  # file for one page with all results; None for none
+    # number of bootstrap resamples of the buildings; 0 gives no intervals
     resamples: int = Field(default=200, ge=0)
-    seed: int = Field(default=0, ge=0)
-    force: bool = False
+    seed: int = Field(default=0, ge=0)  # of the bootstrap
+    force: bool = False  # replace existing results
 
     @model_validator(mode="after")
     def _has_something_to_measure(self) -> EvaluationRequest:
@@ -91,23 +81,14 @@ class EvaluationRequest(Record):
 
 
 class EvaluationReport(NamedTuple):
-    """An evaluation and its files.
+    """An evaluation and its files."""
 
-    Attributes:
-        comparison: of the runs and the baselines.
-        summary: the comparison as JSON.
-        report: file of the summary.
-        classes: file of the metrics by class.
-        figures: caption → file.
-        notes: about figures that cannot be drawn.
-    """
-
-    comparison: Comparison
-    summary: dict[str, Any]
-    report: Path
-    classes: Path
-    figures: dict[str, Path]
-    notes: tuple[str, ...]
+    comparison: Comparison  # of the runs and the baselines
+    summary: dict[str, Any]  # the comparison as JSON
+    report: Path  # file of the summary
+    classes: Path  # file of the metrics by class
+    figures: dict[str, Path]  # caption → file
+    notes: tuple[str, ...]  # about figures that cannot be drawn
 
 
 def report_evaluation(

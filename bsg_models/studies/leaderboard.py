@@ -11,7 +11,7 @@ models meet the same masks of the same buildings, and the same resamples.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,14 +33,11 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.results import refuse_datasets
+from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import TrainingError
 from bsg_models.evaluation.bootstrap import Bootstrap
-from bsg_models.evaluation.measurement import (
-    SplitWeights,
-    StreamedMeasurement,
-    predict_all,
-    read_truth,
-)
+from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
+from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
@@ -53,7 +50,7 @@ from bsg_models.studies.leaderboard_runs import (
     run_of,
     trained_on,
 )
-from bsg_models.studies.measuring import stream_batches
+from bsg_models.studies.survey import stream_batches
 from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import one_thread
@@ -63,32 +60,22 @@ DATASET = "dataset"
 
 @dataclass(frozen=True, eq=False)
 class ModelResult:
-    """One model on one kind of mask.
+    """One model on one kind of mask."""
 
-    Attributes:
-        metrics: mean over the folds, with values on every resample of the buildings.
-        seconds: time of a training, mean over the folds; for an ensemble, including its members.
-        trained_on: kind of mask of the training, if the model names its own; else None.
-    """
-
-    metrics: Bootstrap
+    metrics: Bootstrap  # mean over the folds, with values on every resample of the buildings
+    # time of a training, mean over the folds; for an ensemble, including its members
     seconds: float
+    # kind of mask of the training, if the model names its own; else None
     trained_on: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Leaderboard:
-    """All models on all kinds of masks.
+    """All models on all kinds of masks."""
 
-    Attributes:
-        recipe: that it was made by.
-        manifest: of the dataset.
-        results: mask → model → result.
-    """
-
-    recipe: LeaderboardRecipe
-    manifest: Manifest
-    results: dict[str, dict[str, ModelResult]]
+    recipe: LeaderboardRecipe  # that it was made by
+    manifest: Manifest  # of the dataset
+    results: dict[str, dict[str, ModelResult]]  # mask → model → result
 
 
 def make_leaderboard(
@@ -243,21 +230,28 @@ def _measure(
     out: Path, mask: str, place: Place, members: tuple[str, ...], recipe: LeaderboardRecipe
 ) -> ModelResult:
     """Measure one model over all folds, on one kind of mask; its time includes its members'."""
-    data = Dataset.open(out / mask / DATASET)
-    measured, seconds = [], 0.0
-    scenes = [scenes_of(data, "test", fold=fold) for fold in range(recipe.folds)]
-    weights = SplitWeights(scenes, resamples=recipe.resamples, seed=recipe.seed)
+    data, folder = Dataset.open(out / mask / DATASET), out / place.mask
+    folds = [
+        Fold(
+            scenes_of(data, "test", fold=fold),
+            _predict(run_of(folder, place.name, fold) / BEST, data, fold),
+        )
+        for fold in range(recipe.folds)
+    ]
     with one_thread():
-        for fold in range(recipe.folds):
-            run = run_of(out / place.mask, place.name, fold)
-            model = restore_model(run / BEST, load_checkpoint(run / BEST))
-            streamed = StreamedMeasurement(scenes[fold], weights.of_split(fold))
-            for masked in stream_batches(data, "test", fold=fold, vocabulary=model.vocabulary):
-                streamed.add(read_truth(masked), predict_all(model, masked))
-            measured.append(streamed.finish())
-            runs = [run_of(out / place.mask, name, fold) for name in (place.name, *members)]
-            seconds += sum(map(_seconds_of, runs)) / recipe.folds
-    return ModelResult(weights.average(measured).bootstrap(), seconds)
+        found = measure(folds, resamples=recipe.resamples, seed=recipe.seed)
+    seconds = sum(
+        _seconds_of(run_of(folder, name, fold)) / recipe.folds
+        for fold in range(recipe.folds)
+        for name in (place.name, *members)
+    )
+    return ModelResult(found, seconds)
+
+
+def _predict(path: Path, data: Dataset, fold: int) -> Iterator[tuple[Truth, Expectation]]:
+    model = restore_model(path, load_checkpoint(path))
+    for masked in stream_batches(data, "test", fold=fold, vocabulary=model.vocabulary):
+        yield read_truth(masked), predict_all(model, masked)
 
 
 def _seconds_of(run: Path) -> float:

@@ -32,21 +32,13 @@ REPORT, TABLE = "leaderboard.json", "leaderboard.md"
 
 
 class LeaderboardReport(NamedTuple):
-    """The files of a leaderboard.
+    """The files of a leaderboard."""
 
-    Attributes:
-        summary: the leaderboard as JSON.
-        report: file of the summary.
-        table: the Markdown document.
-        figures: one per kind of mask.
-        notes: about figures that cannot be drawn.
-    """
-
-    summary: dict[str, Any]
-    report: Path
-    table: Path
-    figures: tuple[Path, ...]
-    notes: tuple[str, ...]
+    summary: dict[str, Any]  # the leaderboard as JSON
+    report: Path  # file of the summary
+    table: Path  # the Markdown document
+    figures: tuple[Path, ...]  # one per kind of mask
+    notes: tuple[str, ...]  # about figures that cannot be drawn
 
 
 def refuse_finished(out: AnyPath, *, force: bool) -> None:

@@ -22,23 +22,15 @@ from bsg_models.zoo.ensemble import EnsembleConfig
 
 
 class LeaderboardRecipe(Record):
-    """Everything that a leaderboard depends on besides the dataset and the models.
+    """Everything that a leaderboard depends on besides the dataset and the models."""
 
-    Attributes:
-        masks: kinds of masks to measure on; a model without its own mask is trained on each.
-        fraction: share of the objects that they hide.
-        folds: number of folds; every building is tested on once.
-        draws: masks of every building.
-        seed: of the folds, the masks and the trainings.
-        resamples: number of bootstrap resamples of the buildings.
-    """
-
+    # kinds of masks to measure on; a model without its own mask is trained on each
     masks: tuple[str, ...] = ("uniform", "rooms")
-    fraction: float = 0.5
-    folds: int = 5
-    draws: int = 5
-    seed: int = 0
-    resamples: int = 200
+    fraction: float = 0.5  # share of the objects that they hide
+    folds: int = 5  # number of folds; every building is tested on once
+    draws: int = 5  # masks of every building
+    seed: int = 0  # of the folds, the masks and the trainings
+    resamples: int = 200  # number of bootstrap resamples of the buildings
 
     @field_validator("masks")
     @classmethod
@@ -48,15 +40,10 @@ class LeaderboardRecipe(Record):
 
 
 class Place(NamedTuple):
-    """Where the runs of a model are, one per fold.
+    """Where the runs of a model are, one per fold."""
 
-    Attributes:
-        mask: kind of mask that it is trained on.
-        name: of the model.
-    """
-
-    mask: str
-    name: str
+    mask: str  # kind of mask that it is trained on
+    name: str  # of the model
 
 
 class Runs(NamedTuple):

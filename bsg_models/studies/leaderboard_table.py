@@ -11,7 +11,7 @@ from bsg_data.tables import escape_markdown, format_markdown, mark_code
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import find_value, head_value, label_value
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION
-from bsg_models.evaluation.metrics import Moments
+from bsg_models.evaluation.metrics import MOMENTS
 from bsg_models.evaluation.verdict import HEADLINES, judge
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 
@@ -166,12 +166,12 @@ def _moments(results: Mapping[str, ModelResult]) -> Iterator[str]:
     """Yield the paper's Table I in its four-column form."""
     yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
     yield ""
-    header = [f"{letter} {moment}" for letter in "WE" for moment in Moments._fields]
+    header = [f"{letter} {moment}" for letter in "WE" for moment in MOMENTS]
     rows = {
         name: [
             f"{results[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}"
             for metric in ("wasserstein", "energy")
-            for moment in Moments._fields
+            for moment in MOMENTS
         ]
         for name in rank_models(results)
     }

@@ -23,26 +23,17 @@ from bsg_models.zoo.ensemble import EnsembleConfig, can_resume
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """A run in short.
+    """A run in short."""
 
-    Attributes:
-        run: its folder.
-        config: its configuration.
-        epochs: number trained; 0 for a model that is fitted by counting.
-        last: epoch that was saved last; None without epochs.
-        best: epoch with the lowest validation loss; None without epochs.
-        seconds: that the epochs took.
-        log: every training of the run, the oldest first; empty if no log was kept.
-        outdated: folders in the run with an evaluation or a search of other weights.
-    """
-
-    run: Path
-    config: RunConfig
-    epochs: int
-    last: EpochReport | None
-    best: EpochReport | None
-    seconds: float
+    run: Path  # its folder
+    config: RunConfig  # its configuration
+    epochs: int  # number trained; 0 for a model that is fitted by counting
+    last: EpochReport | None  # epoch that was saved last; None without epochs
+    best: EpochReport | None  # epoch with the lowest validation loss; None without epochs
+    seconds: float  # that the epochs took
+    # every training of the run, the oldest first; empty if no log was kept
     log: tuple[Begun | Ended, ...]
+    # folders in the run with an evaluation or a search of other weights
     outdated: tuple[Path, ...] = ()
 
     @property

@@ -35,32 +35,20 @@ _TIE = 1e-9  # relative difference below which two costs are a tie
 
 @dataclass(frozen=True, slots=True)
 class Saving:
-    """The result of one planner in one world and task, compared with `nearest`.
+    """The result of one planner in one world and task, compared with `nearest`."""
 
-    Attributes:
-        saved: 1 − ratio of the total costs.
-        beyond_routing: `saved` minus that of `routing`, which uses no belief; NaN without
-            `routing`, or for a planner that reads no belief.
-        of_oracle: share of what `oracle` saves; NaN without it.
-        mean: of 1 − ratio of the costs, over the searches.
-        median: of the same.
-        wins: searches that cost less than with `nearest`.
-        ties: searches that cost the same.
-        losses: searches that cost more.
-        cost: mean over the searches.
-        entered: rooms, mean over the searches.
-    """
-
-    saved: Estimate
+    saved: Estimate  # 1 − ratio of the total costs
+    # `saved` minus that of `routing`, which uses no belief; NaN without `routing`, or for a planner
+    # that reads no belief
     beyond_routing: Estimate
-    of_oracle: Estimate
-    mean: float
-    median: float
-    wins: int
-    ties: int
-    losses: int
-    cost: float
-    entered: float
+    of_oracle: Estimate  # share of what `oracle` saves; NaN without it
+    mean: float  # of 1 − ratio of the costs, over the searches
+    median: float  # of the same
+    wins: int  # searches that cost less than with `nearest`
+    ties: int  # searches that cost the same
+    losses: int  # searches that cost more
+    cost: float  # mean over the searches
+    entered: float  # rooms, mean over the searches
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,27 +63,16 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class WorldResult:
-    """All planners in one world and task.
+    """All planners in one world and task."""
 
-    Attributes:
-        world: its name.
-        task: when a search ends.
-        buildings: number searched.
-        searches: in all.
-        ranked_first: share of the searches whose likeliest room at the start holds an artifact.
-        chance: the same for a room drawn at random.
-        savings: planner → saving, in the order of the study.
-        stops: threshold → result of the robot that stops by itself.
-    """
-
-    world: str
-    task: Task
-    buildings: int
-    searches: int
-    ranked_first: float
-    chance: float
-    savings: dict[str, Saving]
-    stops: dict[str, Stop]
+    world: str  # its name
+    task: Task  # when a search ends
+    buildings: int  # number searched
+    searches: int  # in all
+    ranked_first: float  # share of the searches whose likeliest room at the start holds an artifact
+    chance: float  # the same for a room drawn at random
+    savings: dict[str, Saving]  # planner → saving, in the order of the study
+    stops: dict[str, Stop]  # threshold → result of the robot that stops by itself
 
 
 def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:

@@ -35,42 +35,29 @@ _NOT_MEASURED = {
 
 
 class StudyRecipe(Record):
-    """Everything that a study depends on besides the dataset and the models.
+    """Everything that a study depends on besides the dataset and the models."""
 
-    Attributes:
-        worlds: kinds of room graphs.
-        tasks: `single`, `all`.
-        planners: names of `PLANNERS`, or of installed entry points; see `all_planners`.
-        artifacts: classes that may be searched for, None for every class; a search takes those that
-            at least one room has and another has not.
-        at_once: classes that one search looks for.
-        episodes: searches of every building in every world.
-        masks: of every building; the searches take turns.
-        strategy: of the masks, which say what the robot saw before its search.
-        fraction: share of the objects that a mask hides.
-        withhold: share of the classes that a mask withholds, besides the artifacts.
-        parts: whether hiding an object also hides its parts; the same for artifacts.
-        stops: probabilities that anything is left at which the robot stops by itself; for task
-            `all` with `expected-cost`.
-        truth: `real`, or `posterior`: artifacts are placed by the model's first belief, so that the
-            belief is exactly right and no planner could know better.
-        seed: of all random draws.
-    """
-
-    worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS
-    tasks: tuple[Task, ...] = ("single", "all")
+    worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS  # kinds of room graphs
+    tasks: tuple[Task, ...] = ("single", "all")  # `single`, `all`
+    # names of `PLANNERS`, or of installed entry points; see `all_planners`
     planners: tuple[str, ...] = Field(default_factory=PLANNERS.names)
+    # classes that may be searched for, None for every class; a search takes those that at least one
+    # room has and another has not
     artifacts: tuple[int, ...] | None = None
-    at_once: int = Field(default=1, ge=1)
-    episodes: int = Field(default=200, ge=1)
-    masks: int = Field(default=10, ge=1)
-    strategy: str = "uniform"
-    fraction: float = Field(default=0.5, gt=0, le=1)
-    withhold: Share = 0.0
-    parts: bool = False
+    at_once: int = Field(default=1, ge=1)  # classes that one search looks for
+    episodes: int = Field(default=200, ge=1)  # searches of every building in every world
+    masks: int = Field(default=10, ge=1)  # of every building; the searches take turns
+    strategy: str = "uniform"  # of the masks, which say what the robot saw before its search
+    fraction: float = Field(default=0.5, gt=0, le=1)  # share of the objects that a mask hides
+    withhold: Share = 0.0  # share of the classes that a mask withholds, besides the artifacts
+    parts: bool = False  # whether hiding an object also hides its parts; the same for artifacts
+    # probabilities that anything is left at which the robot stops by itself; for task `all` with
+    # `expected-cost`
     stops: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = ()
+    # `real`, or `posterior`: artifacts are placed by the model's first belief, so that the belief
+    # is exactly right and no planner could know better
     truth: Literal["real", "posterior"] = "real"
-    seed: int = Field(default=0, ge=0)
+    seed: int = Field(default=0, ge=0)  # of all random draws
 
     @field_validator("planners")
     @classmethod

@@ -123,27 +123,16 @@ class SearchRequest(Record):
 
 
 class SearchReport(NamedTuple):
-    """A search study and its files.
+    """A search study and its files."""
 
-    Attributes:
-        study: all searches.
-        results: of every world and task.
-        summary: the study as JSON.
-        model: whose beliefs were used; None for none.
-        sought: names of the classes that were searched for.
-        report: file of the summary.
-        written: other content → file.
-        notes: warnings that a reader of the results needs.
-    """
-
-    study: Study
-    results: list[WorldResult]
-    summary: dict[str, Any]
-    model: str | None
-    sought: tuple[str, ...]
-    report: Path
-    written: dict[str, Path]
-    notes: tuple[str, ...]
+    study: Study  # all searches
+    results: list[WorldResult]  # of every world and task
+    summary: dict[str, Any]  # the study as JSON
+    model: str | None  # whose beliefs were used; None for none
+    sought: tuple[str, ...]  # names of the classes that were searched for
+    report: Path  # file of the summary
+    written: dict[str, Path]  # other content → file
+    notes: tuple[str, ...]  # warnings that a reader of the results needs
 
 
 def report_search(

@@ -33,21 +33,14 @@ KEPT = 16
 
 @dataclass(frozen=True, slots=True)
 class KeepRequest:
-    """Which searches of a study keep their steps.
+    """Which searches of a study keep their steps."""
 
-    Attributes:
-        episode: number of the search in its building, from 0; None for those worth watching.
-        task: when the search ends.
-        planner: a planner of the study's recipe; the same search by `nearest` is kept, too.
-        scene_id: of the building; None for all.
-        world: name of the world; None for all.
-    """
-
+    # number of the search in its building, from 0; None for those worth watching
     episode: int | None
-    task: Task
-    planner: str
-    scene_id: str | None = None
-    world: str | None = None
+    task: Task  # when the search ends
+    planner: str  # a planner of the study's recipe; the same search by `nearest` is kept, too
+    scene_id: str | None = None  # of the building; None for all
+    world: str | None = None  # name of the world; None for all
 
     def fits(self, scene_id: str, world: str) -> bool:
         """Return whether searches of this building and world are asked for."""

@@ -58,51 +58,32 @@ SWEEP = -1.0  # a threshold never reached: such a search enters every room
 
 @dataclass(frozen=True, eq=False)
 class Searches:
-    """The searches of one building in one world, and the outcome of each planner.
+    """The searches of one building in one world, and the outcome of each planner."""
 
-    Attributes:
-        scene_id: of the building.
-        world: its name.
-        starts: `[E]` rooms.
-        artifacts: `[E, A]` classes.
-        draws: `[E]` number of the mask.
-        instances: `[E]` of the artifacts.
-        ranked_first: `[E]` whether the likeliest room at the start holds one; NaN without a belief.
-        chance: `[E]` share of the rooms that hold one.
-        outcomes: (task, planner) → outcome; (`all`, `stop 0.1`) is the robot that stops by itself,
-            `sweep` enters every room, nearest first.
-        kept: those of the searches whose steps were asked for.
-    """
-
-    scene_id: str
-    world: str
-    starts: Ints
-    artifacts: Ints
-    draws: Ints
-    instances: Ints
+    scene_id: str  # of the building
+    world: str  # its name
+    starts: Ints  # `[E]` rooms
+    artifacts: Ints  # `[E, A]` classes
+    draws: Ints  # `[E]` number of the mask
+    instances: Ints  # `[E]` of the artifacts
+    # `[E]` whether the likeliest room at the start holds one; NaN without a belief
     ranked_first: Floats
-    chance: Floats
+    chance: Floats  # `[E]` share of the rooms that hold one
+    # (task, planner) → outcome; (`all`, `stop 0.1`) is the robot that stops by itself, `sweep`
+    # enters every room, nearest first
     outcomes: dict[tuple[Task, str], Outcome]
-    kept: tuple[KeptSearch, ...] = ()
+    kept: tuple[KeptSearch, ...] = ()  # those of the searches whose steps were asked for
 
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """All searches of a study, and what could not be searched.
+    """All searches of a study, and what could not be searched."""
 
-    Attributes:
-        recipe: that it was made by.
-        scenes: buildings that were asked for.
-        searches: of every building in every world.
-        left_out: world → reason → number of buildings that it lacks.
-        planners: name → planner, in the order of the tables.
-    """
-
-    recipe: StudyRecipe
-    scenes: tuple[str, ...]
-    searches: tuple[Searches, ...]
-    left_out: dict[str, dict[str, int]]
-    planners: Mapping[str, Planner]
+    recipe: StudyRecipe  # that it was made by
+    scenes: tuple[str, ...]  # buildings that were asked for
+    searches: tuple[Searches, ...]  # of every building in every world
+    left_out: dict[str, dict[str, int]]  # world → reason → number of buildings that it lacks
+    planners: Mapping[str, Planner]  # name → planner, in the order of the tables
 
 
 def study_search(

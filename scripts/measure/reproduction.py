@@ -25,7 +25,7 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.evaluation.measurement import Measurement, SplitWeights, predict_all, read_truth
+from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
@@ -84,16 +84,17 @@ def train(name: str, settings: tuple[str, ...], dataset: Path, run: Path) -> Non
             pass
 
 
-def measure(datasets: Sequence[Path], runs: Sequence[Path], resamples: int) -> dict[str, Estimate]:
+def measure_splits(
+    datasets: Sequence[Path], runs: Sequence[Path], resamples: int
+) -> dict[str, Estimate]:
     """Return the metrics of one model, over all splits."""
-    splits = []
+    folds = []
     for dataset, run in zip(datasets, runs, strict=True):
         model = restore_model(run / BEST, load_checkpoint(run / BEST))
         masked = read_split(Dataset.open(dataset), "test")
-        splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
-    weights = SplitWeights([one.scene_ids for one in splits], resamples=resamples, seed=0)
-    each = [one.measure(weights.of_split(number)) for number, one in enumerate(splits)]
-    return weights.average(each).bootstrap().estimates()
+        truth = read_truth(masked)
+        folds.append(Fold(truth.scene_ids, [(truth, predict_all(model, masked))]))
+    return measure(folds, resamples=resamples).estimates()
 
 
 def tabulate_moments(found: Mapping[str, Mapping[str, Estimate]], nodes: str) -> ResultsTable:
@@ -157,7 +158,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for run, future in futures.items():
             future.result()
             print(f"trained {run.name}", flush=True)
-    found = {name: measure(datasets, runs[name], options.resamples) for name in models}
+    found = {name: measure_splits(datasets, runs[name], options.resamples) for name in models}
     write_page(
         options.out,
         "Readings of the paper's CECI",

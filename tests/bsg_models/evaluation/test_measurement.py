@@ -12,26 +12,14 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
-from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import weigh_buildings
-from bsg_models.evaluation.class_errors import ClassErrors
-from bsg_models.evaluation.measurement import (
-    Measured,
-    Measurement,
-    SplitWeights,
-    StreamedMeasurement,
-    count_empty,
-    predict_all,
-    read_truth,
-)
-from bsg_models.evaluation.shown_nodes import ShownNodes
+from bsg_models.evaluation.details import ClassErrors, ShownCollector
+from bsg_models.evaluation.measurement import Fold, measure, measure_fold, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
-from bsg_models.rendering.figures import plot_evaluation, plot_learning_curve
-from bsg_models.training.learning_curve import EpochReport
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
@@ -58,9 +46,19 @@ def believe(truth: Truth, seed: int = 1) -> Expectation:
     return from_hidden_counts(truth.inputs, poisson(rng.gamma(1.0, 1.0, truth.inputs.shape)))
 
 
+def evaluate(
+    truth: Truth, expectation: Expectation, weights: np.ndarray | None = None
+) -> tuple[dict[str, float], dict[str, int]]:
+    """Return every metric under one weight for each building, and the nodes behind it."""
+    each = np.ones(len(truth.scene_ids)) if weights is None else weights
+    fold = Fold(truth.scene_ids, [(truth, expectation)])
+    values, nodes = measure_fold(fold, each[:, None])
+    return {name: float(value[0]) for name, value in values.items()}, nodes
+
+
 def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
     beliefs = believe(truth)
-    found = Measurement(truth, beliefs).evaluate()
+    found, _ = evaluate(truth, beliefs)
     rooms = ~truth.is_building
     p, q = metrics.normalise(beliefs.totals), metrics.normalise(truth.targets)
     distances = [stats.wasserstein_distance(a, b) for a, b in zip(p[rooms], q[rooms], strict=True)]
@@ -81,7 +79,7 @@ def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
 def test_a_building_that_counts_twice_is_there_twice(truth: Truth) -> None:
     """Weights are repetitions: the seam on which every bootstrap interval rests."""
     beliefs = believe(truth)
-    weighted = Measurement(truth, beliefs).evaluate(np.array([2.0, 0.0, 1.0]))
+    weighted, _ = evaluate(truth, beliefs, np.array([2.0, 0.0, 1.0]))
     rows = np.concatenate([np.flatnonzero(truth.building == b) for b in (0, 0, 2)])
     repeated = Truth(
         inputs=truth.inputs[rows],
@@ -95,7 +93,7 @@ def test_a_building_that_counts_twice_is_there_twice(truth: Truth) -> None:
     again = Expectation(
         beliefs.inputs[rows], beliefs.hidden_counts.take(rows), beliefs.totals[rows]
     )
-    expected = Measurement(repeated, again).evaluate()
+    expected, _ = evaluate(repeated, again)
     assert weighted.keys() == expected.keys()
     for name, value in weighted.items():
         assert value == pytest.approx(expected[name], nan_ok=True, abs=1e-9), name
@@ -103,31 +101,25 @@ def test_a_building_that_counts_twice_is_there_twice(truth: Truth) -> None:
 
 def test_perfect_and_empty_beliefs(truth: Truth) -> None:
     perfect = Expectation(truth.inputs, poisson(truth.hidden), truth.targets)
-    found = Measurement(truth, perfect).evaluate()
+    found, _ = evaluate(truth, perfect)
     for metric in ("wasserstein_values/mean", "energy_values/mean", "total_variation/mean"):
         assert found[f"all/{metric}"] == pytest.approx(0, abs=1e-9)
     assert found["all/correlation_frobenius"] == pytest.approx(0, abs=1e-9)
     assert found["rooms/presence_auroc_macro/all"] == 1
     assert found["rooms/top1_unseen"] == 1
     nothing = from_hidden_counts(truth.inputs, poisson(np.zeros_like(truth.inputs)))
-    assert Measurement(truth, nothing).evaluate()["rooms/presence_auroc_macro/all"] == 0.5
-
-
-def test_empty_nodes_are_counted(truth: Truth) -> None:
-    truth.inputs[1] = 0
-    found = count_empty(truth)
-    assert found["empty_inputs"] == (truth.inputs.sum(axis=1) == 0).sum() >= 1
+    assert evaluate(truth, nothing)[0]["rooms/presence_auroc_macro/all"] == 0.5
 
 
 def test_nodes_are_counted_as_each_metric_uses_them(truth: Truth) -> None:
     beliefs = believe(truth)
     truth.targets[1] = truth.inputs[1] = 0
-    measurement = Measurement(truth, beliefs)
-    assert measurement.count_nodes("rooms/wasserstein_values/mean") == 18
-    assert measurement.count_nodes("rooms/wasserstein_classes/mean") == 17
+    _, nodes = evaluate(truth, beliefs)
+    assert nodes["rooms/wasserstein_values/mean"] == 18
+    assert nodes["rooms/wasserstein_classes/mean"] == 17
     wanted = (truth.hidden > 0) & (truth.inputs == 0)
     rooms = wanted[~truth.is_building].any(axis=1).sum()
-    assert measurement.count_nodes("rooms/top3_unseen") == rooms
+    assert nodes["rooms/top3_unseen"] == rooms
 
 
 def test_errors_per_class_by_hand(truth: Truth) -> None:
@@ -146,9 +138,9 @@ def test_errors_per_class_by_hand(truth: Truth) -> None:
     assert row["presence_ap"] == pytest.approx(exact_ranks.average_precision(*cells))
 
 
-def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
-    """A model that is constant per class has AUROC 0.5 in each split, and so in their mean."""
-    splits = []
+def test_folds_are_averaged_and_never_pooled(dataset: Path) -> None:
+    """A model that is constant per class has AUROC 0.5 in each fold, and so in their mean."""
+    folds = []
     for seed in (0, 1, 2):
         split_dataset(dataset, SplitRecipe(seed=seed, ratios=(0.5, 0.0, 0.5)), force=True)
         write_pairs(dataset, PairsRecipe(draws=2))
@@ -156,72 +148,87 @@ def test_splits_are_averaged_and_never_pooled(dataset: Path) -> None:
         model = make_model(find_config("train-mean"), classes=45)
         model.fit(data, DataConfig())
         masked = read_split(data, "test")
-        splits.append(Measurement(read_truth(masked), predict_all(model, masked)))
-    weights = SplitWeights([split.scene_ids for split in splits], resamples=2, seed=0)
-    each = [split.measure(weights.of_split(number)) for number, split in enumerate(splits)]
-    every = weights.average(each).bootstrap()
+        folds.append((read_truth(masked), predict_all(model, masked)))
+    every = measure([Fold(one[0].scene_ids, [one]) for one in folds], resamples=2)
     assert every.point["rooms/presence_auroc_macro/all"] == 0.5
     assert every.point["rooms/presence_auroc_macro/unseen"] == 0.5
-    alone = [split.evaluate() for split in splits]
+    alone = [evaluate(*one) for one in folds]
     name = "rooms/correlation_frobenius"
-    assert every.point[name] == pytest.approx(np.mean([one[name] for one in alone]))
-    # A building that is in several splits has one weight in all.
-    scenes = sorted({scene for split in splits for scene in split.scene_ids})
+    assert every.point[name] == pytest.approx(np.mean([one[name] for one, _ in alone]))
+    # A building that is in several folds has one weight in all.
+    scenes = sorted({scene for truth, _ in folds for scene in truth.scene_ids})
     resample = dict(zip(scenes, weigh_buildings(len(scenes), resamples=2, seed=0), strict=True))
-    expected = [
-        split.evaluate(np.array([resample[scene][2] for scene in split.scene_ids], dtype=float))
-        for split in splits
-    ]
-    mean = np.mean([one["rooms/hidden_nll"] for one in expected])
-    assert every.resampled["rooms/hidden_nll"][1] == pytest.approx(mean)
-    nodes = [split.count_nodes("rooms/hidden_nll") for split in splits]
-    assert every.nodes["rooms/hidden_nll"] == sum(nodes)
+    weights = [np.array([float(resample[s][2]) for s in truth.scene_ids]) for truth, _ in folds]
+    name = "rooms/hidden_nll"
+    expected = [evaluate(*one, own)[0][name] for one, own in zip(folds, weights, strict=True)]
+    assert every.resampled[name][1] == pytest.approx(np.mean(expected))
+    assert every.nodes[name] == sum(nodes[name] for _, nodes in alone)
 
 
-def test_a_split_without_a_building_of_the_resample_is_not_in_its_mean(truth: Truth) -> None:
-    weights = SplitWeights([("a",), ("b",)], resamples=20, seed=0)
-    measured = [Measured({"x": np.full(21, value)}, {"x": 1}) for value in (1.0, 3.0)]
-    found = weights.average(measured).values["x"]
-    assert found[0] == 2
-    assert set(found) == {1.0, 2.0, 3.0}
+def take(truth: Truth, rows: np.ndarray, scene: str) -> Truth:
+    """Return some nodes of one building."""
+    return Truth(
+        inputs=truth.inputs[rows],
+        targets=truth.targets[rows],
+        is_building=truth.is_building[rows],
+        visited=truth.visited[rows],
+        building=np.zeros(len(rows), dtype=np.int64),
+        draw=truth.draw[rows],
+        scene_ids=(scene,),
+    )
+
+
+def test_a_fold_without_a_building_of_the_resample_is_not_in_its_mean(truth: Truth) -> None:
+    beliefs, name = believe(truth), "rooms/hidden_nll"
+    parts = []
+    for building, scene in enumerate(truth.scene_ids[:2]):
+        rows = np.flatnonzero(truth.building == building)
+        parts.append((take(truth, rows, scene), beliefs.take(rows)))
+    found = measure([Fold(one[0].scene_ids, [one]) for one in parts], resamples=20)
+    first, second = (evaluate(*one)[0][name] for one in parts)
+    assert found.point[name] == pytest.approx((first + second) / 2)
+    ends = {round(value, 9) for value in found.resampled[name].tolist()}
+    assert ends == {round(value, 9) for value in (first, second, (first + second) / 2)}
 
 
 def test_batches_and_their_order_do_not_matter(truth: Truth) -> None:
     beliefs, weights = believe(truth), weigh_buildings(3, resamples=5, seed=0)
-    whole = Measurement(truth, beliefs).measure(weights)
-    streamed = StreamedMeasurement(truth.scene_ids, weights)
+    whole, nodes = measure_fold(Fold(truth.scene_ids, [(truth, beliefs)]), weights)
+    batches = []
     for first in (16, 0, 4, 20, 8, 12):  # the draws of a building in two batches
         rows = np.arange(first, first + 4)
-        some = Truth(
-            inputs=truth.inputs[rows],
-            targets=truth.targets[rows],
-            is_building=truth.is_building[rows],
-            visited=truth.visited[rows],
-            building=np.zeros(4, dtype=np.int64),
-            draw=truth.draw[rows],
-            scene_ids=(truth.scene_ids[first // 8],),
+        batches.append((take(truth, rows, truth.scene_ids[first // 8]), beliefs.take(rows)))
+    found, counted = measure_fold(Fold(truth.scene_ids, batches), weights)
+    assert counted == nodes
+    for name, value in whole.items():
+        np.testing.assert_allclose(found[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("stride", "kept", "example"),
+    [(1, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9], 4), (3, [0, 1, 4, 5, 6, 7], 2), (9, [0, 1, 4, 5], 2)],
+)
+def test_every_kth_masked_building_is_kept_and_the_example(
+    stride: int, kept: list[int], example: int
+) -> None:
+    """Five masked buildings of two nodes: one draw of a, two of c, two of b."""
+    targets = np.arange(10.0)[:, None]
+    collector = ShownCollector(stride, "c")
+    for rows, scenes in ((np.arange(4), ("a", "c")), (np.arange(4, 10), ("c", "b"))):
+        number = [0, 0, 1, 1] if len(rows) == 4 else [0, 0, 1, 1, 1, 1]
+        shift = 2 if len(rows) == 4 else 0  # the first batch has another building before c
+        truth = Truth(
+            inputs=targets[rows],
+            targets=targets[rows],
+            is_building=rows % 2 == 0,
+            visited=np.ones(len(rows), dtype=bool),
+            building=np.array(number),
+            draw=np.zeros(len(rows), dtype=np.int64),
+            scene_ids=scenes if not shift else ("a", "d"),
         )
-        streamed.add(some, beliefs.take(rows))
-    found = streamed.finish()
-    assert found.nodes == whole.nodes
-    for name, value in whole.values.items():
-        np.testing.assert_allclose(found.values[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
-
-
-def test_figures_are_drawn(truth: Truth, tmp_path: Path) -> None:
-    notes: list[str] = []
-    drawn = plot_evaluation(
-        tmp_path / "figures",
-        name="m",
-        shown=ShownNodes(
-            truth.inputs, believe(truth).totals, truth.targets, truth.is_building, example=0
-        ),
-        classes=load_class_map().classes[:5],
-        building="a",
-        notes=notes,
-    )
-    assert notes == []
-    report = EpochReport(1, 1, 2.0, 3.0, 1, 0.1)
-    plot_learning_curve([report], tmp_path / "curve.png", title="m", loss="loss")
-    for path in (*drawn.values(), tmp_path / "curve.png"):
-        assert path.read_bytes().startswith(b"\x89PNG")
+        collector.add(truth, from_hidden_counts(truth.inputs, poisson(truth.inputs)))
+    shown = collector.finish()
+    assert shown.targets[:, 0].tolist() == kept
+    assert shown.totals[:, 0].tolist() == [2 * one for one in kept]
+    assert shown.targets[shown.example, 0] == 4
+    assert shown.example == example

@@ -13,7 +13,7 @@ from bsg_data.observation.observation import Observation
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import Surroundings
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.measurement import EVALUATOR_VERSION, Measurement, read_truth
+from bsg_models.evaluation.measurement import EVALUATOR_VERSION, Fold, measure, read_truth
 from bsg_models.evaluation.prediction_files import read_predictions
 from bsg_models.evaluation.predictions import PredictedExpectation, align, log_of_table
 
@@ -46,7 +46,8 @@ def expect(path: Path, frame: pd.DataFrame) -> PredictedExpectation:
 def test_the_frozen_evaluator_gives_what_is_worked_out_by_hand(tmp_path: Path) -> None:
     """A change of any of these values is a new version of the evaluator."""
     frame = rows(p0=[0.5, 0.75], p1=[0.25, 0.25])
-    values = Measurement(read_truth(two_rooms()), expect(tmp_path / "a.parquet", frame)).evaluate()
+    expected = expect(tmp_path / "a.parquet", frame)
+    values = measure([Fold(("a",), [(read_truth(two_rooms()), expected)])]).point
     # Cells of the rooms: hidden chair 0.5; bed 0.25, and twice nothing, of which 0 is believed.
     assert values["rooms/presence_brier/all"] == pytest.approx((0.5**2 + 0.25**2) / 4)
     assert values["rooms/presence_auroc_micro/all"] == 1.0

@@ -13,7 +13,7 @@ from PIL import Image
 
 from bsg_data.figure_file import write_figure
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.evaluation.shown_nodes import ShownNodes
+from bsg_models.evaluation.details import ShownNodes
 from bsg_models.rendering import figures
 from bsg_models.training.learning_curve import EpochReport
 

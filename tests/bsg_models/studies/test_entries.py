@@ -12,12 +12,7 @@ from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.measurement import (
-    Measurement,
-    SplitWeights,
-    predict_all,
-    read_truth,
-)
+from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.studies.comparison import compare_runs
 from bsg_models.studies.entries import folds_of, open_entry
@@ -56,13 +51,12 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         model.fit(data, DataConfig(fold=fold))
         masked = read_split(data, "test", fold=fold)
         expectation = predict_all(model, masked)
-        measured.append(Measurement(read_truth(masked), expectation))
+        truth = read_truth(masked)
+        measured.append(Fold(truth.scene_ids, [(truth, expectation)]))
         with open_entry(tmp_path, "mine", data, split="test", fold=fold) as writer:
             writer.add(expectation, masked)
     every = compare_runs([], dataset, split="test", predictions=[tmp_path / "mine"], resamples=0)
-    weights = SplitWeights([one.scene_ids for one in measured], resamples=0, seed=0)
-    each = [one.measure(weights.of_split(number)) for number, one in enumerate(measured)]
-    point = weights.average(each).bootstrap().point
+    point = measure(measured).point
     for name in ("rooms/presence_ap_micro/all", "all/correlation_frobenius"):
         assert every.estimates["mine"][name].value == pytest.approx(point[name])
         assert every.estimates["gamma-poisson"][name].value == pytest.approx(point[name])
@@ -72,7 +66,7 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         [], dataset, split="test", predictions=[tmp_path / "mine"], fold=1, resamples=0
     )
     name = "rooms/presence_brier/all"
-    assert one.estimates["mine"][name].value == pytest.approx(measured[1].evaluate()[name])
+    assert one.estimates["mine"][name].value == pytest.approx(measure([measured[1]]).point[name])
 
 
 def test_predictions_for_other_masks_are_refused(dataset: Path, run: Path, tmp_path: Path) -> None:

@@ -1,0 +1,98 @@
+"""Keep what an evaluation shows besides metrics: errors of each class, and nodes for figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bsg_data.arrays import Bools, Floats
+from bsg_models.belief.expectation import Expectation
+from bsg_models.evaluation.presence import PresenceHistograms
+from bsg_models.evaluation.truth import Truth
+
+_SETS = ("rooms", "building")
+
+
+class ClassErrors:
+    """Sums by class over the rooms, and over the buildings, of one model."""
+
+    def __init__(self) -> None:
+        once = np.ones((1, 1))
+        self._cells = {name: PresenceHistograms(once) for name in _SETS}
+        self._sums: dict[str, Floats] = {}
+        self._nodes = dict.fromkeys(_SETS, 0)
+
+    def add(self, truth: Truth, expectation: Expectation) -> None:
+        """Add some nodes."""
+        error = expectation.totals - truth.targets
+        for name, own in zip(_SETS, (~truth.is_building, truth.is_building), strict=True):
+            rows = np.flatnonzero(own)
+            some = error[rows]
+            sums = np.stack([truth.targets[rows], some, np.abs(some)]).sum(axis=1)
+            self._sums[name] = self._sums[name] + sums if name in self._sums else sums
+            self._nodes[name] += len(rows)
+            self._cells[name].add(truth, expectation, rows, np.zeros(len(rows), dtype=np.int64))
+
+    def rows(self, model: str, classes: Sequence[str]) -> list[dict[str, Any]]:
+        """Return one row per node set and class: the paper's error in number O″ − O, presence."""
+        found = []
+        for name in _SETS:
+            count, error, absolute = self._sums[name] / max(self._nodes[name], 1)
+            ranks = self._cells[name].ranks
+            for c, class_name in enumerate(classes):
+                found.append(
+                    {
+                        "model": model,
+                        "nodes": name,
+                        "class": class_name,
+                        "count": count[c],
+                        "mean_error": error[c],
+                        "mean_absolute_error": absolute[c],
+                        "presence_auroc": ranks.auroc_of_classes["all"][c, 0],
+                        "presence_ap": ranks.precision_of_classes["all"][c, 0],
+                    }
+                )
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class ShownNodes:
+    """What is seen, expected and true of M nodes."""
+
+    inputs: Floats  # `[M, C]` histograms that the masks leave
+    totals: Floats  # `[M, C]` whole histograms as the model predicts them
+    targets: Floats  # `[M, C]` true histograms
+    is_building: Bools  # `[M]`
+    example: int  # row of the node that is drawn separately
+
+
+class ShownCollector:
+    """A collector of every `stride`-th masked building, and of the example in its first draw."""
+
+    def __init__(self, stride: int, example: str) -> None:
+        self._stride, self._example = stride, example
+        self._masked = self._rows = 0
+        self._found: int | None = None
+        self._parts: list[tuple[Floats, Floats, Floats, Bools]] = []
+
+    def add(self, truth: Truth, expectation: Expectation) -> None:
+        """Add some masked buildings; each begins with its building node."""
+        place = self._masked + np.cumsum(truth.is_building) - 1
+        self._masked += int(truth.is_building.sum())
+        keep = place % self._stride == 0
+        if self._found is None and self._example in truth.scene_ids:
+            number = truth.scene_ids.index(self._example)
+            first = int(np.flatnonzero(truth.is_building & (truth.building == number))[0])
+            keep |= place == place[first]
+            self._found = self._rows + int(keep[:first].sum())
+        self._rows += int(keep.sum())
+        columns = truth.inputs, expectation.totals, truth.targets
+        self._parts.append((*(some[keep] for some in columns), truth.is_building[keep]))
+
+    def finish(self) -> ShownNodes:
+        """Return what was collected."""
+        inputs, totals, targets, is_building = map(np.concatenate, zip(*self._parts, strict=True))
+        return ShownNodes(inputs, totals, targets, is_building, self._found or 0)
