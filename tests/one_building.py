@@ -13,6 +13,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import schema_of
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.pairs import stream_pairs
+from bsg_data.observation.partial_graph import KnownRoom
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import EVIDENCE, Surroundings
@@ -27,8 +28,8 @@ def surround_rooms(
 ) -> Surroundings:
     """Return the surroundings of a building, from what a robot says of its rooms."""
     rooms = [
-        SimpleNamespace(floor_area=area, footprint=None, box=None, room_type=room_type)
-        for area, room_type in zip(areas, room_types, strict=True)
+        KnownRoom(f"r{number}", 0.5, floor_area=area, room_type=room_type)
+        for number, (area, room_type) in enumerate(zip(areas, room_types, strict=True))
     ]
     graph = SimpleNamespace(building_kind=building_kind, source=source)
     return Surroundings.of_graph(graph, rooms)

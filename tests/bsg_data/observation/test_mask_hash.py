@@ -4,8 +4,8 @@ import hashlib
 import struct
 from pathlib import Path
 
-import pytest
 from one_building import read_pairs
+from refusals import refuses
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
@@ -61,5 +61,5 @@ def test_without_pairs_there_is_no_hash(dataset: Path) -> None:
     split_dataset(dataset, SplitRecipe(seed=1), force=True)
     data = Dataset.open(dataset)
     assert hash_splits(data) == {}
-    with pytest.raises(DatasetError, match="run `bsg-data pairs` first"):
+    with refuses(DatasetError, "pairs-missing", where="test"):
         hash_masks(data, ["test"])

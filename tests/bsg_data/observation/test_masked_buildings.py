@@ -15,14 +15,11 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import (
     MaskedBuildings,
-    place_others,
     sample_masked,
-    see_others,
     stack_masked,
     stream_masked,
     stream_sampled,
 )
-from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.view import View
@@ -67,13 +64,6 @@ def test_batches_are_in_order_and_the_last_is_what_is_left(masked: MaskedBuildin
         assert whole.draws.tolist() == masked.draws.tolist()
 
 
-def test_categories_are_placed_in_the_columns_of_a_vocabulary() -> None:
-    cells = np.array([[1, 2, 3], [4, 5, 6]])
-    placed = place_others(cells, ("", "tap", "wall"), ("drawer", "wall", "tap"))
-    assert placed.tolist() == [[0, 3, 2], [0, 6, 5]]
-    assert place_others(cells, ("", "tap", "wall"), ()).shape == (2, 0)
-
-
 @pytest.mark.parametrize("withhold", [0.0, 0.2])
 @pytest.mark.parametrize("strategy", ["uniform", "rooms", "frontier", "explore", "search", "mixed"])
 def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
@@ -92,6 +82,9 @@ def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
         np.testing.assert_array_equal(fresh.draws, same.draws)
         bare = sample_masked(data, scenes, mask=recipe, draw=draw).seen.others
         assert (bare.shape, bare.dtype) == ((len(fresh.seen.inputs), 0), fresh.seen.others.dtype)
+        wall = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=("zzqx", "wall"))
+        np.testing.assert_array_equal(wall.seen.others[:, 1], fresh.seen.others[:, 1])
+        assert not wall.seen.others[:, 0].any()
         for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
             np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)
         ours, theirs = fresh.seen.surroundings, same.seen.surroundings
@@ -110,20 +103,6 @@ def test_targets_are_the_histograms_and_nothing_is_seen_twice(dataset: Path) -> 
     assert of_buildings.tolist() == (there // 2).tolist()
 
 
-def test_what_is_seen_of_other_objects_does_not_depend_on_the_vocabulary(dataset: Path) -> None:
-    data, recipe = Dataset.open(dataset), MaskRecipe()
-    scene = data.scene_ids[5]
-    cells = data.cells(scene)
-    view = sample_view(cells.shape, recipe, scene_id=scene, draw=0)
-    wide = see_others(data, scene, recipe, 0, view, 0 * cells, vocabulary=VOCABULARY)
-    narrow = see_others(data, scene, recipe, 0, view, 0 * cells, vocabulary=("wall",))
-    assert wide[:, [1]].tolist() == narrow.tolist()
-    every = data.others(scene)
-    assert (wide <= place_others(every.cells, every.categories, VOCABULARY)).all()
-    nothing = see_others(data, scene, recipe, 0, view, 0 * cells, vocabulary=())
-    assert nothing.shape == (len(cells), 0)
-
-
 def test_pairs_that_another_numpy_drew_are_read_as_they_tell(
     dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,13 +116,6 @@ def test_pairs_that_another_numpy_drew_are_read_as_they_tell(
     seen = read_all(Dataset.open(dataset), "train", vocabulary=("wall",)).seen
     assert not seen.others[seen.hidden_share == 1].any()
     assert seen.others.any()
-
-
-def test_without_a_vocabulary_no_other_objects_are_told(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    sampled = sample_masked(data, data.scene_ids, mask=MaskRecipe(), draw=0)
-    assert sampled.seen.others.shape == (len(sampled.targets), 0)
-    assert read_all(data, "train").seen.others.shape[1] == 0
 
 
 def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path) -> None:

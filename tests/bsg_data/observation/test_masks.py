@@ -143,18 +143,6 @@ def test_one_cell_of_a_room_that_is_half_seen_is_binomial() -> None:
     )
 
 
-def test_the_fraction_is_exact_in_decimals() -> None:
-    cells = np.array([[0], [100]])
-    assert draw_mask(cells, MaskRecipe(fraction=0.29))[1].sum() == 29  # 0.29 * 100 is 28.99…
-
-
-def test_nothing_and_everything() -> None:
-    cells = np.array([[1, 0], [3, 2], [0, 5]])
-    for strategy in ("uniform", "rooms", "frontier", "explore"):
-        assert draw_mask(cells, MaskRecipe(strategy=strategy, fraction=0.0))[1].sum() == 0
-        assert (draw_mask(cells, MaskRecipe(strategy=strategy, fraction=1.0))[1] == cells).all()
-
-
 def test_a_draw_depends_on_seed_scene_and_draw_and_on_nothing_else() -> None:
     cells = np.full((4, 6), 9)
     every = {

@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 import pytest
 from conftest import annotation_text, write_scene
 from one_building import read_pairs
+from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -77,33 +78,11 @@ def test_the_same_bytes_with_any_number_of_workers(
     assert len(one.files_of("pairs")) == 6  # 10 buildings of train in four files
 
 
-def test_folds_have_pairs_too(dataset: Path) -> None:
-    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
-    write_pairs(dataset, PairsRecipe(draws=1))
-    assert len(read_pairs(dataset, "fold-2")) > 0
-    with pytest.raises(DatasetError, match="has some of fold-0, fold-1, fold-2"):
-        read_pairs(dataset, "train")
-
-
-def test_pairs_need_a_split_and_force_to_replace(dataset: Path, hm3d_folder: Path) -> None:
+def test_pairs_need_force_to_be_replaced(dataset: Path) -> None:
     manifest = read_manifest(dataset)
-    with pytest.raises(DatasetError, match="has pairs already"):
+    with refuses(DatasetError, "pairs-exist", where=dataset, golden=False):
         write_pairs(dataset, PairsRecipe())
     assert read_manifest(dataset) == manifest
-
-
-def test_a_stopped_command_leaves_the_old_pairs(
-    dataset: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stop(done: int, total: int) -> None:
-        raise KeyboardInterrupt
-
-    manifest, table = read_manifest(dataset), read_pairs(dataset, "train")
-    with pytest.raises(KeyboardInterrupt):
-        write_pairs(dataset, PairsRecipe(), force=True, progress=stop)
-    assert read_manifest(dataset) == manifest
-    assert read_pairs(dataset, "train") == table
-    assert check_dataset(dataset) == ()
 
 
 def test_a_building_beyond_the_format_is_left_out_alone(
