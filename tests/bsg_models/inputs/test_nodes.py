@@ -17,6 +17,7 @@ from torch_geometric.nn import SAGEConv
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
+from bsg_data.scene.surroundings import EVIDENCE as EVIDENCE_OF_DATA
 from bsg_models.inputs.edges import EdgeSet, list_edges
 from bsg_models.inputs.nodes import EVIDENCE, Neighbours, to_nodes
 from bsg_models.zoo.networks import MeanConv
@@ -154,3 +155,15 @@ def test_nodes_share_no_memory_with_what_they_are_made_of() -> None:
     assert seen.inputs.tolist() == [[4, 1], [4, 1]]
     assert seen.visited.all()
     assert seen.hidden_share.tolist() == [0.5, 0.5]
+
+
+def test_every_kind_of_evidence_has_one_encoding() -> None:
+    """A new kind is a field of a room, a row of its values and a row here: nothing else loops."""
+    around = surround_rooms([9.0], ["kitchen"], building_kind="home", source="mp3d")
+    seen = observe_building([[1.0], [1.0]], surroundings=around)
+    whole = to_nodes(seen, reads=EVIDENCE).evidence
+    hidden = []
+    for kind in EVIDENCE_OF_DATA:
+        less = to_nodes(seen.without(kind), reads=EVIDENCE).evidence
+        hidden += [name for name in EVIDENCE if not torch.equal(less[name], whole[name])]
+    assert hidden == list(EVIDENCE)
