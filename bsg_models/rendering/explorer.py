@@ -10,7 +10,7 @@ part of a very large building. The numbers of a building always count all of it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -78,12 +78,11 @@ def _encode(view: View) -> dict[str, Any]:
     rooms = _choose_rooms(belief)
     nodes = [0, *rooms]
     place = {number: node for node, number in enumerate(nodes)}
-    objects = _take_evenly([obj.room_index for obj in partial.objects], nodes)
-    blind = _take_evenly([node.room_index for node in belief.blind], nodes)
+    dots = _encode_dots(belief, place)
     classless = Counter(obj.room_index for obj in partial.objects if obj.class_index is None)
     return {
         "title": view.title or partial.scene_id,
-        "left_out": _say_left_out(belief, len(rooms), len(objects), len(blind)),
+        "left_out": _say_left_out(belief, len(rooms), len(dots["objects"]), len(dots["blind"])),
         "model": belief.model,
         "mode": belief.mode,
         "classes": list(partial.class_space.classes),
@@ -94,6 +93,19 @@ def _encode(view: View) -> dict[str, Any]:
         "truth": None if view.truth is None else np.asarray(view.truth)[nodes].tolist(),
         "classless": [classless.total(), *(classless[number] for number in rooms)],
         **_encode_rooms(partial.rooms, rooms),
+        **dots,
+        "adjacency": [
+            [place[a], place[b]] for a, b in partial.adjacency if a in place and b in place
+        ],
+    }
+
+
+def _encode_dots(belief: BeliefGraph, place: Mapping[int, int]) -> dict[str, Any]:
+    """Return the shown objects and blind nodes; `place` is room → its node on the page."""
+    every = belief.partial.objects
+    objects = _take_evenly([obj.room_index for obj in every], list(place))
+    blind = _take_evenly([node.room_index for node in belief.blind], list(place))
+    return {
         "objects": [
             {
                 "room": place[obj.room_index],
@@ -101,7 +113,7 @@ def _encode(view: View) -> dict[str, Any]:
                 "class": obj.class_index,
                 "at": None if obj.position is None else [round(v, 2) for v in obj.position],
             }
-            for obj in (partial.objects[number] for number in objects)
+            for obj in (every[number] for number in objects)
         ],
         "blind": [
             {
@@ -111,9 +123,6 @@ def _encode(view: View) -> dict[str, Any]:
                 "presence": round(node.presence, _DIGITS),
             }
             for node in (belief.blind[number] for number in blind)
-        ],
-        "adjacency": [
-            [place[a], place[b]] for a, b in partial.adjacency if a in place and b in place
         ],
     }
 
