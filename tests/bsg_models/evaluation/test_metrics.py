@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,12 +15,6 @@ from bsg_models.evaluation.metrics import Floats
 counts = hnp.arrays(np.float64, (4, 6), elements=st.integers(0, 9).map(float))
 filled = counts.map(lambda a: a + np.eye(4, 6))
 weights = hnp.arrays(np.float64, 4, elements=st.integers(0, 3).map(float))
-
-
-def test_doctests() -> None:
-    found = doctest.testmod(metrics)
-    assert found.attempted >= 6
-    assert found.failed == 0
 
 
 @given(counts, counts)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
-
 import exact_ranks
 import numpy as np
 import pytest
@@ -17,10 +15,6 @@ from bsg_models.evaluation.presence import PresenceHistograms, bin_presence, sel
 ROOMS, CLASSES = 60, 4
 WEIGHTS = np.random.default_rng(1).integers(0, 3, (7, 3)).astype(np.uint16)
 MEASURES = (("auroc", exact_ranks.auroc), ("precision", exact_ranks.average_precision))
-
-
-def test_doctests() -> None:
-    assert doctest.testmod(presence).failed == 0
 
 
 def make_rooms(*, digits: int, spread: float, seed: int = 0) -> dict[str, np.ndarray]:
