@@ -83,35 +83,17 @@ class _Listing(BaseModel):
     scenes: Annotated[dict[_Scene, dict[str, dict[_Name, _Count]]], Field(min_length=1)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Floor:
-    """Where a scene of BEHAVIOR belongs."""
-
-    building: str  # the house that it is a floor of, or its own name
-    number: int = 0  # of the floor, from below; 0 where there is one
-
-
-def _find_floor(scene: str) -> _Floor:
-    """Return which house a scene is of.
-
-    >>> _find_floor("Beechwood_1_int"), _find_floor("Rs_garden")
-    (_Floor(building='Beechwood', number=1), _Floor(building='Rs', number=0))
-    """
+def _find_floor(scene: str) -> tuple[str, int]:
+    """Return the house that a scene is a floor of, or its own name; and which, from below."""
     if match := _FLOOR.fullmatch(scene):
-        return _Floor(match[1], int(match[2] or 0))
+        return match[1], int(match[2] or 0)
     if match := _STOREY.fullmatch(scene):
-        return _Floor(match[1], ("lower", "upper").index(match[2]))
-    return _Floor(scene)
+        return match[1], ("lower", "upper").index(match[2])
+    return scene, 0
 
 
 def _find_building_kind(scene: str) -> str | None:
-    """Return what a scene or building is: home, office, school, restaurant, shop, hotel or hall.
-
-    The names say it; None for a name that is none of BEHAVIOR's.
-
-    >>> _find_building_kind("Rs_int"), _find_building_kind("restaurant_hotel")
-    ('home', 'restaurant')
-    """
+    """Return what the name of a scene says that it is; None for a name that is not BEHAVIOR's."""
     starts = (kind for start, kind in _KINDS.items() if f"{scene}_".startswith(f"{start}_"))
     return next(starts, None)
 
@@ -176,8 +158,8 @@ class BehaviorRooms:
         """Return building → floor → its scenes, the one with the garden first."""
         houses: dict[str, dict[int, list[str]]] = {}
         for scene in sorted(self._scenes):  # `garden` stands before `int`
-            floor = _Floor(scene) if self.as_listed else _find_floor(scene)
-            houses.setdefault(floor.building, {}).setdefault(floor.number, []).append(scene)
+            building, floor = (scene, 0) if self.as_listed else _find_floor(scene)
+            houses.setdefault(building, {}).setdefault(floor, []).append(scene)
         return {name: dict(sorted(houses[name].items())) for name in sorted(houses)}
 
     def _rooms(self, scenes: list[str]) -> _RoomLists:

@@ -21,7 +21,6 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.scene_graph import Box, Point
 
@@ -147,21 +146,8 @@ def name_symbol(number: int) -> str:
     return f"{letter}({number & _INDEX})" if letter.isascii() and letter.isalpha() else str(number)
 
 
-def parse_dsg(text: str, *, path: Path) -> DSGFile:
-    """Parse a Spark-DSG file."""
-    try:
-        document = parse_json(text, once=False)  # Hydra's own parser takes the last value
-    except ValueError as error:
-        raise SourceError(
-            f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})",
-            code="json-malformed",
-            where=path,
-        ) from error
-    return parse_document(document, path=path)
-
-
-def parse_document(document: Any, *, path: Path) -> DSGFile:
-    """Parse the JSON document of a Spark-DSG file."""
+def parse_dsg(document: Any, *, path: Path) -> DSGFile:
+    """Parse the JSON document of a Spark-DSG file; the path is named in errors."""
     try:
         graph = _Graph.model_validate(document)
     except ValidationError as error:

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.files import AnyPath
@@ -54,11 +55,7 @@ class HM3DStatistics:
         object.__setattr__(self, "path", Path(path))
 
     kind = "hm3d-stats"
-
-    @property
-    def options(self) -> dict[str, int | str]:
-        """No options."""
-        return {}
+    options: ClassVar[dict[str, int | str]] = {}
 
     def find(self) -> FoundScenes:
         """List the scenes of the zip."""

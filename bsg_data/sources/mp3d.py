@@ -17,6 +17,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -83,11 +84,7 @@ class MatterportHouses:
     path: Path
 
     kind = "mp3d"
-
-    @property
-    def options(self) -> dict[str, int | str]:
-        """None: there is nothing to choose."""
-        return {}
+    options: ClassVar[dict[str, int | str]] = {}
 
     def find(self) -> FoundScenes:
         """Find every `<house>.house` and `<house>.house.gz`."""

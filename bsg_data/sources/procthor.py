@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO
+from typing import Annotated, Any, BinaryIO, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -105,11 +105,7 @@ class ProcTHORHouses:
     path: Path
 
     kind = "procthor"
-
-    @property
-    def options(self) -> dict[str, int | str]:
-        """None: there is nothing to choose."""
-        return {}
+    options: ClassVar[dict[str, int | str]] = {}
 
     def find(self) -> FoundScenes:
         """Find the houses; of each only the hash is taken."""
@@ -120,7 +116,8 @@ class ProcTHORHouses:
         ]
         if not refs:
             raise SourceError(
-                f"{self.path}: holds no house; expected a JSON object a line",
+                f"{self.path}: holds no house; expected a JSON object a line or an array, in files "
+                f"that end in {', '.join(_SUFFIXES)}",
                 code="source-empty",
                 where=self.path,
             )
@@ -150,14 +147,7 @@ class ProcTHORHouses:
     def _files(self) -> list[Path]:
         if not self.path.is_dir():
             return [self.path]
-        files = sorted(file for file in self.path.iterdir() if file.name.endswith(_SUFFIXES))
-        if not files:
-            raise SourceError(
-                f"{self.path}: holds no file that ends in {', '.join(_SUFFIXES)}",
-                code="source-empty",
-                where=self.path,
-            )
-        return files
+        return sorted(file for file in self.path.iterdir() if file.name.endswith(_SUFFIXES))
 
     def _refer(self, file: Path, index: int, number: int, text: bytes) -> SceneRef:
         digest = _digest(text)

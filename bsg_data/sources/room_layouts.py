@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from bsg_data.errors import SourceChangedError, SourceError, find_io_error
@@ -101,10 +100,9 @@ def read_layout(path: Path) -> _RoomLayout:
 
 def _box(room: _LayoutRoom) -> Box:
     """Return the box of a room, Z up: of the layouts' axes, z points backwards."""
-    middle = np.array([room.centroid.x, -room.centroid.z, room.centroid.y])
-    half = np.array([room.dims.x, room.dims.z, room.dims.y]) / 2
-    low, high = ((float(x), float(y), float(z)) for x, y, z in (middle - half, middle + half))
-    return Box(low, high)
+    x, y, z = room.centroid.x, -room.centroid.z, room.centroid.y
+    a, b, c = room.dims.x / 2, room.dims.z / 2, room.dims.y / 2
+    return Box((x - a, y - b, z - c), (x + a, y + b, z + c))
 
 
 def lay_out(graph: SceneGraph, layout: _RoomLayout) -> SceneGraph:
@@ -217,11 +215,7 @@ class WithLayouts:
         if path is None:
             return reading
         try:
-            layout = read_layout(path)
-            try:
-                return replace(reading, graph=lay_out(reading.graph, layout))
-            except LayoutError as error:
-                raise LayoutError(f"{path}: {error}", code=error.code, where=error.where) from error
+            return replace(reading, graph=lay_out(reading.graph, read_layout(path)))
         except LayoutError as error:
             if find_io_error(error):
                 raise SourceChangedError(str(error), code="source-changed", where=path) from error

@@ -6,11 +6,13 @@ import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounds import SPARK_DSG
+from bsg_data.inputs.documents import parse_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Room, SceneObject
-from bsg_data.sources.annotation_files import decode, find_files, read_listed
+from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.label_space import LabelSpace, load_label_space
@@ -47,10 +49,7 @@ class RobotGraphs:
         names = {ref.scene_id for ref in found.scenes}
         seconds = [ref for ref in found.scenes if _is_second(ref.scene_id, names)]
         reason = "the graph beside it, with its mesh"
-        skips = [
-            SkippedScene(scene_id=ref.scene_id, location=ref.location, reason=reason)
-            for ref in seconds
-        ]
+        skips = [SkippedScene(ref.scene_id, ref.location, reason) for ref in seconds]
         return replace(
             found,
             scenes=tuple(ref for ref in found.scenes if ref not in seconds),
@@ -61,7 +60,12 @@ class RobotGraphs:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, SPARK_DSG, expected=ref.fingerprint)
-        file = parse_dsg(decode(data, path=path), path=path)
+        try:
+            document = parse_json(data, once=False)  # Hydra's own parser takes the last value
+        except ValueError as error:
+            message = f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})"
+            raise SourceError(message, code="json-malformed", where=path) from error
+        file = parse_dsg(document, path=path)
         graph = assemble(
             _list_objects(file, self._space()),
             ref=ref,

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
@@ -160,14 +160,10 @@ class ObjectTable:
     citation: str | None = None
 
     kind = "table"
+    options: ClassVar[dict[str, int | str]] = {}
 
     def __post_init__(self) -> None:
         _ = self.terms  # refuse what would spoil a card before anything is built
-
-    @property
-    def options(self) -> dict[str, int | str]:
-        """Empty: graphs depend on no option, and the manifest has the terms themselves."""
-        return {}
 
     @property
     def terms(self) -> Terms | None:

@@ -33,7 +33,7 @@ from bsg_data.observation.robot_json import (
 )
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_document
+from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
 from bsg_data.sources.label_space import LabelSpace, load_label_space
 from bsg_data.sources.spark_dsg import name_object
 from bsg_data.spelling import SHOWN, ask_if_meant
@@ -75,7 +75,7 @@ class HydraFile:
     def of(cls, document: Any, *, path: Path) -> HydraFile:
         """Return the file with a document; one that is no Spark-DSG graph is refused."""
         with _as_hydra_error():
-            return cls(path, document, parse_document(document, path=path))
+            return cls(path, document, parse_dsg(document, path=path))
 
     def partial(
         self, *, labels: LabelSpace | None = None, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP

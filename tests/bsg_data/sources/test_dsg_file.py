@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
 from dsg_files import Graph, box, node, robot_graph, symbol
 from refusals import refuses
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.scene_graph import Box
-from bsg_data.sources.dsg_file import DSGFile, name_symbol, parse_document, parse_dsg
+from bsg_data.sources.dsg_file import DSGFile, name_symbol, parse_dsg
 
-SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
 PATH = Path("dsg.json")
 
 
 def parse(graph: Graph) -> DSGFile:
-    return parse_dsg(json.dumps(graph), path=PATH)
+    return parse_dsg(graph, path=PATH)
 
 
 def test_a_graph_by_hand() -> None:
@@ -153,11 +150,9 @@ def test_a_damaged_graph_is_named(damage: Callable[[Graph], None], code: str) ->
 def test_a_graph_of_neither_nodes_nor_layers_is_none() -> None:
     empty: Graph = {"nodes": [], "edges": []}
     with refuses(SourceError, "dsg-empty", PATH):
-        parse_document(empty, path=PATH)
-    with refuses(SourceError, "json-malformed", PATH):
-        parse_dsg("{", path=PATH)
+        parse(empty)
     layers = {"layer_names": {"ROOMS": {"layer": 4, "partition": 0}}}
-    assert parse_document({**empty, **layers}, path=PATH).rooms == ()
+    assert parse({**empty, **layers}).rooms == ()
 
 
 def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:
@@ -178,7 +173,7 @@ def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:
     graph.insert_edge(dsg.NodeSymbol("R", 1).value, dsg.NodeSymbol("O", 4).value)
     graph.set_labelspace(dsg.Labelspace({0: "chair", 1: "bed"}), 2, 0)
     graph.save(str(tmp_path / "dsg.json"), include_mesh=False)
-    read = parse_dsg((tmp_path / "dsg.json").read_text(), path=PATH)
+    read = parse(json.loads((tmp_path / "dsg.json").read_text()))
     assert [obj.label_name for obj in read.objects] == ["chair", "bed", None] * 2
     assert [obj.room for obj in read.objects] == [None] * 4 + [0, None]
     assert (read.rooms[0].index, read.rooms[0].name) == (1, "hall")
@@ -194,11 +189,3 @@ def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:
 def _turn(rng: np.random.Generator) -> np.ndarray:
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return turn * np.sign(np.linalg.det(turn))
-
-
-@pytest.mark.skipif(not SAMPLE.is_file(), reason="no sample here")
-def test_the_real_graph_is_read() -> None:
-    graph = parse_dsg(gzip.decompress(SAMPLE.read_bytes()).decode(), path=SAMPLE)
-    assert (len(graph.rooms), len(graph.objects), graph.adjacency) == (1, 7, ())
-    assert sorted(obj.label for obj in graph.objects if obj.label) == [5, 5, 5, 11, 11, 16, 16]
-    assert [obj.room for obj in graph.objects] == [None, 0, None, None, None, 0, 0]

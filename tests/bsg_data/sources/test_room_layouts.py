@@ -17,7 +17,7 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
-from bsg_data.sources.room_layouts import LayoutError, WithLayouts, read_layout
+from bsg_data.sources.room_layouts import WithLayouts, read_layout
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.geometry import GeometryOptions
 
@@ -78,27 +78,14 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
     ("text", "expected"),
     [
         ("rooms: [", "no YAML"),
-        ("just words", "the whole file"),
-        ("connections: []", "rooms: Field required"),
         (LAYOUT.replace("x: 1.0", "x: .nan"), "rooms.room_1.centroid.x"),
         (LAYOUT.replace("y: 2.5", "y: -2.5", 1), "rooms.room_1.dims.y"),
         (LAYOUT.replace("room_2", "cellar"), "rooms.cellar"),
-        (LAYOUT.replace("room_2", "room_0"), "rooms.room_0"),
         (LAYOUT.replace("[2, 1]", "[2, 7]"), "found 2 and 7"),
-        (LAYOUT.replace("[2, 1]", "[2]"), "connections.1"),
         (LAYOUT.replace("room_2", "room_99").replace("2]", "99]").replace("[2", "[99"), "room_99"),
-        ("a: &a [1]\nb: &b [*a,*a]\nrooms: *b", "an alias, 'a'"),
-        (LAYOUT + "<<: &x {a: 1}\n<<: {b: 2}\n", "the key '<<' twice"),
         (LAYOUT.replace("room_2", "room_1", 1), "the key 'room_1' twice"),
-        (LAYOUT.replace("x: 2.0", "x: .inf", 1), "rooms.room_1.dims.x"),
         (LAYOUT.replace("x: 2.0", "x: 1.7e308", 1), "rooms.room_1.dims.x"),
-        (LAYOUT.replace("x: 1.0", "x: 2024-13-45"), "rooms.room_1.centroid.x"),
-        (LAYOUT.replace("x: 1.0", "x: " + "9" * 5000), "rooms.room_1.centroid.x"),
-        (LAYOUT.replace("x: 1.0", "x: !!timestamp abc"), "rooms.room_1.centroid.x"),
-        (LAYOUT.replace("label: kitchen", 'label: "\\ud800"'), "no YAML"),
-        (LAYOUT.replace("[2, 1]", "[true, 1]"), "connections.1.0"),
         (LAYOUT.replace("[2, 1]", "[2, 2]"), "found 2 and 2"),
-        ("rooms: {}", "rooms: Dictionary should have at least 1 item"),
     ],
 )
 def test_a_malformed_layout_is_left_out_with_the_reason(
@@ -115,13 +102,6 @@ def test_a_malformed_layout_is_left_out_with_the_reason(
     assert manifest.totals.scenes == 12  # the scene is kept
     with pytest.raises(SourceError):
         build_dataset(source, tmp_path / "strict", strict=True)
-
-
-def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.yaml"
-    path.write_bytes(b"\xff\xfe\x00\xd8rooms")
-    with refuses(LayoutError, "layout-malformed", path):
-        read_layout(path)
 
 
 def test_layouts_of_no_scene_are_reported(hm3d_folder: Path, layouts: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from bsg_data.build import build_dataset
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
+from bsg_data.sources.label_space import list_label_spaces, load_label_space
 from bsg_data.sources.spark_dsg import RobotGraphs
 from bsg_data.testing import SourceContract
 
@@ -109,8 +110,10 @@ def test_of_a_graph_with_and_without_its_mesh_one_is_read(tmp_path: Path) -> Non
 def test_what_is_no_graph_is_skipped_with_the_reason(tmp_path: Path) -> None:
     write_graph(tmp_path / "graphs" / "flat.json")
     (tmp_path / "graphs" / "settings.json").write_text('{"rate": 5}')
-    manifest = build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "out")
-    (skip,) = manifest.skipped
+    (tmp_path / "graphs" / "cut.json").write_text("{")
+    manifest = build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "both")
+    cut, skip = manifest.skipped
+    assert cut.reason.startswith("expected a Spark-DSG graph, found no JSON")
     assert skip.location == "settings.json"
     assert skip.reason == "expected a Spark-DSG graph; nodes: Field required"
 
@@ -123,9 +126,40 @@ def test_a_missing_label_space_is_reported_before_anything_is_read(tmp_path: Pat
         RobotGraphs(tmp_path, str(tmp_path / "none.yaml")).find()
 
 
-def test_a_folder_without_graphs_says_what_it_expected(tmp_path: Path) -> None:
-    with refuses(SourceError, "source-empty", tmp_path):
-        RobotGraphs(tmp_path).find()
+def test_published_spaces_translate_names() -> None:
+    assert list_label_spaces() == ("ade20k", "mpcat40")
+    space = load_label_space("mpcat40")
+    assert (space.name, space.names, space.translate("tv_monitor")) == ("mpcat40", {}, "tv")
+    assert space.translate("zzqx") == "zzqx"
+    assert (space.usual[0], space.usual[22], space.usual[41]) == ("void", "tv_monitor", "unlabeled")
+    assert (len(space.usual), len(space.categories)) == (42, 42)
+    larger = load_label_space("ade20k").usual
+    assert sorted(larger) == list(range(150)), "as Hydra and networks count them, wall first"
+    assert (larger[0], larger[19], larger[124], larger[149]) == (
+        "wall",
+        "chair",
+        "microwave",
+        "flag",
+    )
+    assert space.sha256 != load_label_space("ade20k").sha256
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "code"),
+    [
+        ("a.yaml", b"names: []", "label-space-malformed"),
+        ("a.yaml", b"label_names: [{label: x, name: bed}]", "label-space-malformed"),
+        ("a.csv", b"number,name\n1,bed\n", "label-space-malformed"),
+        ("a.csv", b"label,name\n1,bed\n-1,chair\n", "label-space-malformed"),
+        ("a.csv", b"label,name\n1,bed\n1,chair\n", "label-twice"),
+        ("a.csv", b"label,name\n1,b\xe9d\n", "label-space-malformed"),
+    ],
+)
+def test_a_damaged_file_is_named(tmp_path: Path, name: str, text: bytes, code: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(text)
+    with refuses(SourceError, code, path):
+        load_label_space(str(path))
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="no sample here")
@@ -134,3 +168,4 @@ def test_the_real_graph_is_read() -> None:
     assert (graph.scene_id, len(graph.rooms), len(graph.objects)) == ("hydra_apartment_dsg", 1, 7)
     assert {obj.raw_category for obj in graph.objects} == {"label 5", "label 11", "label 16"}
     assert all(obj.box is not None for obj in graph.objects)
+    assert sorted(obj.room_index for obj in graph.objects) == [0, 0, 0, 0, 1, 1, 1]
