@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
@@ -14,7 +13,6 @@ from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
-from bsg_models.evaluation import catalogue
 from bsg_models.evaluation.catalogue import (
     METRICS,
     find_value,
@@ -77,12 +75,6 @@ def prediction() -> Prediction:
         scene_ids=("a", "b"),
     )
     return Prediction(truth, from_hidden_counts(truth.inputs, poisson(rng.random((6, 3)))))
-
-
-def test_doctests() -> None:
-    result = doctest.testmod(catalogue)
-    assert result.attempted >= 3
-    assert result.failed == 0
 
 
 def test_a_measurement_has_the_values_of_the_table(prediction: Prediction) -> None:
