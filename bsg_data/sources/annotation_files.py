@@ -9,9 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from pydantic import BaseModel, ValidationError
+
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
 from bsg_data.inputs.bounded_file import PACKED, TooLargeError, hash_file, read_packed, unpack
 from bsg_data.inputs.bounds import Bound
+from bsg_data.recipes import name_fault
 from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene
 
 _TOO_LARGE = "too large"
@@ -19,6 +22,7 @@ _SHOWN = 120  # characters of a faulty line
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 SPLITS = ("train", "val", "test", "minival", "example")
 Content = TypeVar("Content")
+Model = TypeVar("Model", bound=BaseModel)
 
 
 def find_files(
@@ -208,6 +212,17 @@ def malformed(path: Path, number: int, line: str, *, expected: str) -> Annotatio
     return AnnotationError(
         f"{where}: expected {expected}, found {shown!r}", code="line-malformed", where=where
     )
+
+
+def validate(
+    model: type[Model], document: object, *, where: Path | str, expected: str, code: str
+) -> Model:
+    """Return the record of a document; the error names the place of its first fault."""
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        message = f"{where}: expected {expected}; {name_fault(error)}"
+        raise SourceError(message, code=code, where=where) from error
 
 
 def decode(data: bytes, *, path: Path) -> str:

@@ -19,15 +19,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import BEHAVIOR
 from bsg_data.inputs.documents import read_json
-from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Room, SceneObject, is_scene_id
-from bsg_data.sources.annotation_files import fetch_listed, state_of
+from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     FoundScenes,
@@ -190,16 +189,11 @@ def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomList
             code="source-folder",
             where=path,
         )
-    try:
-        scenes = _Listing.model_validate(read_json(path, BEHAVIOR)).scenes
-    except ValidationError as error:
-        raise SourceError(
-            f"{path}: {name_fault(error)}; expected scenes → room → category-model → number, as "
-            f"in {_FILE} of the package bddl",
-            code="listing-malformed",
-            where=path,
-        ) from error
-    return scenes
+    expected = f"scenes → room → category-model → number, as in {_FILE} of the package bddl"
+    document = read_json(path, BEHAVIOR)
+    return validate(
+        _Listing, document, where=path, expected=expected, code="listing-malformed"
+    ).scenes
 
 
 def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:

@@ -18,11 +18,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from bsg_data.errors import SourceError
-from bsg_data.recipes import name_fault
 from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.sources.annotation_files import validate
 
 MAX_METRES = 1_000_000.0  # a map may be in the metres of a country's grid
 _LAYERS = {"OBJECTS": 2, "ROOMS": 4}
@@ -148,14 +148,8 @@ def name_symbol(number: int) -> str:
 
 def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     """Parse the JSON document of a Spark-DSG file; the path is named in errors."""
-    try:
-        graph = _Graph.model_validate(document)
-    except ValidationError as error:
-        raise SourceError(
-            f"{path}: expected a Spark-DSG graph; {name_fault(error)}",
-            code="dsg-malformed",
-            where=path,
-        ) from error
+    expected = "a Spark-DSG graph"
+    graph = validate(_Graph, document, where=path, expected=expected, code="dsg-malformed")
     if not (graph.nodes or graph.layer_names or graph.layer_ids or graph.layer_keys):
         raise SourceError(
             f"{path}: expected a robot's graph, found neither nodes nor layers: a Spark-DSG graph "

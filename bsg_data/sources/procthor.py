@@ -3,7 +3,7 @@
 A house is a JSON object; files hold one a line (`.jsonl`), or an array of them (`.json`), gzip or
 not. `rooms` have `id` (`room|4`), `roomType` and `floorPolygon`; `doors` name two rooms; `objects`
 have `id`, whose first number is the room's (`4|0|0`, `Apple|surface|4|0`), `assetId` (`Bed_25`),
-`position`, and in `children` what is in or on them; `walls` say how high a room is. _Metres, Y up,
+`position`, and in `children` what is in or on them; `walls` say how high a room is. Metres, Y up,
 left-handed.
 
 Doors, windows and walls are no objects there, and so none here.
@@ -22,17 +22,16 @@ from pathlib import Path
 from typing import Annotated, Any, BinaryIO, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
 from bsg_data.inputs.documents import parse_json
-from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Room, SceneObject
-from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
+from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
 
@@ -263,20 +262,13 @@ def _fetch(file: Path, number: int) -> bytes:
 
 
 def _parse(text: bytes, where: str) -> _House:
+    expected = "a house of ProcTHOR"
     try:
-        house = _House.model_validate(parse_json(text))
-    except ValidationError as error:
-        raise SourceError(
-            f"{where}: {name_fault(error)}; expected a house of ProcTHOR",
-            code="house-malformed",
-            where=where,
-        ) from error
+        document = parse_json(text)
     except ValueError as error:
-        raise SourceError(
-            f"{where}: no JSON ({error}); expected a house of ProcTHOR",
-            code="json-malformed",
-            where=where,
-        ) from error
+        message = f"{where}: expected {expected}; no JSON ({error})"
+        raise SourceError(message, code="json-malformed", where=where) from error
+    house = validate(_House, document, where=where, expected=expected, code="house-malformed")
     (twice, times), *_ = Counter(room.id for room in house.rooms).most_common(1)
     if times > 1:
         raise SourceError(

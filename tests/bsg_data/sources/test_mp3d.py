@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import gzip
-import re
 from collections import Counter
-from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from conftest import REPOSITORY
 from house_files import HOUSE, change
-from hypothesis import given
-from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceError
@@ -169,14 +164,6 @@ def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> Non
 def test_a_malformed_line_is_named(line: str, other: str) -> None:
     with refuses(AnnotationError, "line-malformed"):
         parse_house(change(line, other), path=PATH)
-
-
-@given(st.lists(st.sampled_from(HOUSE.split("\n")), max_size=40), st.integers(0, 60))
-def test_lines_in_any_order_give_a_house_or_a_source_error(lines: Sequence[str], cut: int) -> None:
-    text = "\n".join(["ASCII 1.1", *lines])
-    for damaged in (text, text[: len(text) - cut], re.sub("1", "9" * 9, text)):
-        with suppress(SourceError):
-            parse_house(damaged, path=PATH)
 
 
 @pytest.mark.skipif(not list(SAMPLES.glob("*.house.gz")), reason="no samples here")
