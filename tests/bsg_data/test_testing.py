@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from conftest import write_twelve
 
-from bsg_data.observation.masks import MASKS, UniformMask
+from bsg_data.observation.masks import MASKS, Mask
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 from bsg_data.sources.catalogue import SOURCES
@@ -61,8 +61,10 @@ class TestMasks(MaskContract):
         self.name = request.param
 
 
-class Careless(UniformMask):
+class Careless(Mask):
     """A mask whose chance is nobody's, and which tells more of a building than is hidden there."""
+
+    summary = "told too much"
 
     def look(self, shape: tuple[int, int], recipe: MaskRecipe, **given: object) -> View:
         """Draw from a generator of its own."""
