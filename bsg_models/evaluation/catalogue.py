@@ -42,11 +42,7 @@ METRICS: Registry[Metric] = Registry(
 
 
 def name_value(metric: str, node_set: str, part: str) -> str:
-    """Return the name of a value of a metric.
-
-    >>> name_value("presence_brier", "rooms", "unseen")
-    'rooms/presence_brier/unseen'
-    """
+    """Return the name of a value of a metric."""
     return f"{node_set}/{metric}/{part}" if part else f"{node_set}/{metric}"
 
 
@@ -88,11 +84,7 @@ def list_values() -> tuple[str, ...]:
 
 
 def label_value(name: str) -> str:
-    """Return the label of a value in tables.
-
-    >>> label_value("all/wasserstein_values/mean"), label_value("rooms/presence_ap_micro/unseen")
-    ('Wasserstein, all nodes', 'unseen AP micro')
-    """
+    """Return the label of a value in tables."""
     metric, node_set, part = find_value(name)
     label = metric.label
     if part in SELECTIONS:
@@ -105,10 +97,6 @@ def label_value(name: str) -> str:
 
 
 def head_value(name: str) -> str:
-    """Return the label of a value with an arrow to its better side.
-
-    >>> head_value("rooms/hidden_nll")
-    'NLL, rooms ↓'
-    """
+    """Return the label of a value with an arrow to its better side."""
     less = find_value(name)[0].less
     return label_value(name) + ("" if less is None else " ↓" if less else " ↑")

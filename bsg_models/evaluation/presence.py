@@ -51,11 +51,7 @@ def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
 
 
 def bin_presence(presence: Floats) -> Ints:
-    """Return the bin of each probability, 0..`BINS` - 1; a higher one has no lower bin.
-
-    >>> bin_presence(np.array([0.0, 0.5, 1.0])).tolist()
-    [0, 131072, 262143]
-    """
+    """Return the bin of each probability, 0..`BINS` - 1; a higher one has no lower bin."""
     with np.errstate(divide="ignore"):
         odds = np.log(presence) - np.log1p(-presence)
     return np.asarray(np.clip((odds / _REACH + 1) * (BINS / 2), 0, BINS - 1)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Write the files of a leaderboard.
+"""Write the files of a leaderboard: Markdown for people, JSON for programs.
 
 OUT/leaderboard.json    every metric
 OUT/leaderboard.md      the tables
@@ -8,27 +8,32 @@ OUT/SHA256SUMS          the seal of all files, written last: its presence means 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from bsg_data.errors import DatasetError
 from bsg_data.figure_file import noting_failures
 from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.results import refuse_other_results, write_results
-from bsg_models.evaluation.catalogue import head_value
+from bsg_data.tables import escape_markdown, format_markdown, mark_code
+from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.evaluation.catalogue import find_value, head_value, label_value
+from bsg_models.evaluation.measurement import EVALUATOR_VERSION
+from bsg_models.evaluation.metrics import MOMENTS
+from bsg_models.evaluation.verdict import HEADLINES, judge
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
-from bsg_models.studies.leaderboard_table import (
-    HIDDEN,
-    UNVISITED,
-    WHOLE,
-    rank_models,
-    write_json,
-    write_markdown,
-)
 
-REPORT, TABLE = "leaderboard.json", "leaderboard.md"
+REPORT, _TABLE = "leaderboard.json", "leaderboard.md"
+_REFERENCE = "gamma-poisson"  # the model whose likelihood counts as 1
+_CONSTANT = "train-mean"  # the model that predicts the same for every unvisited room
+_HIDDEN, _UNVISITED, _WHOLE = HEADLINES.values()
+_RANKED_BY = "rooms/hidden_nll"
+_Results = Mapping[str, ModelResult]  # of one kind of mask
 
 
 class LeaderboardReport(NamedTuple):
@@ -67,15 +72,15 @@ def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
             with noting_failures(notes):
                 _plot(results, staged / f"{mask}.png", mask)
                 drawn.append(f"{mask}.png")
-        write_bytes(staged / TABLE, write_markdown(board).encode())
+        write_bytes(staged / _TABLE, write_markdown(board).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
     figures = tuple(out / name for name in drawn)
-    return LeaderboardReport(summary, out / REPORT, out / TABLE, figures, tuple(notes))
+    return LeaderboardReport(summary, out / REPORT, out / _TABLE, figures, tuple(notes))
 
 
 def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of the table for a terminal, the best model first."""
-    columns = HIDDEN[:6]
+    columns = _HIDDEN[:6]
     rows = [
         [
             name,
@@ -87,8 +92,216 @@ def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[
     return ["model", *map(head_value, columns), "training, s"], rows
 
 
-def _plot(results: dict[str, ModelResult], path: Path, mask: str) -> None:
-    headlines = (*HIDDEN, *WHOLE, *(UNVISITED if mask != "uniform" else ()))
+def write_json(board: Leaderboard) -> dict[str, Any]:
+    """Return a leaderboard as JSON.
+
+    `masks` → mask → model → `seconds`, `trained_on` (a kind of mask), `metrics` (value, interval,
+    nodes), and the values of `compare`.
+    """
+    masks: dict[str, Any] = {}
+    for mask, results in board.results.items():
+        masks[mask] = {
+            name: {
+                "seconds": round(result.seconds, 2),
+                "trained_on": result.trained_on or mask,
+                **{k: _plain(v) for k, v in compare(results, name).items()},
+                "metrics": {k: _plain(e) for k, e in result.metrics.estimates().items()},
+            }
+            for name, result in results.items()
+        }
+    return {
+        "evaluator_version": EVALUATOR_VERSION,
+        "recipe": board.recipe.model_dump(mode="json"),
+        "dataset": {
+            "sources": [one.model_dump(mode="json") for one in board.manifest.sources],
+            "class_space": board.manifest.class_space.name,
+            "scenes": board.manifest.totals.scenes,
+            "rooms": board.manifest.totals.rooms,
+        },
+        "masks": masks,
+    }
+
+
+def compare(results: _Results, name: str) -> dict[str, Estimate | None]:
+    """Return a model's paired comparisons; None if the model to compare with is missing.
+
+    The first is a ratio of hidden NLL over rooms, the second a difference of average precision over
+    unvisited rooms, the last a difference of hidden NLL over rooms.
+    """
+    ours = results[name].metrics
+    reference, constant = (results.get(other) for other in (_REFERENCE, _CONSTANT))
+    best = results[rank_models(results)[0]].metrics
+    return {
+        "nll_over_gamma_poisson": ours.ratio(reference.metrics, _RANKED_BY) if reference else None,
+        "unvisited_ap_minus_train_mean": (
+            ours.difference(constant.metrics, _UNVISITED[0]) if constant else None
+        ),
+        "nll_minus_best": ours.difference(best, _RANKED_BY),
+    }
+
+
+def rank_models(results: _Results) -> list[str]:
+    """Return the models by rising hidden NLL over rooms."""
+    return sorted(results, key=lambda name: results[name].metrics.point[_RANKED_BY])
+
+
+def write_markdown(board: Leaderboard) -> str:
+    """Return a leaderboard as a Markdown document."""
+    recipe, totals = board.recipe, board.manifest.totals
+    lines = [
+        "# Leaderboard",
+        "",
+        f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
+        f"{escape_markdown(board.manifest.class_space.name)}; {recipe.folds} folds by building, "
+        f"{recipe.draws} masks of every test building that hide {100 * recipe.fraction:g} %, "
+        f"seed {recipe.seed}. "
+        "Values and training times are means over the folds; ± is half the 95 % interval over "
+        "buildings. Bold marks the best of a column, and each model that the paired interval "
+        "cannot distinguish from it. docs/evaluation.md defines the metrics.",
+        "",
+        *_own_masks(board),
+    ]
+    for mask, results in board.results.items():
+        lines += [
+            f"## Masks: {escape_markdown(mask)}",
+            "",
+            *_headline_tables(results),
+            *_moments(results),
+        ]
+    for mask, results in board.results.items():
+        lines += [f"## Every metric, masks {escape_markdown(mask)}", "", *_everything(results)]
+    return "\n".join(lines)
+
+
+def _own_masks(board: Leaderboard) -> Iterator[str]:
+    """Yield the models that were trained once for all kinds of masks, with their mask."""
+    own = {
+        name: result.trained_on
+        for results in board.results.values()
+        for name, result in results.items()
+        if result.trained_on
+    }
+    for name, mask in own.items():
+        yield (
+            f"{mark_code(name)} was trained once, on {mark_code(mask)} masks, and is the same "
+            "model in every table."
+        )
+        yield ""
+
+
+def _headline_tables(results: _Results) -> Iterator[str]:
+    first = rank_models(results)[0]
+    some_unvisited = not np.isnan(results[first].metrics.point[_UNVISITED[0]])
+
+    def likelihood(name: str) -> list[str]:
+        ratio = compare(results, name)["nll_over_gamma_poisson"]
+        return [_cell(ratio), f"{results[name].seconds:.1f}"]
+
+    yield from _headline_table(results, _HIDDEN, likelihood, "NLL / gamma-poisson", "training, s")
+    if some_unvisited:
+
+        def beyond_mean(name: str) -> list[str]:
+            return [_cell(compare(results, name)["unvisited_ap_minus_train_mean"])]
+
+        yield from _headline_table(results, _UNVISITED, beyond_mean, "AP micro − train-mean")
+        yield (
+            "Whole histograms have no bold values here: in an unvisited room, a model that "
+            "predicts nothing is at half the largest distance, nearer than an honest guess."
+        )
+        yield ""
+    yield from _headline_table(results, _WHOLE, bold=not some_unvisited)
+
+
+def _headline_table(
+    results: _Results,
+    headlines: tuple[str, ...],
+    more: Callable[[str], list[str]] = lambda name: [],
+    *heads: str,
+    bold: bool = True,
+) -> Iterator[str]:
+    """Yield a table of some headlines, with `more` columns, and the names of its values."""
+    marked = _mark_best(results, headlines if bold else ())
+    rows = {}
+    for name in rank_models(results):
+        metrics = results[name].metrics
+        cells = {headline: _cell(metrics.estimate(headline)) for headline in headlines}
+        shown = [f"**{cell}**" if (name, h) in marked else cell for h, cell in cells.items()]
+        rows[name] = [*shown, *more(name)]
+    yield from _table(rows, [*map(head_value, headlines), *heads])
+    yield "Columns: " + ", ".join(f"{label_value(name)} is `{name}`" for name in headlines) + "."
+    yield ""
+
+
+def _moments(results: _Results) -> Iterator[str]:
+    """Yield the paper's Table I in its four-column form."""
+    yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
+    yield ""
+    rows = {
+        name: [
+            f"{results[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}"
+            for metric in ("wasserstein", "energy")
+            for moment in MOMENTS
+        ]
+        for name in rank_models(results)
+    }
+    yield from _table(rows, [f"{letter} {moment}" for letter in "WE" for moment in MOMENTS])
+
+
+def _everything(results: _Results) -> Iterator[str]:
+    estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
+    metrics = next(iter(estimates.values()))
+    rows = [
+        [f"`{metric}`", *(_cell(one[metric]) for one in estimates.values())] for metric in metrics
+    ]
+    yield from format_markdown(rows, header=["metric", *map(escape_markdown, estimates)])
+    yield ""
+
+
+def _mark_best(results: _Results, headlines: Iterable[str]) -> set[tuple[str, str]]:
+    """Return each (model, headline) that is best, or not distinguishable from the best."""
+    marked = set()
+    for headline in headlines:
+        values = {name: result.metrics.point[headline] for name, result in results.items()}
+        known = [name for name, value in values.items() if not np.isnan(value)]
+        if not known:
+            continue
+        choose = min if find_value(headline)[0].less else max
+        best = results[choose(known, key=lambda name: values[name])].metrics
+        marked |= {
+            (name, headline)
+            for name in known
+            if judge(results[name].metrics, best, headline) == "not distinguishable"
+        }
+    return marked
+
+
+def _cell(estimate: Estimate | None) -> str:
+    if estimate is None or np.isnan(estimate.value):
+        return "–"
+    half = (estimate.high - estimate.low) / 2
+    value = f"{estimate.value:.4g}"
+    return value if np.isnan(half) else f"{value} ± {half:.2g}"
+
+
+def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
+    if estimate is None or np.isnan(estimate.value):
+        return None
+    numbers = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+    return {
+        **{k: v if np.isfinite(v) else None for k, v in numbers.items()},
+        "nodes": estimate.nodes,
+    }
+
+
+def _table(rows: Mapping[str, list[str]], header: list[str]) -> Iterator[str]:
+    """Yield a table with one row per model."""
+    named = [[escape_markdown(name), *cells] for name, cells in rows.items()]
+    yield from format_markdown(named, header=["model", *header])
+    yield ""
+
+
+def _plot(results: _Results, path: Path, mask: str) -> None:
+    headlines = (*_HIDDEN, *_WHOLE, *(_UNVISITED if mask != "uniform" else ()))
     labels = {name: head_value(name) for name in headlines}
     estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
     title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: outside"

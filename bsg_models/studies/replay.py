@@ -37,10 +37,7 @@ _TOLD = 6  # classes named per room
 def choose_replay(study: Study, results: Sequence[WorldResult], *, named: bool) -> KeptSearch:
     """Return the kept search to show; one with costs in metres if there is one.
 
-    Args:
-        study: a study that kept searches.
-        results: of the study.
-        named: whether the searches were named by number; the first building's is then shown.
+    Of searches that were `named` by number, the first building's is shown.
     """
     kept = [one for searches in study.searches for one in searches.kept]
     if not kept:
@@ -64,13 +61,8 @@ def replay_search(
 ) -> Replay:
     """Return a kept search stop by stop, with the means over all searches of the study.
 
-    Args:
-        dataset: that was searched.
-        study: that kept the search.
-        results: of the study.
-        kept: the search.
-        model: whose beliefs the study used; None for none.
-        named: whether the search was named by its number instead of chosen by the rule.
+    `model` is that whose beliefs the study used; `named` says that the search was named by its
+    number instead of chosen by the rule.
     """
     if study.recipe.truth == "posterior":
         raise RecipeError("a replay needs searches for what is really there (--truth real)")

@@ -76,12 +76,7 @@ class WorldResult:
 
 
 def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
-    """Return the results of every world and task of a study.
-
-    Args:
-        study: of `study_search`.
-        resamples: of the bootstrap; fewer than 2, or too few buildings, give no intervals.
-    """
+    """Return the results of every world and task; too few resamples or buildings: no intervals."""
     results = []
     for world in dict.fromkeys(one.world for one in study.searches):
         searches = [one for one in study.searches if one.world == world]
@@ -98,13 +93,9 @@ def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
 def _summarise_task(
     searches: Sequence[Searches], task: Task, weights: Floats, believing: Collection[str]
 ) -> WorldResult:
-    """Return the results of one world and task.
+    """Return the results of one world and task, under weights `[1 + resamples, B]`.
 
-    Args:
-        searches: of every building in the world.
-        task: when a search ends.
-        weights: `[1 + resamples, B]` of the buildings; the first row counts each once.
-        believing: planners that read a belief.
+    The first row of the weights counts each building once. `believing` planners read a belief.
     """
     names = [name for of_task, name in searches[0].outcomes if of_task == task]
     planners = [name for name in names if name != "sweep" and not name.startswith("stop ")]

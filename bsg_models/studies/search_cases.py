@@ -183,15 +183,9 @@ def sample_searches(
 
 
 def sample_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> Bools:
-    """Sample the rooms of the artifacts, given that each artifact is in at least one room.
+    """Sample the rooms of the artifacts, given that each artifact is in at least one, `[E, N, A]`.
 
-    Args:
-        presence: `[E, N, A]` P(at least one instance); rooms are independent.
-        rooms: `[E, N]` where they may be.
-        rng: generator.
-
-    Returns:
-        `[E, N, A]`.
+    `presence` is P(at least one instance) `[E, N, A]`, independent in the `rooms` `[E, N]`.
     """
     likely = np.where(rooms[:, :, None], np.clip(presence, 1e-6, 1 - 1e-12), 0.0)
     # P(none from room n on), from the last room to the first. Given that one is left, room n holds

@@ -64,56 +64,38 @@ REPORT, TABLE, FIGURE, TRACE = "search.json", "searches.parquet", "savings.png",
 
 
 class SearchRequest(Record):
-    """Which buildings to search, how, and what to write.
+    """Which buildings to search, how, and what to write."""
 
-    Attributes:
-        dataset: folder of a split dataset.
-        runs: trained models or checkpoints, as `locate_run` finds them; for a dataset of folds, one
-            per fold that is searched.
-        split: split whose buildings are searched; `all` only without runs.
-        scene: search this building alone.
-        planners: names; None for all, or without runs for those that read no belief.
-        worlds: kinds of room graphs, as `parse_world` reads them; None for the default ones and
-            those that the dataset knows.
-        task: `single`, `all` or `both`.
-        artifacts: names of classes, or `every`, or `room-specific`.
-        stops: probabilities that anything is left at which the robot stops by itself; for task
-            `all`.
-        mask: strategy of the masks, the recipe's `strategy`.
-        at_once, episodes, masks, fraction, withhold, parts, truth, seed: of the recipe; see
-            `StudyRecipe`.
-        resamples: number of bootstrap resamples of the buildings.
-        trace: number of the search of the first building to replay; `auto` chooses one by the rule
-            of `search_steps`; None for none.
-        animation: file for the replay as an animation, in the format of its suffix; None for none.
-        out: folder of the results; None for `search` in the first run or, without runs, `search`
-            here.
-        force: replace existing results.
-    """
-
-    dataset: Path
+    dataset: Path  # folder of a split dataset
+    # trained models or checkpoints, as `locate_run` finds them; for a dataset of folds, one per
+    # fold that is searched
     runs: tuple[Path, ...] = ()
-    split: Literal["train", "val", "test", "all"] = "test"
-    scene: str | None = None
+    split: Literal["train", "val", "test", "all"] = "test"  # `all` only without runs
+    scene: str | None = None  # search this building alone
+    # names; None for all, or without runs for those that read no belief
     planners: tuple[str, ...] | None = None
+    # as `parse_world` reads them; None for the default ones and those that the dataset knows
     worlds: tuple[str, ...] | None = None
     task: Literal["single", "all", "both"] = "both"
-    artifacts: tuple[str, ...] = ("every",)
+    artifacts: tuple[str, ...] = ("every",)  # names of classes, or `every`, or `room-specific`
+    mask: str = "uniform"  # the recipe's `strategy`
+    # of the recipe
     stops: tuple[float, ...] = ()
     at_once: int = Field(default=1, ge=1)
     episodes: int = Field(default=200, ge=1)
     masks: int = Field(default=10, ge=1)
-    mask: str = "uniform"
     fraction: float = Field(default=0.5, gt=0, le=1)
     withhold: Share = 0.0
     parts: bool = False
     truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)
-    resamples: int = Field(default=1000, ge=0)
+    resamples: int = Field(default=1000, ge=0)  # of the buildings
+    # number of the search of the first building to replay; `auto` chooses one by the rule of
+    # `search_steps`
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
-    animation: Path | None = None
-    out: Path | None = None
-    force: bool = False
+    animation: Path | None = None  # file for the replay, in the format of its suffix
+    out: Path | None = None  # None for `search` in the first run or, without runs, here
+    force: bool = False  # replace existing results
 
     @property
     def folder(self) -> Path:
@@ -163,7 +145,10 @@ def report_search(
         refuse=lambda: refuse_run(request.folder),
     ) as staged:
         made = _search_into(staged, request, executor=executor, progress=progress)
-    written = {what: _place(path, staged, request) for what, path in made.written.items()}
+    written = {
+        what: request.folder / path.name if path.parent == staged else path
+        for what, path in made.written.items()
+    }
     return made._replace(report=report, written=written)
 
 
@@ -186,7 +171,10 @@ def _search_into(
         request.dataset, chosen, recipe, keep=keep, executor=executor, progress=progress
     )
     results = summarise(study, resamples=request.resamples)
-    model = ", ".join(dict.fromkeys(_family(run) for run in runs)) or None
+    model = (
+        ", ".join(dict.fromkeys(read_header(checkpoint_of(run)).config.name for run in runs))
+        or None
+    )
     written = {"every search": staged / TABLE}
     write_searches(study, classes, staged / TABLE)
     with noting_failures(notes):
@@ -213,11 +201,6 @@ def _search_into(
     return SearchReport(
         study, results, summary, model, sought, staged / REPORT, written, tuple(notes)
     )
-
-
-def _place(path: Path, staged: Path, request: SearchRequest) -> Path:
-    """Return where a staged file will be in the end."""
-    return request.folder / path.relative_to(staged) if path.is_relative_to(staged) else path
 
 
 def choose_default_run(
@@ -256,21 +239,14 @@ def choose_default_run(
 
 def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
     """Return the recipe of the study that a request asks for."""
+    chosen = {"worlds", "tasks", "planners", "artifacts", "strategy"}
     recipe = StudyRecipe(
         worlds=_choose_worlds(request),
         tasks=("single", "all") if request.task == "both" else (request.task,),
         planners=_choose_planners(request),
         artifacts=_choose_artifacts(request.artifacts, classes),
-        at_once=request.at_once,
-        episodes=request.episodes,
-        masks=request.masks,
         strategy=request.mask,
-        fraction=request.fraction,
-        withhold=request.withhold,
-        parts=request.parts,
-        stops=request.stops,
-        truth=request.truth,
-        seed=request.seed,
+        **request.model_dump(include=set(StudyRecipe.model_fields) - chosen),
     )
     trace, posterior = request.trace, request.truth == "posterior"
     if request.stops and request.task == "single":
@@ -352,10 +328,6 @@ def _choose_artifacts(names: tuple[str, ...], classes: Sequence[str]) -> tuple[i
     wanted = ROOM_SPECIFIC if names == ("room-specific",) else names
     require_known("class", wanted, classes)
     return tuple(sorted({classes.index(name) for name in wanted}))
-
-
-def _family(run: Path) -> str:
-    return read_header(checkpoint_of(run)).config.name
 
 
 def _note_left_out(study: Study) -> list[str]:

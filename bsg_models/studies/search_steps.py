@@ -133,9 +133,7 @@ def belief_changes(steps: Sequence[Step], searches: int) -> Floats:
 def find_eventful(chance: Floats, entered: Sequence[Ints]) -> Bools:
     """Return in which searches few rooms hold an artifact and every robot enters many, `[E]`.
 
-    Args:
-        chance: `[E]` share of the rooms that hold one.
-        entered: of each robot `[E]` rooms.
+    `chance` is the share of the rooms that hold one `[E]`, `entered` the rooms of each robot `[E]`.
     """
     many = np.min(entered, axis=0) >= LEAST_ENTERED
     return np.asarray((chance <= MOST_HOLDING) & many)

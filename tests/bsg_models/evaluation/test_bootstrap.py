@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from bsg_data.arrays import Floats
 from bsg_models.evaluation.bootstrap import (
     Bootstrap,
     bootstrap,
     estimate_value,
     resample_buildings,
 )
-from bsg_models.evaluation.metrics import Floats
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import stats
 
+from bsg_data.arrays import Floats
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.metrics import Floats
 
 counts = hnp.arrays(np.float64, (4, 6), elements=st.integers(0, 9).map(float))
 filled = counts.map(lambda a: a + np.eye(4, 6))
-weights = hnp.arrays(np.float64, 4, elements=st.integers(0, 3).map(float))
 
 
 @given(counts, counts)
@@ -94,12 +93,6 @@ def test_correlations_are_numpys_where_they_exist(table: Floats) -> None:
     assert (np.delete(found[constant], constant, axis=1) == 0).all()
 
 
-@given(filled, weights.filter(lambda w: w.sum() > 0))
-def test_weighted_correlations_are_those_of_repeated_rows(a: Floats, times: Floats) -> None:
-    expected = metrics.correlation_matrix(np.repeat(a, times.astype(int), axis=0))
-    np.testing.assert_allclose(metrics.correlation_matrix(a, times), expected, atol=1e-6)
-
-
 def test_top_k_by_hand() -> None:
     presence = np.array([[0.9, 0.6, 0.6, 0.1]] * 3)
     seen = np.array([[True, False, False, False]] * 3)
@@ -116,8 +109,3 @@ def test_top_k_by_hand() -> None:
     assert np.array_equal(
         metrics.topk_unseen(presence, seen, hidden, k=3), [1, np.nan, 1], equal_nan=True
     )
-
-
-def test_top_k_never_counts_a_seen_class() -> None:
-    presence, seen = np.array([[0.9, 0.1]]), np.array([[True, False]])
-    assert metrics.topk_unseen(presence, seen, np.array([[True, False]]), k=5)[0] != 1

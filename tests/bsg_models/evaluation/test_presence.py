@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
 from bsg_models.evaluation import presence
 from bsg_models.evaluation.presence import PresenceHistograms, bin_presence, select_cells
@@ -62,16 +61,6 @@ def test_ranks_are_those_of_sorted_cells_within_the_bound(
                     assert found == pytest.approx(expected, abs=allowed, nan_ok=True)
                     off = max(off, abs(np.nan_to_num(found - expected)))
     assert exact or spread > 0.1 or off > 1e-6  # crowded bins do differ
-
-
-def test_auroc_is_scipys_mann_whitney() -> None:
-    rooms = make_rooms(digits=2, spread=0.7)
-    histograms = PresenceHistograms(np.ones((7, 1)))
-    histograms.add_rooms(**rooms)
-    scores, hidden = rooms["presence"], rooms["hidden"]
-    wins = stats.mannwhitneyu(scores[hidden], scores[~hidden]).statistic
-    expected = wins / (hidden.sum() * (~hidden).sum())
-    assert histograms.ranks.auroc["all"][0] == pytest.approx(expected)
 
 
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=20))

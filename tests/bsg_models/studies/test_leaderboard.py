@@ -10,11 +10,10 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
-from bsg_data.files import hold
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.leaderboard import make_leaderboard, prepare_dataset
+from bsg_models.studies.leaderboard import make_leaderboard
 from bsg_models.studies.leaderboard_runs import LeaderboardRecipe, run_of
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
@@ -105,36 +104,6 @@ def test_a_copy_of_another_dataset_is_refused(
     assert board.results["uniform"]["train-mean"].metrics.point["rooms/hidden_nll"] > 0
 
 
-def test_what_a_stopped_copy_left_goes_and_a_file_of_somebody_stays(
-    unsplit: Path, tmp_path: Path
-) -> None:
-    partial = tmp_path / "board" / "uniform" / "dataset.partial"
-    partial.mkdir(parents=True)
-    (partial / "dataset.json").write_text("{}")
-    (partial / "mine.txt").write_text("mine")
-    copy = partial.with_name("dataset")
-    with pytest.raises(DatasetError, match=r"dataset\.partial: holds mine\.txt"):
-        prepare_dataset(unsplit, copy, RECIPE, mask="uniform")
-    assert (partial / "mine.txt").read_text() == "mine"
-    (partial / "mine.txt").unlink()
-    prepare_dataset(unsplit, copy, RECIPE, mask="uniform")
-    assert not partial.exists()
-    assert read_manifest(copy).pairs is not None
-
-
-def test_an_ensemble_is_the_mean_of_its_members(unsplit: Path, tmp_path: Path) -> None:
-    recipe = RECIPE.model_copy(update={"masks": ("uniform",)})
-    board = make_leaderboard(unsplit, tmp_path / "board", {"pair": MODELS["pair"]}, recipe)
-    assert list(board.results["uniform"]) == ["pair"]  # members are trained and not shown
-    members = [
-        load_checkpoint(run_of(tmp_path / "board" / "uniform", "pair", fold) / BEST)
-        for fold in range(3)
-    ]
-    names = {name.split(".")[1] for name in members[0].state_of("model") if "." in name}
-    assert names == {"gamma-poisson", "train-mean"}
-    assert all(checkpoint.header.calibrated for checkpoint in members)
-
-
 def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_kind(
     unsplit: Path, tmp_path: Path
 ) -> None:
@@ -169,25 +138,3 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
     assert points[0]["rooms/hidden_nll"] != points[1]["rooms/hidden_nll"]
     config = load_checkpoint(run_of(out / "mixed", "pair", 2) / BEST).header.config
     assert (config.data.fold, str(config.data.mask)) == (2, "mixed, fraction 0.5, withhold 0.05")
-
-
-def test_an_ensemble_of_mixed_masks_has_members_of_its_own(unsplit: Path, tmp_path: Path) -> None:
-    mixed = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
-    models = {
-        "train-mean": find_config("train-mean"),
-        "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *mixed),
-    }
-    recipe = RECIPE.model_copy(update={"masks": ("mixed",), "draws": 1})
-    out = tmp_path / "board"
-    assert list(make_leaderboard(unsplit, out, models, recipe).results["mixed"]) == list(models)
-    runs = {path.parent.name for path in out.glob("mixed/fold-0/*/best.*")}
-    assert runs == {"train-mean", "gamma-poisson", "pair+train-mean", "pair"}
-    header = load_checkpoint(run_of(out / "mixed", "pair", 0) / BEST).header
-    assert header.members["train-mean"].data.mask.withhold == 0.05
-
-
-def test_two_leaderboards_never_write_into_one_folder(unsplit: Path, tmp_path: Path) -> None:
-    models = {"train-mean": find_config("train-mean")}
-    (tmp_path / "board").mkdir()
-    with hold(tmp_path / "board"), pytest.raises(DatasetError, match="another command"):
-        make_leaderboard(unsplit, tmp_path / "board", models, RECIPE)

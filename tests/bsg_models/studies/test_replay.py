@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bsg_data.dataset.dataset import Dataset, read_cells
-from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.errors import RecipeError
 from bsg_models.rendering.replay import Replay, Walk
 from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.replay import choose_replay, replay_search
@@ -192,25 +192,13 @@ def test_a_room_that_cannot_be_reached_is_not_drawn(
 
 
 @pytest.mark.parametrize(
-    ("keep", "expected"),
+    "keep",
     [
-        (KeepRequest(5, "all", "ratio"), "no search 5: a building has 5, numbered from 0"),
-        (KeepRequest(-1, "all", "ratio"), "no search -1"),
-        (KeepRequest(None, "all", "oracle"), "no task 'all' with planner 'oracle'"),
+        KeepRequest(5, "all", "ratio"),
+        KeepRequest(-1, "all", "ratio"),
+        KeepRequest(None, "all", "oracle"),
     ],
 )
-def test_a_search_that_is_not_there_cannot_be_kept(
-    dataset: Path, keep: KeepRequest, expected: str
-) -> None:
-    with pytest.raises(RecipeError, match=expected):
+def test_a_search_that_is_not_there_cannot_be_kept(dataset: Path, keep: KeepRequest) -> None:
+    with pytest.raises(RecipeError):
         study_search(dataset, {}, RECIPE, keep=keep)
-
-
-def test_what_cannot_be_replayed_is_said(dataset: Path, study: Study, kept: KeptSearch) -> None:
-    results = summarise(study, resamples=0)
-    posterior = replace(study, recipe=RECIPE.model_copy(update={"truth": "posterior"}))
-    with pytest.raises(RecipeError, match="really there"):
-        replay_search(dataset, posterior, results, kept, model=None, named=True)
-    gone = replace(kept, scene_id="nowhere")
-    with pytest.raises(DatasetError, match="has no scene 'nowhere'"):
-        replay_search(dataset, study, results, gone, model=None, named=True)

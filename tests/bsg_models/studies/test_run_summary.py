@@ -27,23 +27,6 @@ def test_a_model_that_counts_has_no_epochs(tmp_path: Path) -> None:
     assert not summary.curve.exists()
 
 
-def test_members_of_an_ensemble_are_kept(tmp_path: Path) -> None:
-    write_config(tmp_path, "ensemble")
-    summary = summarise_run(tmp_path)
-    assert summary.members == find_config("ensemble").model.members  # type: ignore[union-attr]
-    assert summary.saved == "finished members are kept"
-    assert summary.again == "with --resume goes on"
-
-
-def test_a_run_of_an_earlier_version_is_told_by_its_checkpoint(run: Path) -> None:
-    before = summarise_run(run)
-    for name in (CONFIG, LOG, SEAL):
-        (run / name).unlink()
-    after = summarise_run(run)
-    assert after.config == before.config
-    assert (len(before.trainings), after.trainings) == (1, ())
-
-
 def test_a_training_that_did_not_end_has_no_end(run: Path) -> None:
     lines = (run / LOG).read_text("utf-8").splitlines(keepends=True)
     (run / LOG).write_text(lines[0] + "".join(lines), "utf-8")

@@ -20,7 +20,7 @@ from bsg_data.scene.scene_graph import SceneGraph
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
+from bsg_models.studies.search_beliefs import ModelBeliefs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
 
@@ -131,11 +131,3 @@ def test_some_rooms_and_classes_are_answered_as_all_are(dataset: Path, run: Path
     np.testing.assert_allclose(model.expect_rooms(seen, rows).mean, every.mean, rtol=1e-12)
     some = model.expect_rooms(seen, rows, columns)
     np.testing.assert_allclose(some.presence, every.take_classes(columns).presence, rtol=1e-12)
-
-
-def test_fixed_beliefs_do_not_change() -> None:
-    presence = np.random.default_rng(0).random((4, 3, 1))
-    beliefs = FixedBeliefs(presence)
-    which = np.array([2, 0])
-    for explored in (np.zeros((2, 3), dtype=bool), np.ones((2, 3), dtype=bool)):
-        np.testing.assert_array_equal(beliefs(which, explored)[0], presence[which])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -106,9 +104,3 @@ def test_a_building_keeps_eventful_searches_first_then_those_of_changing_beliefs
 )
 def test_the_search_that_is_shown_is_a_usual_one(searches: list[KeptSearch], shown: int) -> None:
     assert choose_shown(searches, "nearest", 0.4).episode == shown
-
-
-def test_a_search_that_costs_nothing_saves_nothing() -> None:
-    free = KeptStep(1, 1, (1,), np.zeros(2), np.zeros((2, 1)))
-    one = replace(kept(0, saved=0, change=0), walks={"ratio": (free,), "nearest": (free,)})
-    assert one.saved("nearest") == 0
