@@ -104,11 +104,17 @@ def _classify(
     obj: SceneObject, index: int, room_of: Mapping[int, int], class_map: ClassMap
 ) -> SceneObject:
     known = class_map.classify(obj.raw_category)
-    return replace(
-        obj,
+    return SceneObject(  # `replace` takes three times as long, which a dataset of HM3D's size feels
         object_index=index,
+        instance_id=obj.instance_id,
         room_index=room_of.get(obj.room_index, SceneObject.BUILDING),
+        raw_category=obj.raw_category,
         category=known.category,
         class_index=known.class_index,
         role=known.role,
+        centroid=obj.centroid,
+        box=obj.box,
+        area=obj.area,
+        part_box=obj.part_box,
+        colour=obj.colour,
     )
