@@ -122,12 +122,6 @@ class Observation:
         """Return a copy with some surroundings unknown; see `Surroundings.without`."""
         return replace(self, surroundings=self.surroundings.without(*evidence))
 
-    def connections_of(self, number: int) -> Connections:
-        """Return the connections of one building, by its own node indices."""
-        first, last = self._connection_starts[number : number + 2].tolist()
-        own = self.connections.take(np.s_[first:last])
-        return Connections(own.pairs - self.starts[number], own.methods, own.lengths)
-
     @cached_property
     def _connection_starts(self) -> Ints:
         """Row of the first connection of each building, `[B + 1]`."""

@@ -43,7 +43,7 @@ class ClassSpace(Record):
 
     @model_validator(mode="after")
     def _hash_fits(self) -> ClassSpace:
-        if self.sha256 != hash_classes(self.classes):
+        if self.sha256 != _hash_classes(self.classes):
             raise ValueError(f"the sha256 of class space {self.name} is not that of its classes")
         return self
 
@@ -51,7 +51,7 @@ class ClassSpace(Record):
     def of(cls, name: str, classes: Iterable[str]) -> ClassSpace:
         """Name and hash an ordered list of classes."""
         classes = tuple(classes)
-        return cls(name=name, sha256=hash_classes(classes), classes=classes)
+        return cls(name=name, sha256=_hash_classes(classes), classes=classes)
 
     def __str__(self) -> str:
         """Name it, with the beginning of its hash."""
@@ -70,7 +70,7 @@ class ClassSpace(Record):
         )
 
 
-def hash_classes(classes: Iterable[str]) -> str:
+def _hash_classes(classes: Iterable[str]) -> str:
     """Return the sha256 of class names, joined by line feeds."""
     return hashlib.sha256("\n".join(classes).encode()).hexdigest()
 

@@ -61,11 +61,8 @@ def test_a_stack_by_hand(parts: list[Observation]) -> None:
     assert np.flatnonzero(seen.is_building).tolist() == [0, 3, 4]
     assert seen.building.tolist() == [0, 0, 0, 1, 2, 2, 2, 2]
     assert seen.connections.pairs.tolist() == [[1, 2], [5, 7], [6, 7]]
-    assert [seen.connections_of(number).pairs.tolist() for number in range(3)] == [
-        [[1, 2]],
-        [],
-        [[1, 3], [2, 3]],
-    ]
+    own = [seen.take([number]).connections.pairs.tolist() for number in range(3)]
+    assert own == [[[1, 2]], [], [[1, 3], [2, 3]]]
 
 
 def test_the_share_of_a_cell_is_its_nodes_and_all_where_a_class_is_withheld(
