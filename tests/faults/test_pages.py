@@ -20,7 +20,7 @@ from headless_browser import start_browser
 from replays import make_replay
 
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.scene.class_space import ClassSpace, hash_classes
+from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
@@ -86,7 +86,7 @@ def explorer(first: int) -> str:
         return f"{PAYLOADS[number % len(PAYLOADS)]}{number - first}"
 
     classes = tuple(name() for _ in range(8))
-    space = ClassSpace(name=name(), sha256=hash_classes(classes), classes=classes)
+    space = ClassSpace.of(name(), classes)
     squares = [((3.0 * k, 0.0), (3.0 * k + 2, 0.0), (3.0 * k + 2, 2.0)) for k in range(5)]
     rooms = tuple(
         KnownRoom(name(), 0.5, k > 0, name(), footprint=square if k < 4 else None, floor_index=k)

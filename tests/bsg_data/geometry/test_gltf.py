@@ -67,14 +67,6 @@ def test_a_mesh_that_two_nodes_show_is_there_twice_in_one_order(glb: Path) -> No
         assert [part.vertices[0, 0] for part in read_parts(path)] == [3, 5]
 
 
-def test_vertex_colours_stand_beside_a_texture(tmp_path: Path) -> None:
-    mesh = textured(RED)
-    mesh.visual.vertex_attributes["color"] = np.array([[9, 8, 7, 255]] * 4, dtype=np.uint8)
-    (part,) = read_parts(write_glb(tmp_path / "both.glb", mesh))
-    assert part.texture is not None
-    assert np.asarray(part.colours).tolist() == [[9, 8, 7]] * 4
-
-
 def set_in(*keys: Any, to: Any) -> Callable[[dict[str, Any]], None]:
     def change(tree: dict[str, Any]) -> None:
         entry: Any = tree

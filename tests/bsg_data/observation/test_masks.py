@@ -12,7 +12,6 @@ from scipy import stats
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_draws
 from bsg_data.observation.mask_streams import mask_generator
 from bsg_data.observation.masks import (
@@ -380,21 +379,6 @@ def test_every_strategy_is_a_row_of_the_registry() -> None:
     assert [row.reads_connections for row in rows] == [False, False, True, True, False, True]
 
 
-def test_a_strategy_that_nobody_knows_is_refused() -> None:
-    with pytest.raises(RecipeError):
-        sample_view((2, 1), MaskRecipe(strategy="room"), scene_id="s", draw=0)
-
-
-def test_no_connections_and_unknown_ones_are_the_same() -> None:
-    for strategy in ("frontier", "explore"):
-        recipe = MaskRecipe(strategy=strategy)
-        for draw in range(10):
-            silent = sample_view((6, 2), recipe, scene_id="s", draw=draw)
-            empty = Connections.of_pairs(())
-            again = sample_view((6, 2), recipe, scene_id="s", draw=draw, connections=empty)
-            assert silent.agrees(again)
-
-
 @given(cells=cells_strategy, recipe=recipes, draws=st.integers(1, 9))
 def test_many_draws_are_those_of_one_after_another(
     cells: Counts, recipe: MaskRecipe, draws: int
@@ -407,15 +391,3 @@ def test_many_draws_are_those_of_one_after_another(
         assert views[draw].agrees(view)
         np.testing.assert_array_equal(views[draw].hidden_share, view.hidden_share)
         np.testing.assert_array_equal(hidden[draw], alone)
-
-
-@given(rooms=st.integers(0, 6), fraction=st.sampled_from(FRACTIONS))
-def test_a_fixed_mask_sees_a_building_in_one_way(rooms: int, fraction: float) -> None:
-    """`sample_views` looks once, whatever the generator would say."""
-    fixed = [name for name in STRATEGIES if MASKS[name].is_fixed]
-    assert fixed == ["uniform"]
-    recipe = MaskRecipe(strategy="uniform", fraction=fraction)
-    first, *others = draw_views(recipe, rooms, draws=5)
-    for other in others:
-        assert first.agrees(other)
-        np.testing.assert_array_equal(first.hidden_share, other.hidden_share)

@@ -121,13 +121,6 @@ def test_a_searched_room_hides_nothing() -> None:
     assert again.histograms()[2].sum() == 1  # what is seen now replaces what was
 
 
-def test_a_searched_room_is_known_for_sure() -> None:
-    half = replace(GRAPH.rooms[0], hidden_share_sd=0.2)
-    unsure = replace(GRAPH, rooms=(half, GRAPH.rooms[1]))
-    assert unsure.rooms[0].share == ShareBelief(0.5, 0.2)
-    assert observe(unsure, 1, []).rooms[0].share == ShareBelief(0.0)
-
-
 def test_the_share_of_a_building_moves_with_its_rooms() -> None:
     assert GRAPH.share_with([0.5, 1.0]) == 0.5
     assert GRAPH.share_with([0.2, 1.0]) == pytest.approx(0.5 * 1.2 / 1.5)

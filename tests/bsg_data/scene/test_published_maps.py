@@ -38,17 +38,6 @@ def classes_of(space: str) -> list[str]:
     return [row["class"] for row in read(f"{space}.classes.csv")]
 
 
-@each_map
-def test_the_list_of_maps_names_files_that_are_there(name: str) -> None:
-    assert MAPS[name]["rules"] in ("yes", "no")
-    for file in (
-        f"{name}.csv",
-        f"{name}.structure.csv",
-        f"{MAPS[name]['class_space']}.classes.csv",
-    ):
-        assert (MAPPINGS / file).is_file()
-
-
 @each_space
 def test_classes_are_in_alphabetical_order_and_a_robots_words(space: str) -> None:
     names = classes_of(space)
