@@ -56,6 +56,7 @@ from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 _MOST_ROOMS = 5  # named in an error
 _ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacency"}
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+_ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
 _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
 _Place = tuple[int | str, ...]
 _Class = tuple[str | None, int | None]  # corrected name and class of an object
@@ -88,7 +89,7 @@ class _Room(KnownRoom):
                     "them"
                 )
             share = ShareBelief(self.hidden_share, self.hidden_share_sd)
-        facts = {one.name: getattr(self, one.name) for one in fields(KnownRoom)}
+        facts = {name: getattr(self, name) for name in _ROOM_FIELDS}
         return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
 
 
@@ -119,7 +120,7 @@ ROOM_WORDS = (
     *_SHARE_WORDS,
     *_LOOKS,
     "id",
-    *(one.name for one in fields(KnownRoom) if one.name not in ("name", *_SHARE_WORDS)),
+    *(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WORDS)),
 )
 OBJECT_WORDS = ("id", "category", "position")
 GRAPH_WORDS = ("scene_id", "hidden_share", "building_kind", "source")
@@ -332,7 +333,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
 
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
-    said = {one.name: getattr(room, one.name) for one in fields(KnownRoom)}
+    said = {name: getattr(room, name) for name in _ROOM_FIELDS}
     said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
     return {"id": said.pop("name"), **{name: said.pop(name) for name in _SHARE_WORDS}, **said}
 

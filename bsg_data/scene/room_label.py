@@ -106,9 +106,13 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
         RecipeError: as `check_room_type`.
     """
     known = check_room_type(said)
-    shares = {known: 1.0} if isinstance(known, str) else known
-    row = np.array([0.0 if shares is None else shares.get(one, 0.0) for one in list_room_labels()])
-    if shares is not None:
+    labels = list_room_labels()
+    row = np.zeros(len(labels))
+    if isinstance(known, str):
+        row[labels.index(known)] = 1
+    elif known is not None:
+        for label, share in known.items():
+            row[labels.index(label)] = share
         row += max(0.0, 1 - row.sum()) / len(row)
         row /= row.sum()
     return row.astype(np.float32)

@@ -81,8 +81,8 @@ class Surroundings:
         for name, kind in EVIDENCE.items():
             column = getattr(found, name)
             for row, one in enumerate([graph] if kind.of_building else rooms, not kind.of_building):
-                value = kind.of_graph(one)
-                column[row] = kind.unknown if value is None else value
+                if (value := kind.of_graph(one)) is not None:
+                    column[row] = value
         return found
 
     @classmethod
@@ -237,7 +237,7 @@ EVIDENCE = {
     "labels": Evidence(
         unit="probability",
         unknown=0,
-        of_graph=lambda room: spread_labels(room.room_type),
+        of_graph=lambda room: None if room.room_type is None else spread_labels(room.room_type),
         of_table=_mark_labels,
         columns=("label",),
         dtype=np.float32,
