@@ -16,7 +16,7 @@ from bsg_data.errors import RecipeError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import find_value, label_value
 
-Verdict = Literal["better", "not distinguishable", "worse"]
+_Verdict = Literal["better", "not distinguishable", "worse"]
 
 BESIDE_DOUBLED = "compared with doubling what was seen (by 95 % intervals of the paired difference)"
 
@@ -50,7 +50,7 @@ HEADLINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def judge(ours: Bootstrap, other: Bootstrap, name: str) -> Verdict:
+def judge(ours: Bootstrap, other: Bootstrap, name: str) -> _Verdict:
     """Return whether a model is better in a value than another with the same resamples.
 
     It is better or worse if the interval of the paired difference excludes 0; without resamples, if

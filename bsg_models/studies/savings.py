@@ -187,7 +187,7 @@ def _estimate(values: Floats, searches: int) -> Estimate:
     return estimate_value(float(values[0]), values[1:], nodes=searches, rule="percentile")
 
 
-SEARCHES = pa.schema(
+_SEARCHES = pa.schema(
     [
         pa.field("scene_id", pa.string(), nullable=False),
         pa.field("world", pa.string(), nullable=False),
@@ -209,7 +209,7 @@ def write_searches(study: Study, classes: tuple[str, ...], path: Path) -> None:
     """Write every search of every planner. A failed write leaves no partial file."""
     names = np.array(classes, dtype=object)
     buffer = io.BytesIO()
-    with pq.ParquetWriter(buffer, SEARCHES, compression="zstd") as writer:
+    with pq.ParquetWriter(buffer, _SEARCHES, compression="zstd") as writer:
         for one in study.searches:
             number = len(one.starts)
             for (task, planner), outcome in one.outcomes.items():
@@ -227,7 +227,7 @@ def write_searches(study: Study, classes: tuple[str, ...], path: Path) -> None:
                     pa.array(outcome.entered, pa.int32()),
                     pa.array(outcome.missed, pa.int32()),
                 ]
-                writer.write_batch(pa.record_batch(columns, schema=SEARCHES))
+                writer.write_batch(pa.record_batch(columns, schema=_SEARCHES))
     write_bytes(path, buffer.getvalue())
 
 

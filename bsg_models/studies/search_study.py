@@ -53,7 +53,7 @@ from bsg_models.studies.search_steps import (
 )
 from bsg_models.zoo.model import BeliefModel, one_thread
 
-SWEEP = -1.0  # a threshold never reached: such a search enters every room
+_SWEEP = -1.0  # a threshold never reached: such a search enters every room
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +330,7 @@ def _robots(recipe: StudyRecipe, planners: Mapping[str, Planner]) -> dict[tuple[
         planned = PLANNERS["expected-cost"]
         for stop in recipe.stops:
             robots["all", f"stop {stop:g}"] = Robot(planned, "all", stop)
-        robots["all", "sweep"] = Robot(PLANNERS[BASELINE], "all", SWEEP)
+        robots["all", "sweep"] = Robot(PLANNERS[BASELINE], "all", _SWEEP)
     return robots
 
 

@@ -93,18 +93,6 @@ def test_a_leaderboard_of_mixed_masks_has_both_kinds_of_them() -> None:
     assert len(plan_runs({"mixture": find_config("mixture"), "one": plain}, mixed).single) == 1
 
 
-def test_the_zoo_for_whatever_a_robot_has_seen_is_trained_once() -> None:
-    """Its ensemble is made of the runs that are there, and of a mixture on the same masks."""
-    names = ("mixture", "universal", "universal-transformer", "ensemble")
-    runs = plan_runs({name: find_config(name) for name in names}, LeaderboardRecipe())
-    assert set(runs.single) == {
-        Place("uniform", "mixture"),
-        Place("rooms", "mixture"),
-        *(Place("mixed", name) for name in names[:3]),
-    }
-    assert set(runs.ensembles) == {Place("mixed", "ensemble")}
-
-
 def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
     recipe = LeaderboardRecipe(fraction=0.3, seed=7)
     fitted = fit_to(find_config("ceci-sage"), recipe, mask="rooms", fold=2)
