@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +15,13 @@ from bsg_data.files import AnyPath
 from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
 from bsg_data.observation.masks import sample_view, sample_withheld
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace, find_wholes
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import list_room_labels
-from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.scene.scene_graph import Room, SceneGraph
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 
 
@@ -60,45 +61,46 @@ def mask_scene(
         wholes=find_wholes(categories, class_space.classes) if recipe.parts else None,
     )
     left = np.concatenate([cells - hidden, others - unseen], axis=1)
-    seen = []
-    for obj, kind in zip(graph.objects, kinds, strict=True):
-        left[obj.room_index, kind] -= 1
-        if left[obj.room_index, kind] >= 0:
-            seen.append(
-                SeenObject(
-                    str(obj.instance_id),
-                    obj.room_index,
-                    obj.raw_category,
-                    obj.category,
-                    obj.class_index,
-                    obj.centroid,
-                )
-            )
-    share = view.hidden_share
     return PartialGraph(
         scene_id=graph.scene_id,
         class_space=class_space,
-        hidden_share=float(share[0]),
-        rooms=tuple(
-            KnownRoom(
-                str(room.region_id),
-                float(share[room.room_index]),
-                bool(view.visited[room.room_index]),
-                room.source_label,
-                room.centroid,
-                room.box,
-                room.footprint,
-                room.floor_index,
-                room.floor_area if is_floor_area(room.floor_area) else None,
-                room.label if room.label in list_room_labels() else None,
-            )
-            for room in graph.rooms
-        ),
-        objects=tuple(seen),
+        hidden_share=float(view.hidden_share[0]),
+        rooms=tuple(_know(room, view) for room in graph.rooms),
+        objects=tuple(_see(graph, kinds, left)),
         adjacency=tuple(adjacent),
         building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
         source=graph.source,
     )
+
+
+def _know(room: Room, view: View) -> KnownRoom:
+    return KnownRoom(
+        name=str(room.region_id),
+        hidden_share=float(view.hidden_share[room.room_index]),
+        visited=bool(view.visited[room.room_index]),
+        label=room.source_label,
+        position=room.centroid,
+        box=room.box,
+        footprint=room.footprint,
+        floor_index=room.floor_index,
+        floor_area=room.floor_area if is_floor_area(room.floor_area) else None,
+        room_type=room.label if room.label in list_room_labels() else None,
+    )
+
+
+def _see(graph: SceneGraph, kinds: Sequence[int], left: Counts) -> Iterator[SeenObject]:
+    """Yield the first objects of each room and kind, as many as are `left` `[N, K]`."""
+    for obj, kind in zip(graph.objects, kinds, strict=True):
+        left[obj.room_index, kind] -= 1
+        if left[obj.room_index, kind] >= 0:
+            yield SeenObject(
+                str(obj.instance_id),
+                obj.room_index,
+                obj.raw_category,
+                obj.category,
+                obj.class_index,
+                obj.centroid,
+            )
 
 
 def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
