@@ -148,6 +148,15 @@ def test_a_mask_that_hides_another_number_is_found(dataset: Path) -> None:
     assert any("is not the mask of its recipe" in f.what for f in check_dataset(dataset))
 
 
+def test_rows_of_a_scene_that_lie_apart_are_found(dataset: Path) -> None:
+    """A scene that is whole in two places of a file is sound in each: only the gap tells."""
+    paths = (entry.path for entry in read_manifest(dataset).files)
+    train = next(path for path in paths if path.startswith(PAIRS) and "train" in path)
+    first = pq.read_table(dataset / train)["scene_id"][0].as_py()
+    edit(dataset, train, lambda f: pd.concat([f, f[f["scene_id"] == first]]))
+    assert {fault.where for fault in check_dataset(dataset)} == {f"{train}, {first}"}
+
+
 def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> None:
     (dataset / OBJECTS).write_bytes((dataset / OBJECTS).read_bytes()[:-1] + b"X")
     (dataset / ROOMS).unlink()
