@@ -74,12 +74,7 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
 
 
 def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
-    """Return the belief graph of a JSON document.
-
-    Raises:
-        BeliefFileError: naming what is wrong with it.
-        MismatchError: if its class space has changed since.
-    """
+    """Return the belief graph of a JSON document."""
     try:
         said = _Document.model_validate(document)
     except ValidationError as error:

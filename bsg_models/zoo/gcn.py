@@ -26,23 +26,18 @@ from bsg_models.zoo.settings import ModelConfig
 
 
 class GCNConfig(ModelConfig):
-    """The paper's CECI: GCNConv layers with batch normalisation, ReLU and dropout.
-
-    Attributes:
-        depth: GCNConv layers; the paper has 5.
-        width: channels of the hidden layers; the paper does not state it.
-        dropout: share of channels dropped after each hidden layer; the paper does not state it.
-        last_layer: what follows the last GCNConv: nothing (`linear`), or the same as after the
-            others (`block`), which is the paper's sentence read literally.
-        likelihood: mean squared error of whole histograms, as in the paper.
-    """
+    """The paper's CECI: GCNConv layers with batch normalisation, ReLU and dropout."""
 
     family: Literal["ceci-gcn"] = "ceci-gcn"
-    depth: int = Field(default=5, ge=1, le=64)
+    depth: int = Field(default=5, ge=1, le=64)  # GCNConv layers; the paper has 5
+    # channels of the hidden layers; the paper does not state it
     width: int = Field(default=64, ge=1, le=4096)
+    # share of channels dropped after each hidden layer; the paper does not state it
     dropout: float = Field(default=0.5, ge=0.0, lt=1.0)
+    # what follows the last GCNConv: nothing (`linear`), or the same as after the others (`block`),
+    # which is the paper's sentence read literally
     last_layer: Literal["linear", "block"] = "linear"
-    likelihood: Literal["mse"] = "mse"
+    likelihood: Literal["mse"] = "mse"  # mean squared error of whole histograms, as in the paper
 
 
 class WritesNoFile:

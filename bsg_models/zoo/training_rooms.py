@@ -57,9 +57,6 @@ def stream_uniform(data: Dataset, choice: DataConfig, *, draws: int) -> Iterator
     The masks are uniform whatever the strategy, because only partly seen rooms show what one class
     says about another. All masks of some buildings come before the next, so that each part of the
     dataset is read once.
-
-    Raises:
-        TrainingError: if the fraction is 0.
     """
     if not choice.mask.fraction:
         raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")
