@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -18,10 +18,13 @@ from bsg_models.inputs.edges import EdgeSet, list_edges
 _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 
 
+_Form = TypeVar("_Form", bound="_Tensors")
+
+
 class _Tensors:
     """A dataclass of tensors, which may be nested."""
 
-    def to(self, device: torch.device) -> Self:
+    def to(self: _Form, device: torch.device) -> _Form:
         names = [one.name for one in fields(self)]  # type: ignore[arg-type]
         return type(self)(**{name: _move(getattr(self, name), device) for name in names})
 

@@ -98,7 +98,7 @@ def test_a_table_needs_no_option_and_takes_a_map_of_ones_own(tmp_path: Path) -> 
         (("--option", "licence"), 2, "expected NAME=VALUE"),
         (("--option", "licence=MIT", "--option", "licence=MIT"), 2, "licence is there twice"),
         (("--option", "license=MIT"), 1, "did you mean licence?"),
-        (("--option", "licence=MIT"), 1, "homepage and citation missing"),
+        (("--option", "licence=MIT"), 1, "give licence, homepage and citation"),
     ],
 )
 def test_options_that_are_none(
