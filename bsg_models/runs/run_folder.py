@@ -95,14 +95,31 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
             remove_unfinished(run)
             place = run if read_seal(run) is None else run / UNFINISHED
             clear_run(place)
+        if place == run:
+            remove_unfinished(run)
         place.mkdir(exist_ok=True)
         _remove_files(place, _list_half_written(place))
         with unsealed(place):
             yield place
         _seal_run(place)
         if place != run:
-            put_in_place(run, leaving={*_list_run(run)} - {*list_files(place)})
-            remove_unfinished(run)
+            _replace(run)
+
+
+def finish_replacing(run: Path) -> None:
+    """Go on with putting a new run in the place of an old one, if that was killed."""
+    if read_seal(run / UNFINISHED) is not None and read_seal(run) is None:
+        with hold(run):
+            _replace(run)
+
+
+def _replace(run: Path) -> None:
+    """Put the new run, which is whole and sealed, in the place of the old one."""
+    new = {*list_files(run / UNFINISHED)}
+    sealed = {*(read_seal(run / UNFINISHED) or ())}
+    leaving = {*_list_run(run)} - new if sealed <= new else ()  # one that moved: all has left
+    put_in_place(run, leaving=leaving)
+    remove_unfinished(run)
 
 
 def active_folder(run: Path) -> Path:
@@ -261,6 +278,8 @@ def save_fitted(
 
 def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
     """Return whether a run is complete and of this configuration and dataset."""
+    if read_seal(run) is None:
+        return False
     try:
         header = read_header(run / BEST)
         last = read_header(run / LAST).epoch if (run / LAST).is_file() else None

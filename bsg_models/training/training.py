@@ -25,6 +25,7 @@ from bsg_models.runs.run_folder import (
     MEMBERS,
     active_folder,
     clear_run,
+    finish_replacing,
     is_finished,
     name_tensors,
     open_run,
@@ -91,6 +92,7 @@ def train_run(
     data, device = Dataset.open(dataset), find_device(config.training.device)
     with join_ranks(device) as ranks:
         if ranks.leads:
+            finish_replacing(run)
             refuse_overwriting(run, resume=resume, force=force)
             resume = resume and not (force and _is_other_training(config, data, run))
         if isinstance(config.model, EnsembleConfig):
