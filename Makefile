@@ -95,10 +95,11 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute th
 	$(BIN)/python scripts/write_docs.py
 	$(BIN)/python scripts/site/execute.py docs/tutorials/*.md
 
-figures: $(INSTALLED) ## Draw the figures of the docs; that of the explorer needs Chromium.
+figures: demo ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
-	$(BIN)/python scripts/figures/search.py --out docs/figures/search.png
-	$(BIN)/python scripts/figures/explorer.py --out docs/figures/explorer.png
+	cp $(DEMO)/search/search.png docs/figures/search.png
+	$(BIN)/bsg-belief docs/home.json --html $(DEMO)/home.html
+	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"
 
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

@@ -15,6 +15,7 @@ import sys
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import networkx as nx
 from folds import FoldModel, measure, tally_likelihood
 from results import ResultsTable, format_estimate, write_page
 
@@ -78,14 +79,10 @@ def group_copies(rooms: Mapping[str, Sequence[Hashable]]) -> list[tuple[str, ...
     >>> group_copies({"a": [1, 2], "b": [3], "c": [2, 4], "d": [4], "e": []})
     [('a', 'c', 'd'), ('b',), ('e',)]
     """
-    group_of = {scene: {scene} for scene in rooms}
-    first: dict[Hashable, str] = {}
-    for scene, contents in rooms.items():
-        for content in contents:
-            other = first.setdefault(content, scene)
-            joined = group_of[other] | group_of[scene]
-            group_of.update(dict.fromkeys(joined, joined))
-    return sorted({tuple(sorted(group)) for group in group_of.values()})
+    graph = nx.Graph([(scene, (content,)) for scene in rooms for content in rooms[scene]])
+    graph.add_nodes_from(rooms)
+    groups = nx.connected_components(graph)
+    return sorted(tuple(sorted(group & rooms.keys())) for group in groups)
 
 
 def deal_groups(groups: Sequence[tuple[str, ...]], *, number: int) -> dict[str, int]:

@@ -3,38 +3,21 @@
 from __future__ import annotations
 
 import re
-import shlex
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY, list_unpinned, load_script
 
-from bsg_cli.registry import COMMANDS
-
-CONCEPTS, SEARCH = load_script("figures/concepts"), load_script("figures/search")
+CONCEPTS = load_script("figures/concepts")
 FIGURES = REPOSITORY / "docs" / "figures"
 NUMBER = re.compile(r"\d+\.\d+")  # a place; processors differ in its last digits
 
 
 def test_every_picture_is_drawn_by_make_figures() -> None:
     recipe = (REPOSITORY / "Makefile").read_text("utf-8").split("\nfigures:")[1].split("\n\n")[0]
-    drawn = set(re.findall(r"--out docs/figures/(\S+)", recipe)) | set(CONCEPTS.FIGURES)
+    drawn = set(re.findall(r"docs/figures/(\w+\.png)", recipe)) | set(CONCEPTS.FIGURES)
     assert drawn == {path.name for path in FIGURES.iterdir()}
-
-
-def test_the_last_command_of_the_demo_draws_the_picture() -> None:
-    commands = [shlex.split(line) for line in SEARCH.read_commands()]
-    assert [words[:2] for words in commands[:-1]] == [
-        ["bsg-data", "synth"],
-        ["bsg-data", "build"],
-        ["bsg-data", "split"],
-    ]
-    name, *words = commands[-1]
-    assert name == "bsg-search"
-    assert words[words.index("--animation") + 1] == f"demo/search/{SEARCH.PICTURE}"
-    result = CliRunner().invoke(COMMANDS[name], [*words, "--help"])
-    assert result.exit_code == 0, result.output
 
 
 @pytest.mark.heavy
