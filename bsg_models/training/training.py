@@ -18,7 +18,7 @@ from bsg_data.results import require_seal
 from bsg_models.belief.count_distribution import CountDistribution, concatenate
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
+from bsg_models.runs.checkpoint import load_checkpoint, read_header, restore_model, save_checkpoint
 from bsg_models.runs.run_folder import (
     BEST,
     LAST,
@@ -95,6 +95,9 @@ def train_run(
             finish_replacing(run)
             refuse_overwriting(run, resume=resume, force=force)
             resume = resume and not (force and _is_other_training(config, data, run))
+        is_complete = ranks.leads and resume and _is_complete(config, data, run)
+        if ranks.add(torch.tensor(float(is_complete), device=device)):  # all processes know
+            return
         if isinstance(config.model, EnsembleConfig):
             _refuse_several(ranks, "an ensemble trains one member after another")
             yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
@@ -105,8 +108,7 @@ def train_run(
             yield from _train_network(steps, config, data, run, ranks, resume=resume, force=force)
             return
         _refuse_several(ranks, f"{config.model.family} is fitted by counting")
-        if not (resume and _is_fitted(config, data, run)):
-            _fit_by_counting(model, config, data, run, force=force or resume)
+        _fit_by_counting(model, config, data, run, force=force or resume)
 
 
 def _refuse_several(ranks: Ranks, why: str) -> None:
@@ -114,11 +116,14 @@ def _refuse_several(ranks: Ranks, why: str) -> None:
         raise TrainingError(f"{why}: train it with one process, without torchrun")
 
 
-def _is_fitted(config: RunConfig, data: Dataset, run: Path) -> bool:
-    """Return whether a run with one checkpoint is finished; a stopped one starts again."""
+def _is_complete(config: RunConfig, data: Dataset, run: Path) -> bool:
+    """Return whether a run is sealed, and trained for as many epochs as are asked for."""
     place = active_folder(run)
-    require_same_training(config, data, place / BEST)
-    return (place / BEST).is_file() and require_seal(place) is not None
+    best, last = place / BEST, place / LAST
+    require_same_training(config, data, last if last.is_file() else best)
+    epochs = read_header(last).epoch if last.is_file() else config.training.epochs
+    is_trained = epochs >= config.training.epochs
+    return best.is_file() and is_trained and require_seal(place) is not None
 
 
 def _fit_by_counting(
@@ -270,8 +275,6 @@ def _train_ensemble(
     for name in ensemble.members:
         refuse_links(run, run / MEMBERS / name)
         refuse_foreign_files(run / MEMBERS / name)
-    if resume and _is_fitted(config, data, run):
-        return
     if resume:
         _require_resumable(config, data, active_folder(run))
     with open_run(run, resume=resume, force=force) as place, keep_log(place, config, data) as notes:

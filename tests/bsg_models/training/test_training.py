@@ -147,11 +147,12 @@ def test_a_run_can_be_made_longer(dataset: Path, tmp_path: Path) -> None:
     assert same(weights(tmp_path / "long" / LAST), weights(tmp_path / "short" / LAST))
 
 
-def test_what_is_fitted_by_counting_starts_again_unless_it_is_finished(
-    dataset: Path, tmp_path: Path
+@pytest.mark.parametrize("name", ["gamma-poisson", "ceci-gcn"])
+def test_a_job_that_is_started_again_leaves_a_finished_run_as_it_is(
+    name: str, dataset: Path, tmp_path: Path
 ) -> None:
-    """A job that is restarted has the same command line: nothing may be there, half, or all."""
-    run, config = tmp_path / "run", configure(name="gamma-poisson")
+    """It has the same command line: nothing may be there, half, or all."""
+    run, config = tmp_path / "run", configure(name=name)
     list(train_run(config, dataset, run, resume=True))
     saved = (run / BEST).read_bytes()
     (run / SEAL).unlink()  # as if it had been killed before it was through
