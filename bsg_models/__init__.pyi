@@ -43,7 +43,6 @@ from .search.catalogue import PLANNERS, Planner
 from .search.knowledge import Knowledge, Travel
 from .search.planners import next_room
 from .search.room_graphs import RoomGraph, WorldRecipe
-from .search.simulator import Outcome
 from .studies.belief_report import (
     BeliefReport,
     BeliefRequest,
@@ -57,6 +56,7 @@ from .studies.evaluation_report import (
     EvaluationRequest,
     report_evaluation,
 )
+from .studies.kept_searches import KeepRequest
 from .studies.leaderboard import Leaderboard, ModelResult, make_leaderboard
 from .studies.leaderboard_report import (
     LeaderboardReport,
@@ -69,14 +69,9 @@ from .studies.run_summary import RunSummary, plot_run, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.sealed_results import check_results
 from .studies.search_cases import StudyRecipe
-from .studies.search_report import (
-    SearchReport,
-    SearchRequest,
-    choose_default_run,
-    report_search,
-)
-from .studies.search_steps import KeepRequest
-from .studies.search_study import Searches, Study, study_search
+from .studies.search_report import SearchReport, report_search
+from .studies.search_request import SearchRequest, choose_default_run
+from .studies.search_study import Study, study_search
 from .training.learning_curve import EpochReport
 from .training.ranks import leads_training
 from .training.training import train_run
@@ -129,7 +124,6 @@ __all__ = [
     "ModelConfig",
     "ModelResult",
     "ModelSummary",
-    "Outcome",
     "Place",
     "Planner",
     "PredictionError",
@@ -141,7 +135,6 @@ __all__ = [
     "Saving",
     "SearchReport",
     "SearchRequest",
-    "Searches",
     "SeenBuilding",
     "Study",
     "StudyRecipe",

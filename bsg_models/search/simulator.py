@@ -39,6 +39,11 @@ class Episodes:
     artifacts: Ints  # `[E, A]` classes that each search looks for
     instances: Ints  # `[E, N, A]` number of instances per node: the truth
 
+    @property
+    def chance(self) -> Floats:
+        """Share of the rooms besides the start that hold an artifact, `[E]`."""
+        return np.asarray(self.instances.any(axis=2).sum(axis=1) / (self.rooms.sum() - 1))
+
 
 class Beliefs(Protocol):
     """What is believed about the artifacts of E searches."""

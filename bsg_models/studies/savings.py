@@ -8,12 +8,14 @@ buildings. Mean and median over single searches differ from it, because a few se
 from __future__ import annotations
 
 import io
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -26,11 +28,29 @@ from bsg_models.evaluation.bootstrap import (
     resample_buildings,
 )
 from bsg_models.search.knowledge import Task
-from bsg_models.search.simulator import Outcome
 from bsg_models.studies.search_cases import BASELINE, ROUTING
-from bsg_models.studies.search_study import Searches, Study
+from bsg_models.studies.search_study import STOP, SWEEP, Study
 
 _TIE = 1e-9  # relative difference below which two costs are a tie
+SEARCHES = pa.schema(
+    [
+        pa.field(name, kind, nullable=False)
+        for name, kind in (
+            ("scene_id", pa.string()),
+            ("world", pa.string()),
+            ("task", pa.string()),
+            ("planner", pa.string()),
+            ("episode", pa.int32()),
+            ("artifacts", pa.list_(pa.string())),
+            ("start_room_index", pa.int32()),
+            ("draw", pa.int32()),
+            ("instances", pa.int32()),
+            ("cost", pa.float64()),
+            ("rooms_entered", pa.int32()),
+            ("missed", pa.int32()),
+        )
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,104 +97,93 @@ class WorldResult:
 
 def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
     """Return the results of every world and task; too few resamples or buildings: no intervals."""
+    believing = {name for name, one in study.planners.items() if one.reads == "belief"}
     results = []
-    for world in dict.fromkeys(one.world for one in study.searches):
-        searches = [one for one in study.searches if one.world == world]
-        size = resamples if len(searches) >= LEAST_BUILDINGS else 0
-        times = resample_buildings(len(searches), resamples=size, seed=study.recipe.seed)
-        weights = np.vstack([np.ones(len(searches)), times])
-        believing = {name for name, one in study.planners.items() if one.reads == "belief"}
-        results += [
-            _summarise_task(searches, task, weights, believing) for task in study.recipe.tasks
-        ]
+    for (world, _), searches in study.searches.groupby(["world", "task"], sort=False):
+        by_robot = {str(name): one for name, one in searches.groupby("planner", sort=False)}
+        base = by_robot[BASELINE]
+        sums = _Sums(base, resamples=resamples, seed=study.recipe.seed)
+        planners = [name for name in by_robot if name != SWEEP and not name.startswith(STOP)]
+        results.append(
+            WorldResult(
+                world=str(world),
+                task=base.task.iloc[0],
+                buildings=sums.buildings,
+                searches=len(base),
+                ranked_first=float(base.ranked_first.mean(skipna=False)),
+                chance=float(base.chance.mean()),
+                savings=_list_savings(sums, {name: by_robot[name] for name in planners}, believing),
+                stops={
+                    name.removeprefix(STOP): _compare_stop(sums, one, by_robot[SWEEP])
+                    for name, one in by_robot.items()
+                    if name.startswith(STOP)
+                },
+            )
+        )
     return results
 
 
-def _summarise_task(
-    searches: Sequence[Searches], task: Task, weights: Floats, believing: Collection[str]
-) -> WorldResult:
-    """Return the results of one world and task, under weights `[1 + resamples, B]`.
+class _Sums:
+    """Sums over all searches of a world and task, and over those of each resampled building."""
 
-    The first row of the weights counts each building once. `believing` planners read a belief.
-    """
-    names = [name for of_task, name in searches[0].outcomes if of_task == task]
-    planners = [name for name in names if name != "sweep" and not name.startswith("stop ")]
-    saved = {name: _saved(searches, task, name, BASELINE, weights) for name in planners}
-    costs = {
-        name: np.concatenate([one.outcomes[task, name].costs for one in searches])
-        for name in planners
-    }
-    base = costs[BASELINE]
-    savings, unknown = {}, np.array([np.nan])
-    for name in planners:
-        each = 1 - np.divide(costs[name], base, out=np.ones_like(base), where=base > 0)
-        off = costs[name] - base
-        routed = saved[ROUTING] if name in believing and ROUTING in saved else unknown
+    def __init__(self, searches: pd.DataFrame, *, resamples: int, seed: int) -> None:
+        self._of, scenes = pd.factorize(searches.scene_id)
+        self.buildings, self.searches = len(scenes), len(searches)
+        size = resamples if self.buildings >= LEAST_BUILDINGS else 0
+        times = resample_buildings(self.buildings, resamples=size, seed=seed)
+        # The first row counts each building once.
+        self._weights = np.vstack([np.ones(self.buildings), times])
+
+    def add(self, values: npt.ArrayLike) -> Floats:
+        """Return the sum of a column, then that of each resample, `[1 + resamples]`."""
+        return np.asarray(self._weights @ np.bincount(self._of, weights=np.asarray(values)))
+
+    def saving(self, ours: pd.DataFrame, base: pd.DataFrame) -> Floats:
+        """Return 1 − ratio of the total costs of two robots."""
+        return np.asarray(1 - _divide(self.add(ours.cost), self.add(base.cost)))
+
+    def estimate(self, values: Floats) -> Estimate:
+        """Return the first value, with the interval of the others."""
+        first = float(values[0])
+        return estimate_value(first, values[1:], nodes=self.searches, rule="percentile")
+
+
+def _list_savings(
+    sums: _Sums, by_planner: Mapping[str, pd.DataFrame], believing: Collection[str]
+) -> dict[str, Saving]:
+    """Return planner → saving; `believing` planners read a belief."""
+    base = by_planner[BASELINE]
+    saved = {name: sums.saving(one, base) for name, one in by_planner.items()}
+    costs, unknown = base.cost.to_numpy(), np.array([np.nan])
+    savings = {}
+    for name, one in by_planner.items():
+        ours = one.cost.to_numpy()
+        off = ours - costs
+        each = 1 - np.divide(ours, costs, out=np.ones_like(costs), where=costs > 0)
+        routed = saved.get(ROUTING, unknown) if name in believing else unknown
         savings[name] = Saving(
-            saved=_estimate(saved[name], len(base)),
-            beyond_routing=_estimate(saved[name] - routed, len(base)),
-            of_oracle=_estimate(_divide(saved[name], saved.get("oracle", unknown)), len(base)),
+            saved=sums.estimate(saved[name]),
+            beyond_routing=sums.estimate(saved[name] - routed),
+            of_oracle=sums.estimate(_divide(saved[name], saved.get("oracle", unknown))),
             mean=float(each.mean()),
             median=float(np.median(each)),
-            wins=int((off < -_TIE * base).sum()),
-            ties=int((np.abs(off) <= _TIE * base).sum()),
-            losses=int((off > _TIE * base).sum()),
-            cost=float(costs[name].mean()),
-            entered=_mean_entered(searches, task, name),
+            wins=int((off < -_TIE * costs).sum()),
+            ties=int((np.abs(off) <= _TIE * costs).sum()),
+            losses=int((off > _TIE * costs).sum()),
+            cost=float(one.cost.mean()),
+            entered=float(one.rooms_entered.mean()),
         )
-    return WorldResult(
-        world=searches[0].world,
-        task=task,
-        buildings=len(searches),
-        searches=len(base),
-        ranked_first=float(np.concatenate([one.ranked_first for one in searches]).mean()),
-        chance=float(np.concatenate([one.chance for one in searches]).mean()),
-        savings=savings,
-        stops={
-            name.removeprefix("stop "): _stop(searches, name, weights)
-            for name in names
-            if name.startswith("stop ")
-        },
-    )
+    return savings
 
 
-def saving_of_buildings(searches: Sequence[Searches], task: Task, name: str) -> Floats:
-    """Return what a planner saves in each building, `[B]`."""
-    sums = [
-        [one.outcomes[task, which].costs.sum() for which in (name, BASELINE)] for one in searches
-    ]
-    ours, base = np.array(sums).T
-    return np.asarray(1 - np.divide(ours, base, out=np.ones_like(base), where=base > 0))
-
-
-def _saved(
-    searches: Sequence[Searches], task: Task, name: str, baseline: str, weights: Floats
-) -> Floats:
-    """Return the saving in all buildings, then in each resample of them, `[1 + resamples]`."""
-    ours, base = (
-        weights @ np.array([one.outcomes[task, which].costs.sum() for one in searches])
-        for which in (name, baseline)
-    )
-    return np.asarray(1 - _divide(ours, base))
-
-
-def _stop(searches: Sequence[Searches], name: str, weights: Floats) -> Stop:
-    outcomes: list[Outcome] = [one.outcomes["all", name] for one in searches]
-    instances = weights @ np.array([one.instances.sum() for one in searches])
-    missed = weights @ np.array([outcome.missed.sum() for outcome in outcomes])
-    incomplete = weights @ np.array([(outcome.missed > 0).sum() for outcome in outcomes])
-    number = weights @ np.array([len(outcome.costs) for outcome in outcomes])
-    every = sum(len(outcome.costs) for outcome in outcomes)
+def _compare_stop(sums: _Sums, ours: pd.DataFrame, sweep: pd.DataFrame) -> Stop:
+    missed, incomplete = sums.add(ours.missed), sums.add(ours.missed > 0)
     return Stop(
-        saved=_estimate(_saved(searches, "all", name, "sweep", weights), every),
-        missed=_estimate(_divide(missed, instances), every),
-        incomplete=_estimate(_divide(incomplete, number), every),
-        entered=_mean_entered(searches, "all", name),
+        saved=sums.estimate(sums.saving(ours, sweep)),
+        missed=sums.estimate(_divide(missed, sums.add(ours.instances))),
+        incomplete=sums.estimate(_divide(incomplete, sums.add(np.ones(len(ours))))),
+        entered=float(ours.rooms_entered.mean()),
     )
-
-
-def _mean_entered(searches: Sequence[Searches], task: Task, name: str) -> float:
-    return float(np.concatenate([one.outcomes[task, name].entered for one in searches]).mean())
 
 
 def _divide(a: Floats, b: Floats) -> Floats:
@@ -182,61 +191,24 @@ def _divide(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.divide(a, b, out=np.full(a.shape, np.nan), where=b != 0))
 
 
-def _estimate(values: Floats, searches: int) -> Estimate:
-    """Return the first value, with the interval of the others."""
-    return estimate_value(float(values[0]), values[1:], nodes=searches, rule="percentile")
+def saving_of_buildings(searches: pd.DataFrame) -> pd.DataFrame:
+    """Return what each planner saves in each building of a world and task, by column and row."""
+    costs = searches.pivot_table("cost", "scene_id", "planner", aggfunc="sum", sort=False)
+    ratio = costs.div(costs[BASELINE], axis=0)
+    return 1 - ratio.where(costs[BASELINE] > 0, 1.0)
 
 
-_SEARCHES = pa.schema(
-    [
-        pa.field("scene_id", pa.string(), nullable=False),
-        pa.field("world", pa.string(), nullable=False),
-        pa.field("task", pa.string(), nullable=False),
-        pa.field("planner", pa.string(), nullable=False),
-        pa.field("episode", pa.int32(), nullable=False),
-        pa.field("artifacts", pa.list_(pa.string()), nullable=False),
-        pa.field("start_room_index", pa.int32(), nullable=False),
-        pa.field("draw", pa.int32(), nullable=False),
-        pa.field("instances", pa.int32(), nullable=False),
-        pa.field("cost", pa.float64(), nullable=False),
-        pa.field("rooms_entered", pa.int32(), nullable=False),
-        pa.field("missed", pa.int32(), nullable=False),
-    ]
-)
-
-
-def write_searches(study: Study, classes: tuple[str, ...], path: Path) -> None:
+def write_searches(study: Study, path: Path) -> None:
     """Write every search of every planner. A failed write leaves no partial file."""
-    names = np.array(classes, dtype=object)
+    columns = study.searches[SEARCHES.names]
+    table = pa.Table.from_pandas(columns, schema=SEARCHES, preserve_index=False)
     buffer = io.BytesIO()
-    with pq.ParquetWriter(buffer, _SEARCHES, compression="zstd") as writer:
-        for one in study.searches:
-            number = len(one.starts)
-            for (task, planner), outcome in one.outcomes.items():
-                columns = [
-                    pa.array([one.scene_id] * number),
-                    pa.array([one.world] * number),
-                    pa.array([task] * number),
-                    pa.array([planner] * number),
-                    pa.array(np.arange(number), pa.int32()),
-                    pa.array(names[one.artifacts].tolist(), pa.list_(pa.string())),
-                    pa.array(one.starts, pa.int32()),
-                    pa.array(one.draws, pa.int32()),
-                    pa.array(one.instances, pa.int32()),
-                    pa.array(outcome.costs),
-                    pa.array(outcome.entered, pa.int32()),
-                    pa.array(outcome.missed, pa.int32()),
-                ]
-                writer.write_batch(pa.record_batch(columns, schema=_SEARCHES))
+    pq.write_table(table.replace_schema_metadata(None), buffer, compression="zstd")
     write_bytes(path, buffer.getvalue())
 
 
 def encode_study(
-    study: Study,
-    results: list[WorldResult],
-    *,
-    classes: tuple[str, ...],
-    facts: dict[str, Any],
+    study: Study, results: list[WorldResult], *, classes: tuple[str, ...], facts: dict[str, Any]
 ) -> dict[str, Any]:
     """Return a study as JSON: facts, recipe and results; unknown values are null."""
     recipe = study.recipe.model_dump(mode="json")

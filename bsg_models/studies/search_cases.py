@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -19,7 +17,6 @@ from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     MEASURED,
-    RoomGraph,
     WorldRecipe,
     measure_rooms,
     sample_travel,
@@ -80,66 +77,35 @@ class StudyRecipe(Record):
     @property
     def mask(self) -> MaskRecipe:
         """The recipe of the masks."""
-        return MaskRecipe(
-            strategy=self.strategy,
-            fraction=self.fraction,
-            seed=self.seed,
-            withhold=self.withhold,
-            parts=self.parts,
-        )
+        same = self.model_dump(include={"strategy", "fraction", "seed", "withhold", "parts"})
+        return MaskRecipe(**same)
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
-    """The searches of a building in a world, before any planner is asked."""
-
-    episodes: Episodes
-    draws: Ints
-
-
-def measure_building(
-    data: Dataset, scene_id: str, recipes: Sequence[WorldRecipe]
-) -> dict[str, RoomGraph]:
-    """Return the measured room graphs of a building that some worlds are made of, by kind."""
-    kinds = {recipe.kind for recipe in recipes}
-    connections, nodes = data.connections(scene_id), len(data.cells(scene_id))
-    return {
-        kind: measure_rooms(connections, nodes=nodes, kind=kind)
-        for kind in MEASURED
-        if kind in kinds
-    }
-
-
-def sample_case(
-    cells: Counts,
-    world: WorldRecipe,
-    recipe: StudyRecipe,
-    *,
-    scene_id: str,
-    measured: Mapping[str, RoomGraph],
-) -> Case | str:
+def sample_episodes(
+    data: Dataset, scene_id: str, world: WorldRecipe, recipe: StudyRecipe
+) -> Episodes | str:
     """Sample the searches of one building in one world, or return why there are none."""
-    nodes = len(cells)
+    cells = data.cells(scene_id)
+    nodes, graph = len(cells), None
+    rooms = np.arange(nodes) > 0
     if world.kind in MEASURED:
-        rooms = measured[world.kind].rooms
+        graph = measure_rooms(data.connections(scene_id), nodes=nodes, kind=world.kind)
+        rooms = graph.rooms
         if not rooms.any():
             return _NOT_MEASURED[world.kind]
-    else:
-        rooms = np.arange(nodes) > 0
     drawn = sample_searches(cells, rooms, recipe, scene_id=scene_id)
     if drawn is None:
         few = f"fewer than {recipe.at_once} artifacts" if recipe.at_once > 1 else "no artifact"
         return f"{few} that some room has and another has not"
     artifacts, starts = drawn
-    if world.kind in MEASURED:
-        travel = measured[world.kind].travel(len(starts))
+    if graph is not None:
+        travel = graph.travel(recipe.episodes)
     else:
         travel = sample_travel(
-            world, nodes=nodes, episodes=len(starts), scene_id=scene_id, seed=recipe.seed
+            world, nodes=nodes, episodes=recipe.episodes, scene_id=scene_id, seed=recipe.seed
         )
     instances = np.where(rooms[:, None], cells, 0)[:, artifacts].transpose(1, 0, 2)
-    draws = np.arange(len(starts)) % recipe.masks
-    return Case(Episodes(travel, rooms, starts, artifacts, instances), draws)
+    return Episodes(travel, rooms, starts, artifacts, instances)
 
 
 def sample_searches(

@@ -39,7 +39,8 @@ from bsg_data.errors import DatasetError
 from bsg_models.evaluation.bootstrap import Bootstrap, estimate_value
 from bsg_models.studies.leaderboard_report import REPORT
 from bsg_models.studies.savings import WorldResult
-from bsg_models.studies.search_report import SearchRequest, report_search
+from bsg_models.studies.search_report import report_search
+from bsg_models.studies.search_request import SearchRequest
 
 MASKS = ("uniform", "rooms", "frontier", "explore", "search")
 MODEL = "model@training mask"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +11,27 @@ import pytest
 
 from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.errors import RecipeError
-from bsg_models.rendering.replay import Replay, Walk
+from bsg_models.search.knowledge import Knowledge, find_ways
 from bsg_models.search.room_graphs import WorldRecipe
+from bsg_models.search.simulator import Step
+from bsg_models.studies.kept_searches import (
+    KeepRequest,
+    KeptSearch,
+    belief_changes,
+    choose_shown,
+    list_visits,
+    walk_of,
+)
 from bsg_models.studies.replay import choose_replay, replay_search
 from bsg_models.studies.savings import summarise
 from bsg_models.studies.search_cases import StudyRecipe
-from bsg_models.studies.search_steps import KeepRequest, KeptSearch
-from bsg_models.studies.search_study import Searches, Study, study_search
+from bsg_models.studies.search_study import Study, study_search
 
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 RECIPE = StudyRecipe(worlds=WORLDS, episodes=5, masks=2, at_once=2, planners=("ratio",))
 EPISODE = 3
+CORRIDOR = np.full((4, 4), np.inf)  # rooms 1 – 2 – 3 in a row, 2 m and 3 m apart
+CORRIDOR[[1, 2, 2, 3], [2, 1, 3, 2]] = 2.0, 2.0, 3.0, 3.0
 
 
 @pytest.fixture
@@ -35,70 +46,125 @@ def study(dataset: Path, run: Path, scene: str) -> Study:
     return study_search(dataset, {scene: run}, RECIPE, keep=keep)
 
 
-@pytest.fixture
-def searches(study: Study) -> Searches:
-    (kept,) = [one for one in study.searches if one.kept]
-    return kept
+def step(rows: list[int], presence: list[list[float]], here: int, entered: int) -> Step:
+    """Return a step towards room 3 of searches of which some go on."""
+    shown = np.array(presence)[:, :, None]
+    known = Knowledge(
+        task="single",
+        here=np.full(len(rows), here),
+        travel=find_ways(np.repeat(CORRIDOR[None], 3, axis=0)),
+        rows=np.array(rows),
+        unexplored=shown[:, :, 0] > 0,
+        wanted=np.ones((len(rows), 1), dtype=bool),
+        presence=shown,
+        share=None,
+    )
+    return Step(np.array(rows), known, np.full(len(rows), 3), np.full(len(rows), entered))
 
 
-@pytest.fixture
-def kept(searches: Searches) -> KeptSearch:
-    (one,) = searches.kept
-    return one
+FIRST = step([0, 1, 2], [[0, 0, 0.2, 0.5], [0, 0, 0.2, 0.5], [0, 0, 0.9, 0.9]], 1, 2)
+SECOND = step([0, 2], [[0, 0, 0, 0.8], [0, 0, 0, 0.6]], 2, 3)
 
 
-@pytest.fixture
-def replay(dataset: Path, study: Study, kept: KeptSearch) -> Replay:
-    return replay_search(
-        dataset, study, summarise(study, resamples=0), kept, model="gamma-poisson", named=True
+def test_beliefs_change_by_the_mean_over_the_rooms_that_are_open() -> None:
+    # Room 2 is entered; room 3 goes from .5 to .8, and from .9 to .6; search 1 has ended.
+    np.testing.assert_allclose(belief_changes([FIRST, SECOND], 4), [0.3, 0, 0.3, 0])
+
+
+def test_a_walk_by_hand() -> None:
+    """Room 2 is on the way to room 3, which holds what is sought; most frequent classes first."""
+    walk, cells = walk_of([FIRST, SECOND], 2), np.array([[0, 0], [0, 1], [0, 2], [1, 5]])
+    assert len(walk_of([FIRST, SECOND], 1)) == 1
+    visits = list_visits(walk, start=1, sought=[0], cells=cells, classes="ab", reads=True)
+    start, between, end = visits
+    assert (start.room, start.way, start.cost, start.target, start.leg) == (1, (), 0, 3, 5)
+    assert (between.room, between.way, between.cost, between.leg) == (2, (2,), 2, 3)
+    assert (end.room, end.way, end.cost, end.target, end.leg) == (3, (3,), 5, None, None)
+    assert [visit.presence for visit in (start, between)] == [(0, 0.9, 0.9), (0, 0, 0.6)]
+    assert end.seen == (("a", 1), ("b", 5))
+    assert (start.found, between.found, end.found) == ((), (), ("a",))
+    (first, *_) = list_visits(walk, start=1, sought=[0], cells=cells, classes="ab", reads=False)
+    assert first.presence is None
+
+
+def kept(episode: int, *, saved: float, change: float, eventful: bool = True) -> KeptSearch:
+    return KeptSearch(
+        scene_id="a",
+        world="layout",
+        task="single",
+        planner="ratio",
+        episode=episode,
+        artifacts=("bed",),
+        rooms=(1,),
+        holds=(1,),
+        eventful=eventful,
+        change=change,
+        saved=saved,
+        walks={},
     )
 
 
-@pytest.fixture
-def walk(replay: Replay) -> Walk:
-    return replay.walks[0]
+@pytest.mark.parametrize(
+    ("searches", "shown"),
+    [
+        # Of those within 15 points of 40 %, the one in which beliefs change most.
+        ([kept(0, saved=0.4, change=0.1), kept(1, saved=0.27, change=0.2)], 1),
+        ([kept(0, saved=0.4, change=0.1), kept(1, saved=0.9, change=0.2)], 0),
+        # None is within 15 points: the nearest.
+        ([kept(0, saved=-2, change=0.9), kept(1, saved=0.8, change=0.2)], 1),
+        # An eventful one goes before a typical one.
+        ([kept(0, saved=0.4, change=0.9, eventful=False), kept(1, saved=-2, change=0.1)], 1),
+        # All alike: the first.
+        ([kept(0, saved=0.4, change=0.1), kept(1, saved=0.4, change=0.1)], 0),
+    ],
+)
+def test_the_search_that_is_shown_is_a_usual_one(searches: list[KeptSearch], shown: int) -> None:
+    assert choose_shown(searches, 0.4).episode == shown
 
 
-def test_both_planners_are_kept_in_the_search_that_was_asked_for(
-    searches: Searches, kept: KeptSearch
-) -> None:
-    """Same start, artifacts, mask and costs: one record has them; the steps are its two walks."""
-    assert (kept.world, kept.task, kept.planner) == ("tree:1-10", "all", "ratio")
-    assert kept.start == searches.starts[EPISODE]
-    assert kept.artifacts == tuple(searches.artifacts[EPISODE])
-    assert kept.draw == EPISODE % RECIPE.masks
-    assert list(kept.walks) == ["ratio", "nearest"]
-    for planner, steps in kept.walks.items():
-        outcome = searches.outcomes["all", planner]
-        assert len(steps) == outcome.entered[EPISODE] > 1
-        assert sum(step.cost for step in steps) == pytest.approx(outcome.costs[EPISODE])
-    ours, base = (walk[0] for walk in kept.walks.values())
-    np.testing.assert_array_equal(ours.distance, base.distance)
-    assert ours.presence.any()
-    assert not base.presence.any()  # `nearest` is given no belief
-
-
-def test_keeping_steps_changes_no_search(
+def test_the_walks_are_those_of_the_search_that_was_asked_for(
     dataset: Path, run: Path, scene: str, study: Study
 ) -> None:
-    without = study_search(dataset, {scene: run}, RECIPE)
-    for one, other in zip(study.searches, without.searches, strict=True):
-        assert other.kept == ()
-        for key, outcome in one.outcomes.items():
-            np.testing.assert_array_equal(outcome.costs, other.outcomes[key].costs)
+    """Of both planners; keeping them changes no search."""
+    (one,) = study.kept
+    assert (one.world, one.task, one.planner) == ("tree:1-10", "all", "ratio")
+    assert list(one.walks) == ["ratio", "nearest"]
+    assert len({stops[0].room for stops in one.walks.values()}) == 1
+    table = study.searches.set_index(["world", "task", "planner", "episode"])
+    for planner, stops in one.walks.items():
+        row = table.loc[one.world, one.task, planner, EPISODE]
+        assert one.artifacts == tuple(row.artifacts)
+        assert len(stops) == row.rooms_entered + 1 > 2
+        assert stops[-1].cost == pytest.approx(row.cost, abs=1e-3)
+        assert set(one.holds) == {stop.room for stop in stops if stop.found}
+        for before, stop in pairwise(stops):
+            assert stop.way[-1] == stop.room
+            assert stop.cost >= before.cost
+        entered = {stop.room for stop in stops}
+        assert all(set(stop.way) <= entered for stop in stops)
+    reading, blind = one.walks.values()
+    assert all(stop.presence is None for stop in blind)
+    assert any(max(stop.presence or [0]) > 0 for stop in reading)
+    assert study_search(dataset, {scene: run}, RECIPE).searches.equals(study.searches)
 
 
-def test_without_a_number_the_rule_chooses(dataset: Path, run: Path, scene: str) -> None:
+def test_few_holders_and_many_rooms_make_a_search_eventful(
+    dataset: Path, run: Path, scene: str
+) -> None:
     study = study_search(dataset, {scene: run}, RECIPE, keep=KeepRequest(None, "all", "ratio"))
-    assert [len(one.kept) for one in study.searches] == [RECIPE.episodes] * 2
+    assert len(study.kept) == 2 * RECIPE.episodes
+    entered = study.searches.set_index(["world", "task", "planner", "episode"]).rooms_entered
+    rooms = len(Dataset.open(dataset).cells(scene)) - 2  # without the building and the start
+    for one in study.kept:
+        both = [entered[one.world, "all", name, one.episode] for name in ("ratio", "nearest")]
+        assert one.eventful == (min(both) >= 4 and len(one.holds) <= rooms / 4)
     results = summarise(study, resamples=0)
     shown = choose_replay(study, results, named=False)
     assert shown.world == "star:1-10"  # the first, as none is measured
     replay = replay_search(dataset, study, results, shown, model=None, named=False)
-    assert replay.chosen.startswith("This search was chosen as worth watching")
     assert ("but no search met the rule" in replay.chosen) == (not shown.eventful)
-    with pytest.raises(RecipeError, match="kept no search"):
-        choose_replay(replace(study, searches=study.searches[:0]), results, named=False)
+    with pytest.raises(RecipeError):
+        choose_replay(replace(study, kept=()), results, named=False)
 
 
 def test_a_number_is_of_the_first_building(dataset: Path, run: Path) -> None:
@@ -108,97 +174,37 @@ def test_a_number_is_of_the_first_building(dataset: Path, run: Path) -> None:
     study = study_search(dataset, dict.fromkeys(scenes, run), RECIPE, keep=keep)
     shown = choose_replay(study, summarise(study, resamples=0), named=True)
     assert (shown.scene_id, shown.world, shown.episode) == (scenes[0], "star:1-10", EPISODE)
-    backwards = replace(study, searches=study.searches[::-1])
-    shown = choose_replay(backwards, summarise(study, resamples=0), named=True)
-    assert (shown.scene_id, shown.world) == (scenes[-1], "tree:1-10")
 
 
-def test_the_presence_shown_is_that_which_the_planner_was_given(
-    kept: KeptSearch, walk: Walk
-) -> None:
-    given = [1 - (1 - step.presence[1:]).prod(axis=1) for step in kept.walks["ratio"]]
-    assert len(walk.stops) == len(given) + 1
-    entered: list[int] = []
-    for stop, presence in zip(walk.stops, [*given, given[-1]], strict=True):
-        entered.append(stop.room)
-        assert stop.presence is not None
-        shown = np.array(stop.presence)
-        assert not shown[np.array(entered) - 1].any()
-        open_ = np.setdiff1d(np.arange(len(shown)), np.array(entered) - 1)
-        np.testing.assert_allclose(shown[open_], presence[open_], atol=1e-4)
-
-
-def test_the_route_ends_with_the_last_artifact(
-    searches: Searches, replay: Replay, walk: Walk
-) -> None:
-    first, last = walk.stops[0], walk.stops[-1]
-    assert (first.cost, first.way, first.found) == (0, (), ())
-    assert last.cost == pytest.approx(searches.outcomes["all", "ratio"].costs[EPISODE], abs=1e-3)
-    assert (last.target, last.leg) == (None, None)
-    assert set(replay.holds) == {stop.room for stop in walk.stops if stop.found}
-    assert last.found
-    for before, stop in zip(walk.stops, walk.stops[1:], strict=False):
-        assert stop.way[-1] == stop.room
-        assert set(stop.way[:-1]) <= {one.room for one in walk.stops[: walk.stops.index(stop)]}
-        assert stop.cost >= before.cost
-
-
-def test_a_stop_tells_what_is_in_the_room_and_the_artifacts_first(
-    dataset: Path, kept: KeptSearch, walk: Walk
-) -> None:
-    data = Dataset.open(dataset)
-    classes, cells = data.manifest.class_space.classes, data.cells(kept.scene_id)
-    for stop in walk.stops:
-        there = {classes[c]: n for c, n in enumerate(cells[stop.room].tolist()) if n}
-        assert set(stop.seen) <= set(there.items())
-        assert [name for name, _ in stop.seen[: len(stop.found)]] == list(stop.found)
-        rest = [count for _, count in stop.seen[len(stop.found) :]]
-        assert rest == sorted(rest, reverse=True)
-
-
-def test_the_means_of_all_searches_stand_beside_the_one(study: Study, replay: Replay) -> None:
-    (result,) = [
-        one
-        for one in summarise(study, resamples=0)
-        if (one.world, one.task) == (replay.world, replay.task)
-    ]
+def test_the_means_of_all_searches_stand_beside_the_one(dataset: Path, study: Study) -> None:
+    """A room that cannot be reached is not drawn."""
+    results, (one,) = summarise(study, resamples=0), study.kept
+    fewer = replace(one, rooms=one.rooms[1:])
+    replay = replay_search(dataset, study, results, fewer, model="gamma-poisson", named=True)
+    (result,) = [r for r in results if (r.world, r.task) == (replay.world, replay.task)]
     assert (replay.searches, replay.buildings) == (5, 1)
     assert [walk.planner for walk in replay.walks] == ["ratio", "nearest"]
     assert [walk.model for walk in replay.walks] == ["gamma-poisson", None]
     for walk in replay.walks:
         assert walk.mean_cost == result.savings[walk.planner].cost
         assert walk.mean_saved.value == result.savings[walk.planner].saved.value
-    assert replay.chosen == "This search was named by its number, so it need not be typical."
     assert replay.unit == ""
     assert replay.doors == ()  # of a drawn world they would be wrong
-
-
-def test_a_room_that_cannot_be_reached_is_not_drawn(
-    dataset: Path, study: Study, kept: KeptSearch
-) -> None:
-    """The costs of the first step say which rooms belong to the world."""
-    far = kept.walks["ratio"][0].distance.copy()
-    visited = {kept.start, *(step.entered for steps in kept.walks.values() for step in steps)}
-    lost = min(set(range(1, len(far))) - visited)
-    far[lost] = np.inf
-    first, *others = kept.walks["ratio"]
-    walks = {**kept.walks, "ratio": (replace(first, distance=far), *others)}
-    results = summarise(study, resamples=0)
-    replay = replay_search(
-        dataset, study, results, replace(kept, walks=walks), model=None, named=True
-    )
-    assert lost not in {room.number for room in replay.plan.rooms}
+    assert sorted(room.number for room in replay.plan.rooms) == list(fewer.rooms)
     assert replay.left_out == 1
 
 
 @pytest.mark.parametrize(
-    "keep",
+    ("keep", "truth"),
     [
-        KeepRequest(5, "all", "ratio"),
-        KeepRequest(-1, "all", "ratio"),
-        KeepRequest(None, "all", "oracle"),
+        (KeepRequest(5, "all", "ratio"), "real"),
+        (KeepRequest(-1, "all", "ratio"), "real"),
+        (KeepRequest(None, "all", "oracle"), "real"),
+        (KeepRequest(None, "all", "ratio"), "posterior"),
     ],
 )
-def test_a_search_that_is_not_there_cannot_be_kept(dataset: Path, keep: KeepRequest) -> None:
+def test_a_search_that_is_not_there_cannot_be_kept(
+    dataset: Path, keep: KeepRequest, truth: str
+) -> None:
     with pytest.raises(RecipeError):
-        study_search(dataset, {}, RECIPE, keep=keep)
+        study_search(dataset, {}, RECIPE.model_copy(update={"truth": truth}), keep=keep)

@@ -7,15 +7,18 @@ from typing import Any
 import pytest
 from conftest import commit_manifest
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import RecipeError
+from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import load_class_map
-from bsg_models.studies.search_report import (
+from bsg_models.inputs.folds import scenes_of
+from bsg_models.studies.search_request import (
     ROOM_SPECIFIC,
     SearchRequest,
     choose_default_run,
+    choose_runs,
     make_recipe,
 )
 
@@ -26,23 +29,16 @@ def request(**fields: Any) -> SearchRequest:
     return SearchRequest(dataset=Path("dataset"), **{"worlds": ("star",), **fields})
 
 
-def test_the_room_specific_classes_are_classes() -> None:
-    assert set(ROOM_SPECIFIC) <= set(CLASSES)
-
-
 def test_a_recipe_names_what_is_searched() -> None:
+    assert set(ROOM_SPECIFIC) <= set(CLASSES)
     recipe = make_recipe(request(artifacts=("stove", "bed", "bed")), CLASSES)
     assert recipe.artifacts == tuple(sorted((CLASSES.index("bed"), CLASSES.index("stove"))))
     assert recipe.tasks == ("single", "all")
     assert [world.name for world in recipe.worlds] == ["star:1-10"]
-    assert make_recipe(request(), CLASSES).artifacts is None
-
-
-def test_without_a_run_no_planner_reads_a_belief() -> None:
-    without = make_recipe(request(), CLASSES).planners
-    with_run = make_recipe(request(runs=(Path("run"),)), CLASSES).planners
-    assert without == ("nearest", "routing", "oracle")
-    assert set(with_run) > set(without)
+    without = make_recipe(request(), CLASSES)
+    assert without.artifacts is None
+    assert without.planners == ("nearest", "routing", "oracle")
+    assert set(make_recipe(request(runs=(Path("run"),)), CLASSES).planners) > set(without.planners)
 
 
 def test_the_default_model_is_taken_where_it_fits(
@@ -68,6 +64,15 @@ def test_the_default_model_is_taken_where_it_fits(
     assert "no model 'universal' is shipped" in choose()[1]
 
 
+def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path, run: Path) -> None:
+    data = Dataset.open(dataset)
+    chosen, notes = choose_runs(data, [run])
+    assert set(chosen) == set(scenes_of(data, "test"))
+    assert notes == []
+    with pytest.raises(DatasetError):
+        choose_runs(data, [run, run])
+
+
 @pytest.mark.parametrize(
     "fields",
     [
@@ -76,9 +81,8 @@ def test_the_default_model_is_taken_where_it_fits(
         {"artifacts": ("spaceship",)},
         {"worlds": ("ring",)},
         {"stops": (0.1,)},
-        {"trace": 5, "episodes": 5, "runs": (Path("run"),)},
-        {"trace": "auto", "truth": "posterior", "runs": (Path("run"),)},
         {"trace": "auto"},
+        {"stops": (0.1,), "task": "single", "runs": (Path("run"),)},
         {"animation": Path("a.gif"), "runs": (Path("run"),)},
     ],
 )
