@@ -57,14 +57,18 @@ from .studies.evaluation_report import (
     report_evaluation,
 )
 from .studies.kept_searches import KeepRequest
-from .studies.leaderboard import Leaderboard, ModelResult, make_leaderboard
+from .studies.leaderboard import (
+    Leaderboard,
+    LeaderboardRecipe,
+    ModelResult,
+    make_leaderboard,
+)
 from .studies.leaderboard_report import (
     LeaderboardReport,
     refuse_finished,
     report_leaderboard,
     summary_rows,
 )
-from .studies.leaderboard_runs import LeaderboardRecipe
 from .studies.run_summary import RunSummary, plot_run, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.sealed_results import check_results

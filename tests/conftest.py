@@ -185,9 +185,8 @@ def run(_run: Path, tmp_path: Path) -> Path:
 @pytest.fixture(scope="session")
 def board(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A finished leaderboard of two models on the twelve buildings in three folds: only read it."""
-    from bsg_models.studies.leaderboard import make_leaderboard
+    from bsg_models.studies.leaderboard import LeaderboardRecipe, make_leaderboard
     from bsg_models.studies.leaderboard_report import REPORT, write_json
-    from bsg_models.studies.leaderboard_runs import LeaderboardRecipe
     from bsg_models.zoo.config import find_config, override, validate_config
 
     folder = tmp_path_factory.mktemp("board")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -43,12 +43,19 @@ from bsg_models.runs.checkpoint import (
 )
 from bsg_models.runs.found_model import FoundModel, find_model, name_model
 from bsg_models.runs.run_folder import LAST
-from bsg_models.studies.entries import Folds, folds_of, hash_measured, read_entry
-from bsg_models.studies.survey import Survey, join_surveys, stream_batches, survey_split
+from bsg_models.studies.stored_pairs import (
+    Folds,
+    Survey,
+    folds_of,
+    hash_measured,
+    join_surveys,
+    read_entry,
+    stream_batches,
+    survey_split,
+)
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
-from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.settings import DataConfig
 
 
@@ -87,14 +94,10 @@ class _Loaded(NamedTuple):
     found: FoundModel
     checkpoint: Checkpoint
 
-    @property
-    def header(self) -> CheckpointHeader:
-        return self.checkpoint.header
 
-
-# Returns the expectation of masked buildings, and the categories outside the classes that it reads.
-_Predictor = tuple[Callable[[MaskedBuildings], Expectation], tuple[str, ...]]
-_Opener = Callable[[int | None], _Predictor]  # of a fold
+_Predict = Callable[[MaskedBuildings], Expectation]
+_Opened = tuple[_Predict, tuple[str, ...]]  # and the categories outside the classes that it reads
+_Opener = Callable[[int | None], _Opened]  # of a fold
 _Writer = Callable[[str, int | None], PredictionWriter]  # of a run's predictions for a fold
 
 
@@ -149,23 +152,30 @@ def compare_runs(
         openers[name] = partial(_open_entry, entry.aligned.expect)
     chosen = tuple(openers)
     openers |= {name: partial(_fit_baseline, name, data) for name in BASELINES}
-    measuring = _Measuring(data, part, folds, surveys, resamples, seed)
-    count = _count(progress, total=len(openers) * survey.masked)
-    for name, opener in openers.items():
-        writes = write if any(run.name == name for run in loaded) else None
-        measuring.add(name, opener, write=writes, progress=count)
+    measuring = _Measuring(data, part, folds, surveys, len(openers) * survey.masked, progress)
+    bootstraps = {
+        name: measure(
+            measuring.predict(name, opener, write if name in chosen[: len(loaded)] else None),
+            resamples=resamples,
+            seed=seed,
+        )
+        for name, opener in openers.items()
+    }
+    classes = data.manifest.class_space.classes
     return Comparison(
         runs=chosen,
         split=split,
-        bootstraps=measuring.bootstraps,
-        shown=measuring.shown,
+        bootstraps=bootstraps,
+        shown={name: measuring.shown[name].finish() for name in chosen},
         survey=survey,
-        classes=pd.DataFrame(measuring.classes),
-        class_names=data.manifest.class_space.classes,
+        classes=pd.DataFrame(
+            [row for name, one in measuring.classes.items() for row in one.rows(name, classes)]
+        ),
+        class_names=classes,
         facts=_facts(data, survey, fold=fold, resamples=resamples, seed=seed)
         | {
             "masks_sha256": hash_measured(data, part, folds),
-            "runs": _describe(loaded),
+            "runs": {run.name: _describe(run) for run in loaded},
             "checkpoints_sha256": [hash_file(run.found.path) for run in loaded],
             "predictions": entries,
         },
@@ -173,58 +183,46 @@ def compare_runs(
     )
 
 
+@dataclass(eq=False)
 class _Measuring:
-    """The stored pairs that all models are measured on, and what is measured so far."""
+    """The stored pairs that all models are measured on, and what is seen of them on the way."""
 
-    def __init__(
-        self,
-        data: Dataset,
-        split: Split,
-        folds: Folds,
-        surveys: Sequence[Survey],
-        resamples: int,
-        seed: int,
-    ) -> None:
-        self._data, self._split, self._folds, self._surveys = data, split, folds, surveys
-        self._resamples, self._seed = resamples, seed
-        self._survey = join_surveys(surveys)
-        self.bootstraps: dict[str, Bootstrap] = {}
-        self.shown: dict[str, ShownNodes] = {}
-        self.classes: list[dict[str, Any]] = []
+    data: Dataset
+    split: Split
+    folds: Folds
+    surveys: Sequence[Survey]  # of the folds
+    total: int  # masked buildings, over all models
+    progress: Callable[[int, int], None] | None
+    done: int = 0  # masked buildings
+    classes: dict[str, ClassErrors] = field(default_factory=dict)  # by model
+    shown: dict[str, ShownCollector] = field(default_factory=dict)
 
-    def add(
-        self,
-        name: str,
-        opener: _Opener,
-        *,
-        write: _Writer | None,
-        progress: Callable[[int], None],
-    ) -> None:
-        """Measure a model on every fold, batch by batch."""
-        classes = ClassErrors()
-        shown = ShownCollector(self._survey.stride, self._survey.example)
-
-        def predict(fold: int | None) -> Iterator[tuple[Truth, Expectation]]:
-            expect, vocabulary = opener(fold)
-            writer = write(name, fold) if write else None
-            for masked in stream_batches(self._data, self._split, fold=fold, vocabulary=vocabulary):
-                truth, found = read_truth(masked), expect(masked)
-                yield truth, found
-                classes.add(truth, found)
-                if name not in BASELINES:
-                    shown.add(truth, found)
-                if writer is not None:
-                    writer.add(found, masked)
-                progress(len(masked))
-
-        folds = [
-            Fold(survey.scene_ids, predict(fold))
-            for survey, fold in zip(self._surveys, self._folds, strict=True)
+    def predict(self, name: str, opener: _Opener, write: _Writer | None) -> list[Fold]:
+        """Return the folds of a model, each of which is predicted batch by batch."""
+        survey = join_surveys(self.surveys)
+        self.classes[name] = ClassErrors()
+        self.shown[name] = ShownCollector(survey.stride, survey.example)
+        return [
+            Fold(survey.scene_ids, self._predict(name, opener, fold, write))
+            for survey, fold in zip(self.surveys, self.folds, strict=True)
         ]
-        self.bootstraps[name] = measure(folds, resamples=self._resamples, seed=self._seed)
-        self.classes += classes.rows(name, self._data.manifest.class_space.classes)
-        if name not in BASELINES:
-            self.shown[name] = shown.finish()
+
+    def _predict(
+        self, name: str, opener: _Opener, fold: int | None, write: _Writer | None
+    ) -> Iterator[tuple[Truth, Expectation]]:
+        expect, vocabulary = opener(fold)
+        writer = write(name, fold) if write else None
+        for masked in stream_batches(self.data, self.split, fold=fold, vocabulary=vocabulary):
+            truth, found = read_truth(masked), expect(masked)
+            yield truth, found
+            self.classes[name].add(truth, found)
+            if name not in BASELINES:
+                self.shown[name].add(truth, found)
+            if writer is not None:
+                writer.add(found, masked)
+            self.done += len(masked)
+            if self.progress is not None:
+                self.progress(self.done, self.total)
 
 
 def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Loaded]:
@@ -260,39 +258,36 @@ def _first_free(name: str, taken: Collection[str]) -> str:
     return free
 
 
-def _predict_by(model: BeliefModel) -> _Predictor:
+def _open_run(run: _Loaded, fold: int | None) -> _Opened:
+    model = restore_model(run.found.path, run.checkpoint)
     return partial(predict_all, model), model.vocabulary
 
 
-def _open_run(run: _Loaded, fold: int | None) -> _Predictor:
-    return _predict_by(restore_model(run.found.path, run.checkpoint))
-
-
-def _open_entry(expect: Callable[[MaskedBuildings], Expectation], fold: int | None) -> _Predictor:
+def _open_entry(expect: _Predict, fold: int | None) -> _Opened:
     return expect, ()
 
 
-def _fit_baseline(name: str, data: Dataset, fold: int | None) -> _Predictor:
+def _fit_baseline(name: str, data: Dataset, fold: int | None) -> _Opened:
     model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
     model.fit(data, DataConfig(fold=fold))
-    return _predict_by(model)
+    return partial(predict_all, model), model.vocabulary
 
 
-def _describe(loaded: Sequence[_Loaded]) -> dict[str, Any]:
+def _describe(run: _Loaded) -> dict[str, Any]:
+    header = run.checkpoint.header
     return {
-        run.name: {
-            "folder": run.found.name,
-            "epoch": run.header.epoch,
-            "dataset_sha256": run.header.dataset_sha256,
-            "config": run.header.config.model_dump(mode="json"),
-        }
-        for run in loaded
+        "folder": run.found.name,
+        "epoch": header.epoch,
+        "dataset_sha256": header.dataset_sha256,
+        "config": header.config.model_dump(mode="json"),
     }
 
 
 def _one_fold(loaded: Sequence[_Loaded], asked: int | None) -> int | None:
-    folds = {run.header.config.data.fold for run in loaded}
-    listed = ", ".join(f"{run.found.name}: {run.header.config.data.fold}" for run in loaded)
+    folds = {run.checkpoint.header.config.data.fold for run in loaded}
+    listed = ", ".join(
+        f"{run.found.name}: {run.checkpoint.header.config.data.fold}" for run in loaded
+    )
     if asked is not None and folds != {asked}:
         raise CheckpointError(f"expected runs that test on fold {asked}, found {listed}")
     if len(folds) > 1:
@@ -323,7 +318,7 @@ def _facts(
 
 def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str) -> Iterator[str]:
     for run in loaded:
-        header = run.header
+        header = run.checkpoint.header
         if header.dataset_sha256 != data.sha256:
             yield (
                 f"note: {run.name} was trained on another dataset or another version of this one; "
@@ -345,19 +340,6 @@ def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str)
         yield f"note: the figures show one in {survey.stride} masked buildings"
     if split == "train":
         yield "note: the models were trained on these buildings"
-
-
-def _count(progress: Callable[[int, int], None] | None, *, total: int) -> Callable[[int], None]:
-    """Return a function that adds up measured masked buildings and reports their number."""
-    done = 0
-
-    def add(number: int) -> None:
-        nonlocal done
-        done += number
-        if progress is not None:
-            progress(done, total)
-
-    return add
 
 
 def encode_comparison(comparison: Comparison) -> dict[str, Any]:

@@ -37,7 +37,7 @@ from bsg_models.studies.comparison import (
     headline_rows,
     metric_rows,
 )
-from bsg_models.studies.entries import open_entry
+from bsg_models.studies.stored_pairs import open_entry
 
 REPORT, CLASSES = "evaluation.json", "classes.csv"
 
@@ -111,11 +111,9 @@ def report_evaluation(
         refuse_file(request.html, force=request.force)
     if into is not None:
         refuse_datasets(into)
+    folder = request.folder
     with write_results(
-        request.folder,
-        report=REPORT,
-        force=request.force,
-        refuse=lambda: refuse_run(request.folder),
+        folder, report=REPORT, force=request.force, refuse=lambda: refuse_run(folder)
     ) as staged:
         with ExitStack() as open_files:
             comparison = compare_runs(
@@ -126,43 +124,43 @@ def report_evaluation(
                 fold=request.fold,
                 resamples=request.resamples,
                 seed=request.seed,
-                write=None if into is None else _begin_entries(request, staged, open_files),
+                write=_begin_entries(request, into, staged, open_files) if into else None,
                 progress=progress,
             )
         summary = encode_comparison(comparison)
         notes: list[str] = []
-        figures = _plot(comparison, staged, notes)
+        figures = {
+            f"{name}: {what}": path
+            for name in comparison.runs
+            for what, path in plot_evaluation(
+                staged,
+                name=name,
+                shown=comparison.shown[name],
+                classes=comparison.class_names,
+                building=comparison.survey.example,
+                notes=notes,
+            ).items()
+        }
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
         if request.html is not None:
             _write_page(request.html, comparison, request, figures)
-    figures = {what: request.folder / path.name for what, path in figures.items()}
+    figures = {what: folder / path.name for what, path in figures.items()}
     return EvaluationReport(
-        comparison,
-        summary,
-        request.folder / REPORT,
-        request.folder / CLASSES,
-        figures,
-        tuple(notes),
+        comparison, summary, folder / REPORT, folder / CLASSES, figures, tuple(notes)
     )
 
 
-def _is_same(one: Path, other: Path) -> bool:
-    return resolve_links(one) == resolve_links(other)
-
-
 def _begin_entries(
-    request: EvaluationRequest, staged: Path, open_files: ExitStack
+    request: EvaluationRequest, into: Path, staged: Path, open_files: ExitStack
 ) -> Callable[[str, int | None], PredictionWriter]:
     """Return a function that opens the writer of a run's predictions for a fold."""
+    is_part = resolve_links(into) == resolve_links(request.folder)  # of the results
 
     def begin(name: str, fold: int | None) -> PredictionWriter:
-        data = Dataset.open(request.dataset)
-        into = request.write_predictions or staged
-        folder = staged if _is_same(into, request.folder) else into  # part of the results, or not
+        data, folder = Dataset.open(request.dataset), staged if is_part else into
         writer = open_entry(folder, name, data, split=request.split, fold=fold)
-        if folder is into:
-            refuse_file(writer.path, force=request.force)
+        refuse_file(writer.path, force=request.force)
         return open_files.enter_context(writer)
 
     return begin
@@ -174,6 +172,10 @@ def _write_page(
     """Write the evaluation as one page, with an explorer of the run of lowest hidden NLL."""
     estimates = comparison.estimates
     likelihood = [estimates[name]["rooms/hidden_nll"].value for name in comparison.facts["runs"]]
+    explorer = None
+    if request.runs:
+        best = request.runs[int(np.argmin(likelihood))]
+        explorer = explorer_page(_look_into(comparison, best, request.dataset))
     write_report(
         path,
         title=f"Evaluation: {', '.join(comparison.runs)}",
@@ -189,23 +191,11 @@ def _write_page(
             if comparison.has_verdicts
         },
         tables=[
-            Table(
-                "In short",
-                ["metric", *estimates],
-                headline_rows(comparison),
-            ),
-            Table(
-                "Every metric",
-                ["metric", "nodes", *estimates],
-                metric_rows(comparison),
-            ),
+            Table("In short", ["metric", *estimates], headline_rows(comparison)),
+            Table("Every metric", ["metric", "nodes", *estimates], metric_rows(comparison)),
         ],
         figures=figures,
-        explorer=explorer_page(
-            _look_into(comparison, request.runs[int(np.argmin(likelihood))], request.dataset)
-        )
-        if request.runs
-        else None,
+        explorer=explorer,
     )
 
 
@@ -221,18 +211,3 @@ def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View
         belief = believe(seen, expectation, model=predictor.name)
         views[seen.scene_id] = View(belief, truth)
     return [views[scene] for scene in dict.fromkeys(wanted)]
-
-
-def _plot(comparison: Comparison, out: Path, notes: list[str]) -> dict[str, Path]:
-    figures: dict[str, Path] = {}
-    for name in comparison.runs:
-        drawn = plot_evaluation(
-            out,
-            name=name,
-            shown=comparison.shown[name],
-            classes=comparison.class_names,
-            building=comparison.survey.example,
-            notes=notes,
-        )
-        figures.update({f"{name}: {what}": path for what, path in drawn.items()})
-    return figures

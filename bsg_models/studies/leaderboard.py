@@ -4,37 +4,41 @@
     OUT/MASK/fold-K/MODEL     a run trained on that kind of mask, without fold K
     OUT/leaderboard.json      written last, with leaderboard.md and leaderboard.png
 
-A stopped leaderboard continues: finished runs of the same configuration and dataset are kept. All
-models meet the same masks of the same buildings, and the same resamples.
+Each model is trained on every kind of mask of the leaderboard and measured on the same kind. A
+configuration that names its own mask, such as `mixed`, is trained once, on that mask, and measured
+on every kind. All models meet the same masks of the same buildings, and the same resamples.
+
+A stopped leaderboard continues: finished runs of the same configuration and dataset are kept.
 """
 
 from __future__ import annotations
 
 import shutil
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import field_validator
 
 from bsg_data.dataset.commit import growing, name_growing, put_in_place
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import copy_class_maps
-from bsg_data.dataset.manifest import MANIFEST, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
-from bsg_data.files import (
-    AnyPath,
-    hold,
-    refuse_links,
-    resolve_links,
-)
+from bsg_data.files import AnyPath, hold, refuse_links, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
 from bsg_data.results import refuse_datasets
 from bsg_models.belief.expectation import Expectation
-from bsg_models.errors import TrainingError
+from bsg_models.errors import ConfigError, TrainingError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
@@ -42,20 +46,31 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, is_finished
 from bsg_models.runs.run_log import Ended, read_log
-from bsg_models.studies.leaderboard_runs import (
-    LeaderboardRecipe,
-    Place,
-    fit_to,
-    plan_runs,
-    run_of,
-    trained_on,
-)
-from bsg_models.studies.survey import stream_batches
+from bsg_models.studies.stored_pairs import stream_batches
 from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.ensemble import EnsembleConfig
 from bsg_models.zoo.model import one_thread
 
 DATASET = "dataset"
+
+
+class LeaderboardRecipe(Record):
+    """Everything that a leaderboard depends on besides the dataset and the models."""
+
+    # kinds of masks to measure on; a model without its own mask is trained on each
+    masks: tuple[str, ...] = ("uniform", "rooms")
+    fraction: float = 0.5  # share of the objects that they hide
+    folds: int = 5  # number of folds; every building is tested on once
+    draws: int = 5  # masks of every building
+    seed: int = 0  # of the folds, the masks and the trainings
+    resamples: int = 200  # number of bootstrap resamples of the buildings
+
+    @field_validator("masks")
+    @classmethod
+    def _masks_exist(cls, masks: tuple[str, ...]) -> tuple[str, ...]:
+        MASKS.require(masks)
+        return masks
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,76 +120,121 @@ def make_leaderboard(
     dataset, out = Path(dataset), Path(out)
     report = progress or (lambda what, done, total: None)
     refuse_datasets(out)
-    _refuse_one_inside_the_other(dataset, out)
+    there, own = resolve_links(out), resolve_links(dataset)
+    if there.is_relative_to(own) or own.is_relative_to(there):
+        raise DatasetError(
+            f"{out} and the dataset {dataset} lie one inside the other; choose another --out"
+        )
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
     out = out.absolute()  # a worker may run in another folder
     runs = plan_runs(models, recipe)
-    for place in (*runs.single, *runs.ensembles):
+    for place in runs:
         for fold in range(recipe.folds):
             refuse_links(out, run_of(out / place.mask, place.name, fold))
     with hold(out):
-        for mask in dict.fromkeys((*recipe.masks, *runs.masks)):
+        for mask in dict.fromkeys((*recipe.masks, *(place.mask for place in runs))):
             prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
-        folds = range(recipe.folds)
-        trained = [
-            (out / place.mask, place.name, fit_to(config, recipe, mask=place.mask, fold=fold))
-            for fold in folds
-            for place, config in runs.single.items()
-        ]
-        run_all(_train, trained, executor=executor, progress=_name(report, "train"))
-        combined = [
-            (
-                out / place.mask,
-                place.name,
-                fit_to(config, recipe, mask=place.mask, fold=fold),
-                runs.members[place],
-            )
-            for fold in folds
-            for place, config in runs.ensembles.items()
-        ]
-        run_all(_combine, combined, executor=executor, progress=_name(report, "combine"))
-        places = [
-            (mask, Place(trained_on(config, mask), name))
+        for what, is_ensemble in (("train", False), ("combine", True)):
+            tasks = [
+                (out / place.mask, place.name, fold, run, recipe)
+                for fold in range(recipe.folds)
+                for place, run in runs.items()
+                if bool(run.members) == is_ensemble
+            ]
+            run_all(_make_run, tasks, executor=executor, progress=partial(report, what))
+        shown = [
+            (out, mask, name, runs[_place_of(config, name, mask)], recipe)
             for mask in recipe.masks
             for name, config in models.items()
         ]
-        shown = [
-            (out, mask, place, tuple(runs.members.get(place, {}).values()), recipe)
-            for mask, place in places
-        ]
-        measured = run_all(_measure, shown, executor=executor, progress=_name(report, "measure"))
+        measured = run_all(_measure, shown, executor=executor, progress=partial(report, "measure"))
     results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
-    for (mask, place), result in zip(places, measured, strict=True):
-        own = models[place.name].data.own_strategy
-        results[mask][place.name] = replace(result, trained_on=own)
+    for (_, mask, name, *_), result in zip(shown, measured, strict=True):
+        results[mask][name] = result
     return Leaderboard(recipe, read_manifest(dataset), results)
 
 
-def _refuse_one_inside_the_other(dataset: Path, out: Path) -> None:
-    """Refuse a dataset and an output folder of which one contains the other."""
-    there, own = resolve_links(out), resolve_links(dataset)
-    if there.is_relative_to(own) or own.is_relative_to(there):
-        raise DatasetError(
-            f"{out} and the dataset {dataset} lie one inside the other; choose another --out"
-        )
+class Place(NamedTuple):
+    """Where the runs of a model are, one per fold."""
+
+    mask: str  # kind of mask that it is trained on
+    name: str  # of the model
 
 
-def _refuse_link(path: Path) -> None:
-    if path.is_symlink():
-        raise DatasetError(f"{path}: is a link that leads out of the leaderboard; remove it")
+class PlannedRun(NamedTuple):
+    """A run of a leaderboard, the same for every fold."""
+
+    config: RunConfig
+    members: Mapping[str, str]  # of an ensemble: member → name of its run, of the same mask
 
 
-def _copy_listed(source: Path, entry: FileEntry, place: Path) -> None:
-    """Copy a file of a dataset if it matches the manifest."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    is_whole = source.stat().st_size == entry.bytes  # refuse an oversized file before the copy
-    if is_whole:
-        shutil.copyfile(source, place)
-    if not is_whole or hash_file(place) != entry.sha256:
-        raise DatasetError(f"{source}: is not what the manifest says; `bsg-data check` says more")
+def plan_runs(
+    models: Mapping[str, RunConfig], recipe: LeaderboardRecipe
+) -> dict[Place, PlannedRun]:
+    """Return the runs that the models of a leaderboard need; models share equal runs.
+
+    An ensemble reuses a run of the leaderboard if its configuration is the one it needs. Otherwise
+    the member is trained once more, as `ENSEMBLE+MEMBER`.
+    """
+    runs = {
+        _place_of(config, name, mask): PlannedRun(config, {})
+        for mask in recipe.masks
+        for name, config in models.items()
+    }
+    for place, (config, _) in list(runs.items()):
+        if isinstance(config.model, EnsembleConfig):
+            members = {
+                member: _plan_member(runs, place, member, member_config(config, member), recipe)
+                for member in config.model.members
+            }
+            runs[place] = PlannedRun(config, members)
+    return runs
+
+
+def _plan_member(
+    runs: dict[Place, PlannedRun],
+    ensemble: Place,
+    member: str,
+    needed: RunConfig,
+    recipe: LeaderboardRecipe,
+) -> str:
+    """Plan the run of an ensemble's member unless it is planned; return its name."""
+    mask, name = ensemble.mask, member
+    for name in (member, f"{ensemble.name}+{member}"):
+        planned = runs.setdefault(Place(mask, name), PlannedRun(needed, {})).config
+        if fit_to(planned, recipe, mask=mask) == fit_to(needed, recipe, mask=mask):
+            return name
+    raise ConfigError(
+        f"{name!r} is the name of a run that {ensemble.name} needs; rename this model"
+    )
+
+
+def _place_of(config: RunConfig, name: str, mask: str) -> Place:
+    """Return where a model is trained that is measured on a kind of mask."""
+    return Place(config.data.own_strategy or mask, name)
+
+
+def fit_to(
+    config: RunConfig, recipe: LeaderboardRecipe, *, mask: str, fold: int | None = None
+) -> RunConfig:
+    """Return a configuration for one kind of mask and one fold.
+
+    The leaderboard's seed is added to its seeds. A mask that the configuration names is kept.
+    """
+    drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed)
+    if config.data.own_strategy:
+        own = config.data.mask
+        drawn = own.model_copy(update={"seed": own.seed + recipe.seed})
+    data = config.data.under(drawn).model_copy(update={"fold": fold})
+    return config.model_copy(update={"data": data, "seed": config.seed + recipe.seed})
+
+
+def run_of(folder: Path, name: str, fold: int) -> Path:
+    """Return the folder of a run below that of a mask."""
+    return folder / f"fold-{fold}" / name
 
 
 def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: str) -> None:
@@ -185,16 +245,10 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         mask=MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed),
         draws=recipe.draws,
     )
-    for path in (copy.parent, copy, name_growing(copy)):
-        _refuse_link(path)
-    bare = manifest.without_split()
+    for path in (copy, name_growing(copy)):
+        refuse_links(copy.parents[1], path)
     if not (copy / MANIFEST).is_file():
-        with growing(copy, bare, force=False) as (folder, done):
-            if not done:
-                for entry in bare.files:
-                    _copy_listed(source / entry.path, entry, folder / entry.path)
-                copy_class_maps(source, manifest, folder)
-                put_in_place(copy, bare)
+        _copy_dataset(source, copy, manifest)
     there = read_manifest(copy)
     if (there.sources, there.class_space) != (manifest.sources, manifest.class_space):
         raise DatasetError(f"{copy}: is a copy of another dataset; choose another --out")
@@ -204,60 +258,65 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         write_pairs(copy, pairs, force=True)
 
 
-def _train(folder: Path, name: str, config: RunConfig) -> None:
-    """Train one model for one fold, unless that is done."""
-    run = run_of(folder, name, config.data.fold or 0)
-    for path in (run.parent, run):
-        _refuse_link(path)
-    data = Dataset.open(folder / DATASET)
-    if not is_finished(run, config, data):
-        for _ in train_run(config, data.path, run, force=True):
-            pass
+def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
+    """Copy a dataset without its split and pairs."""
+    bare = manifest.without_split()
+    with growing(copy, bare, force=False) as (folder, is_done):
+        if is_done:
+            return
+        for entry in bare.files:
+            place = folder / entry.path
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source / entry.path, place)
+            if hash_file(place) != entry.sha256:
+                raise DatasetError(
+                    f"{source / entry.path}: is not what the manifest says; `bsg-data check` says "
+                    "more"
+                )
+        copy_class_maps(source, manifest, folder)
+        put_in_place(copy, bare)
 
 
-def _combine(folder: Path, name: str, config: RunConfig, names: Mapping[str, str]) -> None:
-    """Combine the runs of one fold into an ensemble, by member → name of its run."""
-    fold = config.data.fold or 0
-    data = Dataset.open(folder / DATASET)
-    members = {member: run_of(folder, run, fold) for member, run in names.items()}
+def _make_run(
+    folder: Path, name: str, fold: int, planned: PlannedRun, recipe: LeaderboardRecipe
+) -> None:
+    """Train a model for one fold, or combine the runs of an ensemble, unless that is done."""
+    config = fit_to(planned.config, recipe, mask=folder.name, fold=fold)
+    data, run = Dataset.open(folder / DATASET), run_of(folder, name, fold)
+    if not planned.members:
+        if not is_finished(run, config, data):
+            deque(train_run(config, data.path, run, force=True), maxlen=0)
+        return
+    members = {member: run_of(folder, one, fold) for member, one in planned.members.items()}
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
             raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
-    combine_runs(config, data, members, run_of(folder, name, fold))
+    combine_runs(config, data, members, run)
 
 
 def _measure(
-    out: Path, mask: str, place: Place, members: tuple[str, ...], recipe: LeaderboardRecipe
+    out: Path, mask: str, name: str, planned: PlannedRun, recipe: LeaderboardRecipe
 ) -> ModelResult:
     """Measure one model over all folds, on one kind of mask; its time includes its members'."""
-    data, folder = Dataset.open(out / mask / DATASET), out / place.mask
+    own = planned.config.data.own_strategy
+    data, folder = Dataset.open(out / mask / DATASET), out / (own or mask)
     folds = [
-        Fold(
-            scenes_of(data, "test", fold=fold),
-            _predict(run_of(folder, place.name, fold) / BEST, data, fold),
-        )
+        Fold(scenes_of(data, "test", fold=fold), _predict(run_of(folder, name, fold), data, fold))
         for fold in range(recipe.folds)
     ]
     with one_thread():
         found = measure(folds, resamples=recipe.resamples, seed=recipe.seed)
-    seconds = sum(
-        _seconds_of(run_of(folder, name, fold)) / recipe.folds
+    trainings = (
+        entry.seconds
         for fold in range(recipe.folds)
-        for name in (place.name, *members)
+        for one in (name, *planned.members.values())
+        for entry in read_log(run_of(folder, one, fold))
+        if isinstance(entry, Ended)
     )
-    return ModelResult(found, seconds)
+    return ModelResult(found, sum(trainings) / recipe.folds, own)
 
 
-def _predict(path: Path, data: Dataset, fold: int) -> Iterator[tuple[Truth, Expectation]]:
-    model = restore_model(path, load_checkpoint(path))
+def _predict(run: Path, data: Dataset, fold: int) -> Iterator[tuple[Truth, Expectation]]:
+    model = restore_model(run / BEST, load_checkpoint(run / BEST))
     for masked in stream_batches(data, "test", fold=fold, vocabulary=model.vocabulary):
         yield read_truth(masked), predict_all(model, masked)
-
-
-def _seconds_of(run: Path) -> float:
-    """Return the time of all trainings of a run."""
-    return sum(entry.seconds for entry in read_log(run) if isinstance(entry, Ended))
-
-
-def _name(report: Callable[[str, int, int], None], what: str) -> Callable[[int, int], None]:
-    return lambda done, total: report(what, done, total)

@@ -8,7 +8,7 @@ OUT/SHA256SUMS          the seal of all files, written last: its presence means 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +34,7 @@ _CONSTANT = "train-mean"  # the model that predicts the same for every unvisited
 _HIDDEN, _UNVISITED, _WHOLE = HEADLINES.values()
 _RANKED_BY = "rooms/hidden_nll"
 _Results = Mapping[str, ModelResult]  # of one kind of mask
+_Table = Mapping[str, Sequence[str]]  # header → the cells of a column
 
 
 class LeaderboardReport(NamedTuple):
@@ -66,29 +67,24 @@ def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
     out = Path(out)
     summary = write_json(board)
     with write_results(out, report=REPORT) as staged:
-        drawn: list[str] = []
+        figures: list[Path] = []
         notes: list[str] = []
         for mask, results in board.results.items():
             with noting_failures(notes):
                 _plot(results, staged / f"{mask}.png", mask)
-                drawn.append(f"{mask}.png")
+                figures.append(out / f"{mask}.png")
         write_bytes(staged / _TABLE, write_markdown(board).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
-    figures = tuple(out / name for name in drawn)
-    return LeaderboardReport(summary, out / REPORT, out / _TABLE, figures, tuple(notes))
+    return LeaderboardReport(summary, out / REPORT, out / _TABLE, tuple(figures), tuple(notes))
 
 
 def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[str]]]:
     """Return header and rows of the table for a terminal, the best model first."""
     columns = _HIDDEN[:6]
-    rows = [
-        [
-            name,
-            *(f"{results[name].metrics.point[column]:.4f}" for column in columns),
-            f"{results[name].seconds:.1f}",
-        ]
-        for name in rank_models(results)
-    ]
+    rows = []
+    for name in rank_models(results):
+        point, seconds = results[name].metrics.point, results[name].seconds
+        rows.append([name, *(f"{point[column]:.4f}" for column in columns), f"{seconds:.1f}"])
     return ["model", *map(head_value, columns), "training, s"], rows
 
 
@@ -159,120 +155,95 @@ def write_markdown(board: Leaderboard) -> str:
         "buildings. Bold marks the best of a column, and each model that the paired interval "
         "cannot distinguish from it. docs/evaluation.md defines the metrics.",
         "",
-        *_own_masks(board),
     ]
-    for mask, results in board.results.items():
-        lines += [
-            f"## Masks: {escape_markdown(mask)}",
-            "",
-            *_headline_tables(results),
-            *_moments(results),
-        ]
-    for mask, results in board.results.items():
-        lines += [f"## Every metric, masks {escape_markdown(mask)}", "", *_everything(results)]
-    return "\n".join(lines)
-
-
-def _own_masks(board: Leaderboard) -> Iterator[str]:
-    """Yield the models that were trained once for all kinds of masks, with their mask."""
-    own = {
+    trained = {
         name: result.trained_on
         for results in board.results.values()
         for name, result in results.items()
         if result.trained_on
     }
-    for name, mask in own.items():
-        yield (
+    for name, mask in trained.items():
+        lines += [
             f"{mark_code(name)} was trained once, on {mark_code(mask)} masks, and is the same "
-            "model in every table."
-        )
-        yield ""
+            "model in every table.",
+            "",
+        ]
+    for mask, results in board.results.items():
+        lines += [f"## Masks: {escape_markdown(mask)}", "", *_tables_of(results)]
+    for mask, results in board.results.items():
+        lines += [f"## Every metric, masks {escape_markdown(mask)}", ""]
+        estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
+        metrics = next(iter(estimates.values()))
+        every = {escape_markdown(n): list(map(_cell, e.values())) for n, e in estimates.items()}
+        lines += _lines({"metric": [f"`{metric}`" for metric in metrics], **every})
+    return "\n".join(lines)
 
 
-def _headline_tables(results: _Results) -> Iterator[str]:
-    first = rank_models(results)[0]
-    some_unvisited = not np.isnan(results[first].metrics.point[_UNVISITED[0]])
-
-    def likelihood(name: str) -> list[str]:
-        ratio = compare(results, name)["nll_over_gamma_poisson"]
-        return [_cell(ratio), f"{results[name].seconds:.1f}"]
-
-    yield from _headline_table(results, _HIDDEN, likelihood, "NLL / gamma-poisson", "training, s")
+def _tables_of(results: _Results) -> Iterator[str]:
+    """Yield the tables of one kind of mask: three of headlines, and the paper's Table I."""
+    ranked = rank_models(results)
+    compared = {name: compare(results, name) for name in ranked}
+    more = {
+        "NLL / gamma-poisson": [_cell(one["nll_over_gamma_poisson"]) for one in compared.values()],
+        "training, s": [f"{results[name].seconds:.1f}" for name in ranked],
+    }
+    yield from _headline_table(results, _HIDDEN, more)
+    some_unvisited = not np.isnan(results[ranked[0]].metrics.point[_UNVISITED[0]])
     if some_unvisited:
-
-        def beyond_mean(name: str) -> list[str]:
-            return [_cell(compare(results, name)["unvisited_ap_minus_train_mean"])]
-
-        yield from _headline_table(results, _UNVISITED, beyond_mean, "AP micro − train-mean")
+        beyond = [_cell(one["unvisited_ap_minus_train_mean"]) for one in compared.values()]
+        yield from _headline_table(results, _UNVISITED, {"AP micro − train-mean": beyond})
         yield (
             "Whole histograms have no bold values here: in an unvisited room, a model that "
             "predicts nothing is at half the largest distance, nearer than an honest guess."
         )
         yield ""
-    yield from _headline_table(results, _WHOLE, bold=not some_unvisited)
+    yield from _headline_table(results, _WHOLE, {}, bold=not some_unvisited)
+    yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
+    yield ""
+    moments = {
+        f"{metric[0].upper()} {moment}": [
+            f"{results[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}" for name in ranked
+        ]
+        for metric in ("wasserstein", "energy")
+        for moment in MOMENTS
+    }
+    yield from _lines({"model": list(map(escape_markdown, ranked)), **moments})
 
 
 def _headline_table(
-    results: _Results,
-    headlines: tuple[str, ...],
-    more: Callable[[str], list[str]] = lambda name: [],
-    *heads: str,
-    bold: bool = True,
+    results: _Results, headlines: Sequence[str], more: _Table, *, bold: bool = True
 ) -> Iterator[str]:
     """Yield a table of some headlines, with `more` columns, and the names of its values."""
-    marked = _mark_best(results, headlines if bold else ())
-    rows = {}
-    for name in rank_models(results):
-        metrics = results[name].metrics
-        cells = {headline: _cell(metrics.estimate(headline)) for headline in headlines}
-        shown = [f"**{cell}**" if (name, h) in marked else cell for h, cell in cells.items()]
-        rows[name] = [*shown, *more(name)]
-    yield from _table(rows, [*map(head_value, headlines), *heads])
+    ranked = rank_models(results)
+    table = {"model": [escape_markdown(name) for name in ranked]}
+    for headline in headlines:
+        best = _list_best(results, headline) if bold else ()
+        cells = {name: _cell(results[name].metrics.estimate(headline)) for name in ranked}
+        marked = [f"**{cell}**" if name in best else cell for name, cell in cells.items()]
+        table[head_value(headline)] = marked
+    yield from _lines({**table, **more})
     yield "Columns: " + ", ".join(f"{label_value(name)} is `{name}`" for name in headlines) + "."
     yield ""
 
 
-def _moments(results: _Results) -> Iterator[str]:
-    """Yield the paper's Table I in its four-column form."""
-    yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
+def _lines(table: _Table) -> Iterator[str]:
+    yield from format_markdown(list(zip(*table.values(), strict=True)), header=list(table))
     yield ""
-    rows = {
-        name: [
-            f"{results[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}"
-            for metric in ("wasserstein", "energy")
-            for moment in MOMENTS
-        ]
-        for name in rank_models(results)
-    }
-    yield from _table(rows, [f"{letter} {moment}" for letter in "WE" for moment in MOMENTS])
 
 
-def _everything(results: _Results) -> Iterator[str]:
-    estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
-    metrics = next(iter(estimates.values()))
-    rows = [
-        [f"`{metric}`", *(_cell(one[metric]) for one in estimates.values())] for metric in metrics
+def _list_best(results: _Results, headline: str) -> Collection[str]:
+    """Return the models that are best in a headline, or not distinguishable from the best."""
+    values = {name: result.metrics.point[headline] for name, result in results.items()}
+    known = {name: value for name, value in values.items() if not np.isnan(value)}
+    if not known:
+        return ()
+    choose = min if find_value(headline)[0].less else max
+    best = results[choose(known, key=lambda name: known[name])].metrics
+    return [
+        name
+        for name in known
+        if judge(results[name].metrics, best, headline) == "not distinguishable"
     ]
-    yield from format_markdown(rows, header=["metric", *map(escape_markdown, estimates)])
-    yield ""
-
-
-def _mark_best(results: _Results, headlines: Iterable[str]) -> set[tuple[str, str]]:
-    """Return each (model, headline) that is best, or not distinguishable from the best."""
-    marked = set()
-    for headline in headlines:
-        values = {name: result.metrics.point[headline] for name, result in results.items()}
-        known = [name for name, value in values.items() if not np.isnan(value)]
-        if not known:
-            continue
-        choose = min if find_value(headline)[0].less else max
-        best = results[choose(known, key=lambda name: values[name])].metrics
-        marked |= {
-            (name, headline)
-            for name in known
-            if judge(results[name].metrics, best, headline) == "not distinguishable"
-        }
-    return marked
 
 
 def _cell(estimate: Estimate | None) -> str:
@@ -286,18 +257,11 @@ def _cell(estimate: Estimate | None) -> str:
 def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
     if estimate is None or np.isnan(estimate.value):
         return None
-    numbers = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+    ends = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
     return {
-        **{k: v if np.isfinite(v) else None for k, v in numbers.items()},
+        **{end: value if np.isfinite(value) else None for end, value in ends.items()},
         "nodes": estimate.nodes,
     }
-
-
-def _table(rows: Mapping[str, list[str]], header: list[str]) -> Iterator[str]:
-    """Yield a table with one row per model."""
-    named = [[escape_markdown(name), *cells] for name, cells in rows.items()]
-    yield from format_markdown(named, header=["model", *header])
-    yield ""
 
 
 def _plot(results: _Results, path: Path, mask: str) -> None:

@@ -27,8 +27,7 @@ from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.leaderboard import DATASET
-from bsg_models.studies.leaderboard_runs import run_of
+from bsg_models.studies.leaderboard import DATASET, run_of
 from bsg_models.zoo.model import BeliefModel, one_thread
 
 # Name → what each node adds to the sum, `[N]`, and its number of cells, `[N]`.

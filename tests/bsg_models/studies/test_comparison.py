@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from conftest import commit_manifest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.files import stem_of
-from bsg_data.observation import pairs
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.scene.class_space import load_class_space
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.catalogue import head_value, list_values
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
-from bsg_models.evaluation.verdict import HEADLINES, judge_all
+from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel
@@ -37,7 +32,6 @@ from bsg_models.studies.comparison import (
     metric_rows,
     name_runs,
 )
-from bsg_models.studies.survey import join_surveys, survey_split
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config, override, validate_config
@@ -126,12 +120,6 @@ def test_what_a_comparison_leaves(dataset: Path, tmp_path: Path) -> None:
     assert every["rooms/hidden_nll"][1:] == rows[0][1:]
 
 
-def test_a_run_is_not_distinguishable_from_its_twin(dataset: Path, tmp_path: Path) -> None:
-    compared = compare_runs([train(dataset, tmp_path / "a")], dataset, split="test", resamples=4)
-    twins = compared.bootstraps | {"doubled": compared.bootstraps["ceci-gcn"]}
-    assert set(judge_all(twins, runs=["ceci-gcn"])["ceci-gcn"]) == {"not distinguishable"}
-
-
 SPACE = load_class_space()
 
 
@@ -154,45 +142,3 @@ def run_of(model: str, folder: str, kind: Kind = "run") -> tuple[FoundModel, Che
 )
 def test_a_run_is_named_by_its_model(runs: list[tuple[str, str]], names: tuple[str, ...]) -> None:
     assert name_runs([run_of(*one) for one in runs]) == names
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    st.lists(
-        st.tuples(
-            st.sampled_from(["mixture", "gamma-poisson", "input"]),
-            st.sampled_from(["a", "a-2", "a 2", "../a", "gamma-poisson", "\n"]),
-        ),
-        max_size=6,
-    )
-)
-def test_no_two_columns_and_no_two_files_have_one_name(runs: list[tuple[str, str]]) -> None:
-    names = name_runs([run_of(*one) for one in runs])
-    assert not set(names) & set(BASELINES)
-    assert len({stem_of(name) for name in names}) == len(runs)
-
-
-def test_a_survey_counts_what_is_read_whole(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    masked = read_split(data, "train")
-    truth, survey = read_truth(masked), survey_split(data, "train", fold=None)
-    assert survey.scene_ids == truth.scene_ids
-    assert survey.masked == len(masked)
-    assert survey.counts["rooms"] == (~truth.is_building).sum()
-    assert survey.counts["empty_inputs"] == (truth.inputs.sum(axis=1) == 0).sum() >= 1
-    assert survey.counts["empty_targets"] == (truth.targets.sum(axis=1) == 0).sum()
-    sizes = {scene: int(data.cells(scene).sum()) for scene in data.scene_ids}
-    assert survey.by_size == sorted(survey.scene_ids, key=lambda scene: sizes[scene])
-    assert survey.example == survey.by_size[len(survey.by_size) // 2]
-    both = join_surveys([survey, survey_split(data, "test", fold=None)])
-    assert both.counts["rooms"] > survey.counts["rooms"]
-    for nodes, stride in ((19_990, 1), (19_991, 2)):
-        assert replace(survey, counts={"rooms": nodes, "building": 10}).stride == stride
-
-
-def test_a_split_of_no_pairs_is_refused(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of which every building has more objects of a class than pairs can count."""
-    monkeypatch.setattr(pairs, "fits_pairs", lambda cells: False)
-    write_pairs(dataset, PairsRecipe(), force=True)
-    with pytest.raises(DatasetError):
-        survey_split(Dataset.open(dataset), "test", fold=None)

@@ -1,3 +1,5 @@
+"""Which runs a leaderboard needs, and what they leave."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -10,16 +12,30 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
+from bsg_data.recipes import MaskRecipe
 from bsg_data.sources.hm3d import HM3DFolder
+from bsg_models.errors import ConfigError
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST
-from bsg_models.studies.leaderboard import make_leaderboard
-from bsg_models.studies.leaderboard_runs import LeaderboardRecipe, run_of
+from bsg_models.studies.leaderboard import (
+    LeaderboardRecipe,
+    Place,
+    fit_to,
+    make_leaderboard,
+    plan_runs,
+    run_of,
+)
+from bsg_models.training.training import member_config
+from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.settings import DataConfig
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
-UNIFORM = ("data.mask.strategy=uniform", "data.mask.withhold=0.0")  # whose mask is to be set
+UNIFORM = LeaderboardRecipe(masks=("uniform",))
+PLAIN = ("data.mask.strategy=uniform", "data.mask.withhold=0.0")  # whose mask is to be set
+MIXED = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
 SMALL = ("training.epochs=2", "model.width=8", "model.embedding=4")
+PAIR = 'model.members=["gamma-poisson","train-mean"]'
 
 
 def configure(name: str, *settings: str) -> RunConfig:
@@ -37,7 +53,7 @@ MODELS: Mapping[str, RunConfig] = {
     "train-mean": find_config("train-mean"),
     "gamma-poisson": find_config("gamma-poisson"),
     "ceci-sage": configure("ceci-sage", *SMALL),
-    "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *UNIFORM),
+    "pair": configure("ensemble", PAIR, *PLAIN),
 }
 
 
@@ -97,7 +113,7 @@ def test_a_copy_of_another_dataset_is_refused(
     for path in (hm3d_folder / "train").glob("*00/*.txt"):
         path.unlink()
     build_dataset(HM3DFolder(hm3d_folder), tmp_path / "other")
-    with pytest.raises(DatasetError, match="copy of another dataset; choose another --out"):
+    with pytest.raises(DatasetError):
         make_leaderboard(tmp_path / "other", tmp_path / "board", models, recipe)
     # A dataset that is split and has pairs serves too: its own are not used.
     board = make_leaderboard(dataset, tmp_path / "third", models, recipe)
@@ -108,20 +124,14 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
     unsplit: Path, tmp_path: Path
 ) -> None:
     """Also an ensemble, whose members are those trained for it and those of the leaderboard."""
-    mixed = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
     models = {
-        "train-mean": configure("train-mean", *mixed),
-        "pair": configure("ensemble", 'model.members=["gamma-poisson","train-mean"]', *mixed),
+        "train-mean": configure("train-mean", *MIXED),
+        "pair": configure("ensemble", PAIR, *MIXED),
         "gamma-poisson": find_config("gamma-poisson"),
     }
     recipe = RECIPE.model_copy(update={"draws": 1})
-    seen: list[tuple[str, int, int]] = []
     out = tmp_path / "board"
-    board = make_leaderboard(
-        unsplit, out, models, recipe, progress=lambda *words: seen.append(words)
-    )
-    assert max(seen) == ("train", 12, 12)  # two on mixed masks, one on each of two, three folds
-    assert ("measure", 6, 6) in seen
+    board = make_leaderboard(unsplit, out, models, recipe)
     runs = {path.parent.relative_to(out).as_posix() for path in out.glob("*/fold-0/*/best.*")}
     assert runs == {
         "mixed/fold-0/train-mean",
@@ -130,11 +140,79 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
         "uniform/fold-0/gamma-poisson",
         "rooms/fold-0/gamma-poisson",
     }
-    rooms = board.results["rooms"]
-    assert list(rooms) == list(models)
-    own = {name: result.trained_on for name, result in rooms.items()}
+    own = {name: result.trained_on for name, result in board.results["rooms"].items()}
     assert own == {"train-mean": "mixed", "pair": "mixed", "gamma-poisson": None}
     points = [board.results[mask]["pair"].metrics.point for mask in recipe.masks]
     assert points[0]["rooms/hidden_nll"] != points[1]["rooms/hidden_nll"]
     config = load_checkpoint(run_of(out / "mixed", "pair", 2) / BEST).header.config
     assert (config.data.fold, str(config.data.mask)) == (2, "mixed, fraction 0.5, withhold 0.05")
+
+
+def test_a_member_that_is_there_in_another_configuration_is_trained_once_more() -> None:
+    runs = plan_runs({"pair": MODELS["pair"]}, UNIFORM)
+    assert {place.name for place in runs} == {"pair", "gamma-poisson", "train-mean"}
+    same = {"gamma-poisson": "gamma-poisson", "train-mean": "train-mean"}
+    assert runs[Place("uniform", "pair")].members == same
+    seeded = configure("ensemble", 'model.members=["train-mean"]', *PLAIN, "seed=3")
+    taken = {"seeded": seeded, "train-mean": find_config("train-mean")}
+    runs = plan_runs(taken, UNIFORM)
+    assert runs[Place("uniform", "train-mean")].config == taken["train-mean"]
+    assert runs[Place("uniform", "seeded+train-mean")].config.seed == 3
+    assert runs[Place("uniform", "seeded")].members == {"train-mean": "seeded+train-mean"}
+    with pytest.raises(ConfigError):
+        plan_runs(taken | {"seeded+train-mean": find_config("doubled")}, UNIFORM)
+
+
+def test_every_model_has_a_place_for_each_kind_of_mask_or_one_of_its_own() -> None:
+    models = {
+        "ceci-sage": find_config("ceci-sage"),
+        "any": configure("ceci-sage", *MIXED),
+        "mixture": find_config("mixture"),
+        "ensemble": configure("ensemble", 'model.members=["mixture","ceci-sage"]', *MIXED),
+    }
+    runs = plan_runs(models, LeaderboardRecipe(masks=("uniform", "explore")))
+    assert set(runs) == {
+        Place("uniform", "ceci-sage"),
+        Place("explore", "ceci-sage"),
+        Place("uniform", "mixture"),
+        Place("explore", "mixture"),
+        Place("mixed", "any"),
+        Place("mixed", "ensemble"),
+        Place("mixed", "mixture"),  # of the ensemble
+        Place("mixed", "ceci-sage"),
+    }
+
+
+def test_a_run_that_an_ensemble_needs_and_the_leaderboard_has_is_one() -> None:
+    """The member is trained on the mask of the ensemble, as the model of the same name is."""
+    trained = configure("ceci-sage", *MIXED)
+    ensemble = configure("ensemble", 'model.members=["ceci-sage"]', *MIXED)
+    runs = plan_runs({"ceci-sage": trained, "one": ensemble}, UNIFORM)
+    assert set(runs) == {Place("mixed", "ceci-sage"), Place("mixed", "one")}
+    recipe = LeaderboardRecipe(seed=7)
+    fitted = fit_to(ensemble, recipe, mask="mixed", fold=1)
+    assert member_config(fitted, "ceci-sage") == fit_to(trained, recipe, mask="mixed", fold=1)
+
+
+def test_a_leaderboard_of_mixed_masks_has_both_kinds_of_them() -> None:
+    mixed = LeaderboardRecipe(masks=("mixed",))
+    ensemble = configure("ensemble", 'model.members=["mixture"]', *MIXED)
+    runs = plan_runs({"mixture": find_config("mixture"), "one": ensemble}, mixed)
+    masks = [runs[Place("mixed", name)].config.data.mask for name in ("mixture", "one+mixture")]
+    assert [mask.withhold for mask in masks] == [0.0, 0.05]
+    zoo = plan_runs({name: find_config(name) for name in ZOO}, mixed)
+    assert zoo[Place("mixed", "ensemble")].members["mixture"] == "ensemble+mixture"
+
+
+def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
+    recipe = LeaderboardRecipe(fraction=0.3, seed=7)
+    fitted = fit_to(find_config("ceci-sage"), recipe, mask="rooms", fold=2)
+    assert fitted.data.mask == MaskRecipe(strategy="rooms", fraction=0.3, seed=7)
+    assert (fitted.data.fold, fitted.seed) == (2, 7)
+    own = fit_to(configure("ceci-sage", *MIXED, "data.mask.seed=1"), recipe, mask="rooms", fold=2)
+    assert own.data.mask == MaskRecipe(strategy="mixed", withhold=0.05, seed=8)
+    # Its checkpoint is read again: what a search withholds is in the mask then.
+    searching = configure("ceci-sage", "data.withhold=0.08")
+    fitted = fit_to(searching, recipe, mask="rooms", fold=0)
+    assert fitted.data.mask.withhold == 0.08
+    assert DataConfig.model_validate(fitted.data.model_dump()) == fitted.data

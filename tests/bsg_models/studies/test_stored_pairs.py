@@ -1,13 +1,16 @@
-"""Predictions beside runs, and runs as predictions."""
+"""What stored pairs hold; predictions beside runs, and runs as predictions."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.observation import pairs
 from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
@@ -15,7 +18,7 @@ from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.studies.comparison import compare_runs
-from bsg_models.studies.entries import folds_of, open_entry
+from bsg_models.studies.stored_pairs import folds_of, join_surveys, open_entry, survey_split
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
@@ -77,5 +80,31 @@ def test_predictions_for_other_masks_are_refused(dataset: Path, run: Path, tmp_p
     with open_entry(tmp_path, "mine", data, split="test", fold=None) as writer:
         writer.add(predict_all(model, masked), masked)
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(seed=1), draws=4), force=True)
-    with pytest.raises(PredictionError, match="was made for other masks"):
+    with pytest.raises(PredictionError):
         compare_runs([], dataset, split="test", predictions=[path], resamples=0)
+
+
+def test_a_survey_counts_what_is_read_whole(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    masked = read_split(data, "train")
+    truth, survey = read_truth(masked), survey_split(data, "train", fold=None)
+    assert survey.scene_ids == truth.scene_ids
+    assert survey.masked == len(masked)
+    assert survey.counts["rooms"] == (~truth.is_building).sum()
+    assert survey.counts["empty_inputs"] == (truth.inputs.sum(axis=1) == 0).sum() >= 1
+    assert survey.counts["empty_targets"] == (truth.targets.sum(axis=1) == 0).sum()
+    sizes = {scene: int(data.cells(scene).sum()) for scene in data.scene_ids}
+    assert survey.by_size == sorted(survey.scene_ids, key=lambda scene: sizes[scene])
+    assert survey.example == survey.by_size[len(survey.by_size) // 2]
+    both = join_surveys([survey, survey_split(data, "test", fold=None)])
+    assert both.counts["rooms"] > survey.counts["rooms"]
+    for nodes, stride in ((19_990, 1), (19_991, 2)):
+        assert replace(survey, counts={"rooms": nodes, "building": 10}).stride == stride
+
+
+def test_a_split_of_no_pairs_is_refused(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of which every building has more objects of a class than pairs can count."""
+    monkeypatch.setattr(pairs, "fits_pairs", lambda cells: False)
+    write_pairs(dataset, PairsRecipe(), force=True)
+    with pytest.raises(DatasetError):
+        survey_split(Dataset.open(dataset), "test", fold=None)
