@@ -196,7 +196,9 @@ class _Run:
         self.costs[rows] += travel.costs[rows, known.here, place]
         self.entered[rows] += new
         seen = np.where(new[:, None], self.episodes.instances[rows, place], 0)
-        self.unfound[rows] = still_to_find(self.unfound[rows], seen, task=self.robot.task)
+        left = self.unfound[rows]
+        is_all = self.robot.task == "all"  # else one instance of a class completes it
+        self.unfound[rows] = left - seen if is_all else np.where(seen > 0, 0, left)
         self.explored[rows, place] = True
         self.here[rows] = place
         self._end()
@@ -225,11 +227,3 @@ class _Run:
             share=None if share is None else np.where(open_, share, 0.0),
             tour=None if self.tour is None else self.tour[rows],
         )
-
-
-def still_to_find(before: Ints, seen: Ints, *, task: Task) -> Ints:
-    """Return the instances still to be found after some were seen, all `[E, A]`.
-
-    For `single`, one instance of a class completes the class.
-    """
-    return before - seen if task == "all" else np.where(seen > 0, 0, before)

@@ -71,23 +71,15 @@ def list_of_other_weights(run: Path) -> tuple[Path, ...]:
 
 
 def _measures_other_weights(results: Path) -> bool:
-    """Say whether the evaluation or the search of a run is not of the run's present checkpoint.
-
-    Args:
-        results: its folder in the run, as `bsg-evaluate` and `bsg-search` choose it.
-
-    Returns:
-        False also if it does not say which checkpoints it measured.
-    """
+    """Say whether the evaluation or the search of a run is not of the run's present checkpoint."""
     report, best = results / _OF_A_RUN[results.name], results.parent / _BEST
     if not (report.is_file() and best.is_file()):
         return False
     try:
-        said = parse_json(read_bytes(report, RESULTS, error=DatasetError))
-        measured = said.get("checkpoints_sha256") if isinstance(said, dict) else None
-        return isinstance(measured, list) and hash_file(best) not in measured
-    except (BSGError, OSError, ValueError):  # the seal speaks of damage
-        return False
+        measured = parse_json(read_bytes(report, RESULTS, error=DatasetError))["checkpoints_sha256"]
+        return hash_file(best) not in measured
+    except (BSGError, OSError, LookupError, TypeError, ValueError):
+        return False  # the seal speaks of damage
 
 
 def _load(path: Path) -> None:

@@ -75,7 +75,11 @@ class ModelBeliefs:
         )
         distinct, inverse = np.unique(states, axis=0, return_inverse=True)
         keys = [state.tobytes() for state in distinct]
-        new = [i for i, key in enumerate(keys) if self._must_ask(key, shares=shares)]
+        old = {key: self._remembered[key] for key in keys if key in self._remembered}
+        # An answer without its shares is none where they are needed.
+        new = [
+            i for i, key in enumerate(keys) if key not in old or (shares and old[key][1] is None)
+        ]
         size = max(1, _NODES // len(self._cells))
         for start in range(0, len(new), size):
             some = new[start : start + size]
@@ -83,17 +87,11 @@ class ModelBeliefs:
             for place, i in enumerate(some):
                 self._remembered[keys[i]] = presences[place], found[place] if shares else None
         answers = [self._remembered[key] for key in keys]
-        presence = np.stack([answer[0] for answer in answers])[inverse.ravel()]
+        inverse = inverse.ravel()
+        presence = np.stack([answer[0] for answer in answers])[inverse]
         if not shares:
             return presence, None
-        return presence, np.stack([share for _, share in answers if share is not None])[
-            inverse.ravel()
-        ]
-
-    def _must_ask(self, key: bytes, *, shares: bool) -> bool:
-        """Return whether a state was not asked yet, or was asked without its shares."""
-        answer = self._remembered.get(key)
-        return answer is None or (shares and answer[1] is None)
+        return presence, np.stack([share for _, share in answers if share is not None])[inverse]
 
     def _ask(self, states: Counts, *, shares: bool) -> tuple[Floats, Floats]:
         """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`.

@@ -66,16 +66,19 @@ def test_what_stands_for_a_planner() -> None:
 
 
 def test_the_next_room_of_a_robot_of_its_own() -> None:
-    edges = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
-    for a, cost in ((1, 1.0), (2, 1.0), (3, 5.0)):
-        edges[a, a + 1] = edges[a + 1, a] = cost
-    explored = np.array([False, False, True, False, False, False])
-    presence = np.array([0, 0.3, 0.9, 0.4, 0.5, 1.0])
-    for planner, room in (("nearest", 1), ("greedy-belief", 4), ("ratio", 3), ("expected-cost", 1)):
-        found = next_room(edges, here=2, explored=explored, presence=presence, planner=planner)
-        assert found == room
-    explored[:5] = True
-    assert next_room(edges, here=2, explored=explored, presence=presence) is None
+    share = np.array([0, 0.2, 0.9, 0.1, 0.05, 1.0])
+    for planner, room in (
+        ("nearest", 1),
+        ("greedy-belief", 4),
+        ("greedy-share", 1),
+        ("ratio", 3),
+        ("expected-cost", 1),
+        (farthest, 4),
+        (Planner(farthest, "none"), 4),
+    ):
+        assert next_room(ROW, **HERE, planner=planner, share=share) == room
+    explored = np.array([False, True, True, True, True, False])
+    assert next_room(ROW, **{**HERE, "explored": explored}) is None
 
 
 @pytest.mark.parametrize("task", ["single", "all"])
@@ -119,25 +122,13 @@ def test_arrays_that_no_robot_can_mean_are_refused(change: dict[str, Any], where
         next_room(**{**known, **change})
 
 
-def test_a_task_that_is_none_is_refused() -> None:
+def test_what_no_robot_can_do_is_refused() -> None:
     with refuses(RecipeError, "task-unknown", where="task"):
         next_room(ROW, **HERE, task="both")  # type: ignore[arg-type]
-
-
-def test_which_planners_a_robot_may_use_follows_from_what_they_read() -> None:
     with refuses(RecipeError, "planner-reads-truth", where="oracle"):
         next_room(ROW, **HERE, planner="oracle")
     with refuses(RecipeError, "share-missing", where="greedy-share"):
         next_room(ROW, **HERE, planner="greedy-share")
-    share = np.array([0, 0.2, 0.9, 0.1, 0.05, 1.0])
-    assert next_room(ROW, **HERE, planner="greedy-share", share=share) == 1
-
-
-def test_a_function_and_a_planner_of_ones_own() -> None:
-    assert next_room(ROW, **HERE, planner=farthest) == 4
-    assert next_room(ROW, **HERE, planner=Planner(farthest, "none")) == 4
-    found = next_room(ROW, **HERE, planner=lambda known: known.presence[:, :, 0].argmin(axis=1) + 1)
-    assert found == 1
 
 
 @pytest.mark.parametrize(

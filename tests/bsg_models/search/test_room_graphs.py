@@ -1,13 +1,16 @@
-"""Worlds: what their graphs are, and that they depend on their recipe alone."""
+"""Worlds, which depend on their recipe alone, and the ways in them, against networkx."""
 
 from __future__ import annotations
 
 import networkx
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.connections import Connections
+from bsg_models.search.knowledge import find_ways, go_straight
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     WorldRecipe,
@@ -22,9 +25,6 @@ DRAWN = ("star", "complete", "complete-paths", "tree", "tree-plus")
 @pytest.mark.parametrize("text", ["star:1-10", "complete:5-10", "tree-plus:0-0.5", "layout"])
 def test_a_name_is_read_back(text: str) -> None:
     assert parse_world(text).name == text
-
-
-def test_defaults_have_their_own_costs() -> None:
     assert [parse_world(world.kind) for world in DEFAULT_WORLDS] == list(DEFAULT_WORLDS)
 
 
@@ -37,21 +37,15 @@ def test_other_texts_are_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize("kind", DRAWN)
-def test_travel_does_not_depend_on_the_number_of_episodes(kind: str) -> None:
-    recipe = WorldRecipe(kind=kind)  # type: ignore[arg-type]
+def test_travel_is_symmetric_and_does_not_depend_on_the_number_of_episodes(kind: str) -> None:
+    recipe = WorldRecipe(kind=kind, low=2, high=3)  # type: ignore[arg-type]
     few, many = (
-        sample_travel(recipe, nodes=7, episodes=number, scene_id="s", seed=3) for number in (2, 9)
+        sample_travel(recipe, nodes=8, episodes=number, scene_id="s", seed=3) for number in (2, 9)
     )
     np.testing.assert_array_equal(few.costs, many.costs[:2])
-    other = sample_travel(recipe, nodes=7, episodes=2, scene_id="t", seed=3)
+    other = sample_travel(recipe, nodes=8, episodes=2, scene_id="t", seed=3)
     assert not np.array_equal(few.costs, other.costs)
-
-
-@pytest.mark.parametrize("kind", DRAWN)
-def test_costs_are_symmetric_and_rooms_reach_each_other(kind: str) -> None:
-    recipe = WorldRecipe(kind=kind, low=2, high=3)  # type: ignore[arg-type]
-    travel = sample_travel(recipe, nodes=8, episodes=5, scene_id="s", seed=0)
-    rooms = travel.costs[:, 1:, 1:]
+    rooms = many.costs[:, 1:, 1:]
     np.testing.assert_allclose(rooms, rooms.transpose(0, 2, 1))
     assert np.isfinite(rooms).all()
     assert rooms[:, ~np.eye(7, dtype=bool)].min() >= 2
@@ -102,3 +96,66 @@ def test_a_mesh_knows_doors_stairs_and_boxes_and_a_robot_no_lengths(method: str)
     assert not measure_rooms(known, nodes=3, kind="layout").rooms.any()
     given = Connections.of_pairs([(1, 2)])
     assert not measure_rooms(given, nodes=3, kind="geometry").rooms.any()
+
+
+@st.composite
+def room_graphs(draw: st.DrawFn) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Return edges `[3, N, N]` of graphs that may fall into parts."""
+    nodes = draw(st.integers(1, 9))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    edges = np.where(rng.random((3, nodes, nodes)) < draw(st.floats(0, 1)), 1.0, np.inf)
+    return edges * rng.uniform(0.1, 10, edges.shape)
+
+
+@given(room_graphs())
+def test_costs_are_those_of_networkx_and_ways_lead_there(
+    edges: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> None:
+    travel = find_ways(edges)
+    for number, one in enumerate(edges):
+        graph = networkx.DiGraph()
+        graph.add_nodes_from(range(len(one)))
+        graph.add_weighted_edges_from(
+            (a, b, one[a, b]) for a, b in np.argwhere(np.isfinite(one)).tolist() if a != b
+        )
+        lengths = dict(networkx.all_pairs_dijkstra_path_length(graph))
+        for a in range(len(one)):
+            for b in range(len(one)):
+                expected = lengths[a].get(b, np.inf)
+                assert travel.costs[number, a, b] == pytest.approx(expected)
+                if np.isfinite(expected):
+                    walked, place = 0.0, a
+                    while place != b:
+                        following = int(travel.steps[number, place, b])
+                        walked += one[place, following]
+                        place = following
+                    assert walked == pytest.approx(expected)
+
+
+def test_the_first_wanted_room_on_the_way_by_hand() -> None:
+    edges = np.full((1, 5, 5), np.inf)  # 1 – 2 – 3 – 4 in a row
+    for a in (1, 2, 3):
+        edges[0, a, a + 1] = edges[0, a + 1, a] = 1.0
+    travel, way = find_ways(edges), (np.array([0]), np.array([1]), np.array([4]))
+    for wanted, found in (([3, 4], 3), ([4], 4)):
+        there = np.isin(np.arange(5), wanted)[None]
+        assert travel.first_on_the_way(*way, there).tolist() == [found]
+
+
+def test_going_straight_takes_no_detour() -> None:
+    edges = np.array([[[0, 1.0, 9.0], [1.0, 0, 1.0], [9.0, 1.0, 0]]])
+    assert go_straight(edges).costs[0, 0, 2] == 9.0
+    assert find_ways(edges).costs[0, 0, 2] == 2.0
+    assert go_straight(edges).steps[0, 0, 2] == 2
+
+
+def test_a_large_graph_has_the_ways_of_its_parts() -> None:
+    """A graph beside rooms that nothing joins to it has the same ways as alone."""
+    rng = np.random.default_rng(0)
+    edges = np.where(rng.random((2, 20, 20)) < 0.15, rng.uniform(0, 9, (2, 20, 20)), np.inf)
+    large = np.full((2, 60, 60), np.inf)
+    large[:, :20, :20] = edges
+    alone, among = find_ways(edges), find_ways(large)
+    np.testing.assert_allclose(among.costs[:, :20, :20], alone.costs, rtol=1e-14)
+    np.testing.assert_array_equal(among.steps[:, :20, :20], alone.steps)
+    assert np.isinf(among.costs[:, :20, 20:]).all()

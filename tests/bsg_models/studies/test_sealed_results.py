@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from refusals import refuses
 
-from bsg_cli.models import main
 from bsg_cli.registry import COMMANDS
 from bsg_data.errors import DatasetError
 from bsg_data.inputs.bounded_file import hash_file
@@ -19,27 +19,19 @@ from bsg_models.errors import CheckpointError
 from bsg_models.studies.sealed_results import check_results
 
 
-def test_a_run_and_its_checkpoint_are_sound(run: Path) -> None:
+def test_what_is_sound_what_was_changed_and_what_has_no_seal(run: Path, tmp_path: Path) -> None:
     assert check_results(run) == ("best.safetensors", "config.toml", "log.jsonl")
     assert check_results(run / "best.safetensors") == ("best.safetensors",)
-    done = CliRunner().invoke(main, ["check", str(run), str(run / "best.safetensors")])
-    assert done.output.splitlines() == [
-        f"{run}: sound (3 files)",
-        f"{run / 'best.safetensors'}: sound",
-    ]
-
-
-def test_what_was_changed_or_has_no_seal_is_refused(run: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(COMMANDS["bsg-models"], ["check", str(run)])
+    assert done.output == f"{run}: sound (3 files)\n"
     (run / "log.jsonl").write_text("{}")
-    done = CliRunner().invoke(main, ["check", str(run)])
-    assert done.exit_code == 1
-    assert "log.jsonl: was changed" in done.output
-    (run / "SHA256SUMS").unlink()
-    with pytest.raises(DatasetError, match="has no SHA256SUMS"):
+    with refuses(DatasetError, "file-changed", golden=False):
         check_results(run)
-    with pytest.raises(DatasetError, match="no such folder or file"):
-        check_results(tmp_path / "nothing")
-    with pytest.raises(CheckpointError, match="not a readable checkpoint"):
+    (run / "SHA256SUMS").unlink()
+    for path in (run, tmp_path / "nothing"):
+        with pytest.raises(DatasetError):
+            check_results(path)
+    with pytest.raises(CheckpointError):
         check_results(run / "log.jsonl")
 
 
@@ -62,10 +54,10 @@ def test_an_evaluation_of_replaced_weights_is_told(
     assert "other weights" not in invoke(f"bsg-train --show {run}").stderr
     told = invoke(f"{train} doubled").stderr
     assert f"{run / 'evaluation'} measures other weights than" in told
-    with pytest.raises(DatasetError, match=r"run/evaluation: measures other weights than"):
+    with pytest.raises(DatasetError):
         check_results(run / "evaluation")
     monkeypatch.chdir(run / "evaluation")
-    with pytest.raises(DatasetError, match="measures other weights than"):
+    with pytest.raises(DatasetError):
         check_results(Path())
     invoke(f"{evaluate} --force")
     assert check_results(run / "evaluation")
@@ -74,21 +66,20 @@ def test_an_evaluation_of_replaced_weights_is_told(
 
 @pytest.mark.parametrize("name", ["evaluation", "search"])
 def test_results_are_of_other_weights_only_if_they_say_so(name: str, run: Path) -> None:
-    """Those of earlier versions name no checkpoint; those in another folder are of any run."""
+    """Those in another folder are of any run."""
     own = hash_file(run / "best.safetensors")
     results = run / name
 
-    def check(text: str) -> None:
-        (results / f"{name}.json").write_text(text)
+    def check(said: object) -> None:
+        (results / f"{name}.json").write_text(json.dumps(said))
         write_seal(results, [f"{name}.json"])
         assert check_results(results) == (f"{name}.json",)
 
     results.mkdir()
-    for text in ("{}", "[]", "{", '{"checkpoints_sha256": 1}'):
-        check(text)
-    check(json.dumps({"checkpoints_sha256": ["0" * 64, own]}))
-    with pytest.raises(DatasetError, match=f"{name}: measures other weights"):
-        check(json.dumps({"checkpoints_sha256": ["0" * 64]}))
+    for said in ({}, [], {"checkpoints_sha256": 1}, {"checkpoints_sha256": ["0" * 64, own]}):
+        check(said)
+    with pytest.raises(DatasetError):
+        check({"checkpoints_sha256": ["0" * 64]})
     results = results.rename(run / "earlier")
     assert check_results(results)
 
