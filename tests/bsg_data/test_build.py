@@ -264,6 +264,7 @@ def test_a_disk_that_fills_up_is_reported_and_the_build_goes_on_later(
     assert check_dataset(tmp_path / "out") == ()
 
 
+@pytest.mark.heavy
 def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
     text = build_dataset(HM3DFolder(shared / "annotations"), tmp_path / "text")
     source = HM3DStatistics(shared / "HM3DSem-v0.2-train.zip")

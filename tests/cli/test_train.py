@@ -96,6 +96,7 @@ main()
 """
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("force", [False, True])
 def test_ctrl_c_leaves_a_run_that_resumes_to_the_same_weights(
     force: bool, dataset: Path, tmp_path: Path

@@ -248,6 +248,7 @@ def test_readings_of_the_paper_are_compared(dataset: Path, tmp_path: Path) -> No
     assert page.read_text("utf-8").count("| no dropout |") == 4
 
 
+@pytest.mark.heavy
 def test_ways_to_tell_the_hidden_share_are_compared(
     dataset: Path, run: Path, tmp_path: Path
 ) -> None:

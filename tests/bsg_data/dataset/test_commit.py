@@ -49,6 +49,7 @@ def build_anew(dataset: Path) -> Manifest:
     return build_dataset(source, dataset, force=True, scenes_per_shard=5)
 
 
+@pytest.mark.heavy
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 @pytest.mark.parametrize("change", [split_anew, pair_anew, build_anew])
 def test_killed_at_any_change_of_a_file(

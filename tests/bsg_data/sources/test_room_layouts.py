@@ -142,6 +142,7 @@ def test_a_changed_layout_is_another_build(hm3d_folder: Path, layouts: Path) -> 
     assert [a != b for a, b in zip(before, after, strict=True)].count(True) == 1
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("kind", ["text", "statistics"])
 def test_real_layouts_join_text_and_statistics(shared: Path, tmp_path: Path, kind: str) -> None:
     text = HM3DFolder(shared / "annotations")

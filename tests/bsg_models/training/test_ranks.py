@@ -118,6 +118,7 @@ def run_by_torchrun(command: list[str], folder: Path) -> str:
     return said
 
 
+@pytest.mark.heavy
 def test_two_processes_train_as_one(dataset: Path, tmp_path: Path) -> None:
     """By torchrun, with gloo: the same curve and weights but for rounding, written once."""
     tables = find_config("universal").model_dump(mode="json")

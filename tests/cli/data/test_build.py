@@ -38,6 +38,7 @@ def _count_reports(partial: Path) -> int:
     return len(list(partial.glob(".build/part-*.json")))
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
 def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int) -> None:
     """Stop a real process once a shard is done; the same command ends with the same bytes."""
