@@ -6,10 +6,10 @@ last: a shard without it, or with other hashes than it says, is made again.
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from uuid import uuid4
 
 from pydantic import ValidationError
 
@@ -100,7 +100,7 @@ def make_shard(
         unmapped={n: times for n, times in names.items() if not loaded.classify(n).category},
         resolved=tuple(list_resolved(names, loaded)),
     )
-    partial = folder / f"{_name_report(part)}.{os.getpid()}"  # two processes may make one shard
+    partial = folder / f"{_name_report(part)}.{uuid4().hex}"  # two machines may make one shard
     partial.write_text(report.model_dump_json(), "utf-8")
     partial.replace(folder / _name_report(part))
     return report

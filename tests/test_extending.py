@@ -16,6 +16,7 @@ from conftest import REPOSITORY, tomllib
 from bsg_cli.registry import COMMANDS
 from bsg_data import registry
 from bsg_data.dataset.manifest import CARD, CROISSANT
+from bsg_models import testing
 
 TEXT = (REPOSITORY / "docs" / "extending.md").read_text("utf-8")
 BLOCKS = dict(re.findall(r"```python\n# (\S+)\n(.*?)```", TEXT, re.DOTALL))
@@ -52,6 +53,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     registry._installed.cache_clear()
     for name in [name for name in sys.modules if name.partition(".")[0] == "my_rooms"]:
         del sys.modules[name]
+    testing._fit.cache_clear()  # its model is of the modules that are gone
 
 
 def run(line: str) -> Result:
