@@ -108,12 +108,7 @@ def add_shares(
 
 
 def list_models(board: Path, masks: Sequence[str] | None = None) -> list[str]:
-    """Return the names `NAME@MASK` of all finished models of a leaderboard.
-
-    Args:
-        board: folder of the leaderboard.
-        masks: masks of the trainings; None for all.
-    """
+    """Return the names `NAME@MASK` of all models of a leaderboard, trained under some masks."""
     found = [
         f"{path.parent.name}@{path.parents[2].name}"
         for path in sorted(board.glob(f"*/fold-0/*/{BEST}"))

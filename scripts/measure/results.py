@@ -45,16 +45,7 @@ def write_page(
     found: str = "",
     data: Dataset | None = None,
 ) -> None:
-    """Write a page.
-
-    Args:
-        path: of the page.
-        title: its heading.
-        tables: the results.
-        argv: the command that makes the page.
-        found: Markdown above the tables.
-        data: the dataset that was measured.
-    """
+    """Write a page of tables, below the Markdown `found`, and the command that makes it, `argv`."""
     lines = [f"# {title}", "", *([found, ""] if found else [])]
     for table in tables:
         lines += table.lines()

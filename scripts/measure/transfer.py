@@ -71,10 +71,7 @@ def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> d
 
 
 def group_copies(rooms: Mapping[str, Sequence[Hashable]]) -> list[tuple[str, ...]]:
-    """Return the groups of buildings that share rooms, directly or through others, sorted.
-
-    Args:
-        rooms: scene id → the contents of its larger rooms; equal contents are copies.
+    """Return the groups of buildings whose rooms have equal contents, also through others.
 
     >>> group_copies({"a": [1, 2], "b": [3], "c": [2, 4], "d": [4], "e": []})
     [('a', 'c', 'd'), ('b',), ('e',)]
