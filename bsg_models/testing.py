@@ -31,8 +31,8 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import FORMATS, choose_format
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
-from bsg_models.evaluation.measurement import measure_metric
-from bsg_models.evaluation.metric_kinds import Stream
+from bsg_models.evaluation.measurement import Fold, measure_metrics
+from bsg_models.evaluation.metric_kinds import Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
@@ -274,7 +274,7 @@ class MetricContract:
         """Check for a number per node set and part, over no more nodes than there are."""
         metric, prediction = METRICS[self.name], self.prediction()
         assert set(metric.node_sets) <= set(NODE_SETS)
-        found = measure_metric(self.name, prediction, np.ones((3, 1)))
+        found = _measure(self.name, [prediction], np.ones((3, 1)))
         assert set(found.values) == set(found.nodes)
         for (node_set, part), nodes in found.nodes.items():
             assert 0 < nodes <= len(prediction.rows[node_set])
@@ -286,20 +286,18 @@ class MetricContract:
     def test_only_the_ratio_of_weights_counts(self) -> None:
         """Check that doubling all weights changes nothing."""
         weights = np.array([[1.0, 2.0], [3.0, 6.0], [2.0, 4.0]])
-        for once, twice in measure_metric(self.name, self.prediction(), weights).values.values():
+        for once, twice in _measure(self.name, [self.prediction()], weights).values.values():
             np.testing.assert_allclose(twice, once, rtol=1e-9, atol=1e-12)
 
     def test_batches_do_not_matter(self) -> None:
         """Check that a prediction in two batches gets the same values."""
-        prediction, metric = self.prediction(), METRICS[self.name]
+        prediction = self.prediction()
         weights = np.array([[1, 2], [1, 0], [1, 1]])
-        found = []
-        for pieces in ([np.arange(24)], [np.arange(12, 24), np.arange(12)]):
-            stream = Stream(("a", "b", "c"), weights)
-            sums = metric.start(stream)
-            for rows in pieces:
-                sums.add(stream.batch(_take_nodes(prediction, rows)))
-            found.append(sums.finish())
+        whole, parts = ([np.arange(24)], [np.arange(12, 24), np.arange(12)])
+        found = [
+            _measure(self.name, [_take_nodes(prediction, rows) for rows in some], weights)
+            for some in (whole, parts)
+        ]
         assert found[0].nodes == found[1].nodes
         for key, value in found[0].values.items():
             np.testing.assert_allclose(found[1].values[key], value, rtol=1e-9, atol=1e-12)
@@ -307,14 +305,20 @@ class MetricContract:
     def test_a_building_that_counts_twice_is_there_twice(self) -> None:
         """Check that weights act as repetitions, as every bootstrap interval requires."""
         prediction = self.prediction()
-        weighted = measure_metric(self.name, prediction, np.array([[2.0], [0.0], [1.0]])).values
+        weighted = _measure(self.name, [prediction], np.array([[2.0], [0.0], [1.0]])).values
         rows = np.concatenate([np.flatnonzero(prediction.truth.building == b) for b in (0, 0, 2)])
         taken = _take_nodes(prediction, rows)
         again = replace(taken.truth, building=np.repeat([0, 1, 2], 8))
         whole = Prediction(again, taken.expectation)
-        repeated = measure_metric(self.name, whole, np.ones((3, 1))).values
+        repeated = _measure(self.name, [whole], np.ones((3, 1))).values
         for key, value in weighted.items():
             np.testing.assert_allclose(repeated[key], value, rtol=1e-9, atol=1e-12)
+
+
+def _measure(name: str, batches: Sequence[Prediction], weights: Weights) -> Values:
+    """Return a row of `METRICS` for the buildings of the first batch, under weights `[B, W]`."""
+    fold = Fold(batches[0].truth.scene_ids, [(one.truth, one.expectation) for one in batches])
+    return measure_metrics({name: METRICS[name]}, fold, weights)[name]
 
 
 def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:

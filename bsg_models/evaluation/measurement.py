@@ -13,8 +13,16 @@ from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
-from bsg_models.evaluation.metric_kinds import Metric, Stream, Values, Weights
+from bsg_models.evaluation.metric_kinds import (
+    Batch,
+    Metric,
+    RankMetric,
+    Sums,
+    Values,
+    Weights,
+)
 from bsg_models.evaluation.metrics import mean_known
+from bsg_models.evaluation.presence import PresenceHistograms
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel
 
@@ -79,27 +87,29 @@ def measure_fold(fold: Fold, weights: Weights) -> tuple[dict[str, Floats], dict[
     """Return metric → its values `[W]` under weights `[B, W]`, and its number of nodes."""
     values: dict[str, Floats] = {}
     nodes: dict[str, int] = {}
-    for row, found in _measure(METRICS.load_all()[0], fold, weights).items():
+    for row, found in measure_metrics(METRICS.load_all()[0], fold, weights).items():
         values |= {name_value(row, *key): value for key, value in found.values.items()}
         nodes |= {name_value(row, *key): number for key, number in found.nodes.items()}
     return values, nodes
 
 
-def measure_metric(name: str, prediction: Prediction, weights: Weights) -> Values:
-    """Return a row of `METRICS` for a whole prediction, under weights of its buildings `[B, W]`."""
-    truth = prediction.truth
-    fold = Fold(truth.scene_ids, [(truth, prediction.expectation)])
-    return _measure({name: METRICS[name]}, fold, weights)[name]
-
-
-def _measure(metrics: Mapping[str, Metric], fold: Fold, weights: Weights) -> dict[str, Values]:
-    stream = Stream(fold.scene_ids, weights)
-    sums = {name: metric.start(stream) for name, metric in metrics.items()}
+def measure_metrics(
+    metrics: Mapping[str, Metric], fold: Fold, weights: Weights
+) -> dict[str, Values]:
+    """Return some metrics of a fold under weights of its buildings `[B, W]`, by name."""
+    number_of = {scene: number for number, scene in enumerate(fold.scene_ids)}
+    cells = PresenceHistograms(weights)
+    ranked = any(isinstance(metric, RankMetric) for metric in metrics.values())
+    sums = {name: Sums(weights, cells) for name in metrics}
     for truth, expectation in fold.batches:
-        batch = stream.batch(Prediction(truth, expectation))
-        for accumulator in sums.values():
-            accumulator.add(batch)
-    found = {name: accumulator.finish() for name, accumulator in sums.items()}
+        numbers = np.array([number_of[scene] for scene in truth.scene_ids], dtype=np.int64)
+        batch = Batch(Prediction(truth, expectation), numbers[truth.building], weights)
+        if ranked:
+            rooms = batch.prediction.rows["rooms"]
+            cells.add(truth, expectation, rooms, batch.building[rooms])
+        for name, metric in metrics.items():
+            metric.add(batch, sums[name])
+    found = {name: metric.finish(sums[name]) for name, metric in metrics.items()}
     for name, values in found.items():
         _require_parts(name, metrics[name], values)
     return found

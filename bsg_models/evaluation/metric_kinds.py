@@ -14,8 +14,9 @@ resample.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -58,46 +59,30 @@ class Batch:
         return np.asarray(self.weights[there].T.astype(float) @ (one_of @ values))
 
 
-class Accumulator(ABC):
-    """The sums of a metric over the batches so far."""
+@dataclass(eq=False)
+class Sums:
+    """What one metric keeps of the batches so far, under names of its own."""
 
-    @abstractmethod
-    def add(self, batch: Batch) -> None:
-        """Add some nodes; those of a building may come in several batches."""
+    weights: Weights  # `[B, W]` how often each building counts
+    cells: PresenceHistograms  # of all metrics of ranks
+    totals: dict[Hashable, Floats] = field(default_factory=dict)
+    nodes: Counter[str] = field(default_factory=Counter)
+    centres: dict[Hashable, Floats] = field(default_factory=dict)
+    batches: list[Batch] = field(default_factory=list)  # of a metric that needs them whole
 
-    @abstractmethod
-    def finish(self) -> Values:
-        """Return the metric over all batches."""
+    def add(self, name: Hashable, sums: Floats) -> None:
+        """Add the sums of a batch."""
+        self.totals[name] = self.totals[name] + sums if name in self.totals else sums
 
+    def shift(self, name: Hashable, values: Floats) -> Floats:
+        """Return values minus their mean in the first batch.
 
-class Stream:
-    """The batches of one model on one split.
-
-    Args:
-        scene_ids: `[B]` of all buildings that will come.
-        weights: `[B, W]` how often each building counts.
-    """
-
-    def __init__(self, scene_ids: Sequence[str], weights: Weights) -> None:
-        self.weights = weights
-        self.width = int(weights.shape[1])
-        self._number = {scene: number for number, scene in enumerate(scene_ids)}
-        self._cells: PresenceHistograms | None = None
-
-    def rank_cells(self) -> PresenceHistograms:
-        """Return the histograms of presence, which all metrics of ranks share."""
-        self._cells = self._cells or PresenceHistograms(self.weights)
-        return self._cells
-
-    def batch(self, prediction: Prediction) -> Batch:
-        """Return some nodes for the metrics, after counting their cells."""
-        truth = prediction.truth
-        numbers = np.array([self._number[scene] for scene in truth.scene_ids], dtype=np.int64)
-        building = numbers[truth.building]
-        if self._cells is not None:
-            rooms = prediction.rows["rooms"]
-            self._cells.add(truth, prediction.expectation, rooms, building[rooms])
-        return Batch(prediction, building, self.weights)
+        Moments and covariances do not depend on the origin; near the mean they lose the fewest
+        digits.
+        """
+        if name not in self.centres:
+            self.centres[name] = values.mean(axis=0)
+        return values - self.centres[name]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,8 +104,12 @@ class Metric(ABC):
         return ("",)
 
     @abstractmethod
-    def start(self, stream: Stream) -> Accumulator:
-        """Start to measure a prediction in batches."""
+    def add(self, batch: Batch, sums: Sums) -> None:
+        """Add some nodes; those of a building may come in several batches."""
+
+    @abstractmethod
+    def finish(self, sums: Sums) -> Values:
+        """Return the metric over all batches."""
 
 
 class WholeMetric(Metric):
@@ -135,9 +124,19 @@ class WholeMetric(Metric):
             weights: `[N]` how often the building of each node counts.
         """
 
-    def start(self, stream: Stream) -> Accumulator:
-        """Start to keep the batches."""
-        return _Whole(self, stream.weights)
+    def add(self, batch: Batch, sums: Sums) -> None:
+        """Keep a batch."""
+        sums.batches.append(batch)
+
+    def finish(self, sums: Sums) -> Values:
+        """Measure the joined batches under every weight."""
+        parts = [batch.prediction for batch in sums.batches]
+        truth = join_truths([part.truth for part in parts])
+        whole = Prediction(truth, join([part.expectation for part in parts]))
+        numbers = np.concatenate([batch.building for batch in sums.batches])
+        found = [self.measure(whole, column) for column in sums.weights[numbers].astype(float).T]
+        values = {key: np.array([one[key] for one in found], dtype=float) for key in found[0]}
+        return Values(values, {key: len(whole.rows[key[0]]) for key in values})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,12 +158,32 @@ class NodeMetric(Metric):
         """The four moments, or none."""
         return MOMENTS if self.spread else ("",)
 
-    def start(self, stream: Stream) -> Accumulator:
-        """Start to sum the powers of the values."""
-        return _NodePowers(self, stream.width)
+    def add(self, batch: Batch, sums: Sums) -> None:
+        """Add the powers of the values, about the mean of the first batch."""
+        values = self._evaluate(batch.prediction)
+        for name in self.over:
+            rows = batch.prediction.rows[name]
+            rows = rows[~np.isnan(values[rows])]
+            if len(rows):
+                shifted = sums.shift(name, values[rows])
+                sums.nodes[name] += len(rows)
+                sums.add(name, batch.sum(rows, shifted[:, None] ** self._powers))
 
-    def evaluate_nodes(self, prediction: Prediction) -> Floats:
-        """Return the value of every node."""
+    def finish(self, sums: Sums) -> Values:
+        """Return the moments, or the mean."""
+        found: dict[Key, Floats] = {}
+        none = np.zeros((sums.weights.shape[1], len(self._powers)))
+        for name in self.over:
+            centre = float(sums.centres.get(name, np.nan))
+            moments = moments_of_sums(sums.totals.get(name, none), centre=centre)
+            found |= {(name, part): v for part, v in zip(self.parts, moments, strict=True)}
+        return Values(found, {key: sums.nodes[key[0]] for key in found})
+
+    @property
+    def _powers(self) -> Ints:
+        return np.arange(5 if self.spread else 2)
+
+    def _evaluate(self, prediction: Prediction) -> Floats:
         values = np.asarray(self.values(prediction.truth, prediction.expectation), dtype=float)
         nodes = len(prediction.truth.building)
         if values.shape != (nodes,):
@@ -197,9 +216,24 @@ class CellMetric(_PresenceMetric):
     # function of the K means over cells, `[W, K]`; returns the value, `[W]`
     combine: Callable[[Floats], Floats]
 
-    def start(self, stream: Stream) -> Accumulator:
-        """Start the sums."""
-        return _CellSums(self)
+    def add(self, batch: Batch, sums: Sums) -> None:
+        """Add the number of cells, and the addends."""
+        truth, rows = batch.prediction.truth, batch.prediction.rows["rooms"]
+        presence = batch.prediction.expectation.presence[rows]
+        seen, hidden = truth.inputs[rows] > 0, truth.hidden[rows] > 0
+        for name, keep in select_cells(seen, truth.visited[rows]).items():
+            addends = self.addends(presence, hidden, keep)
+            sums.add(name, batch.sum(rows, np.column_stack([keep.sum(axis=1), addends])))
+            sums.nodes[name] += int(keep.any(axis=1).sum())
+
+    def finish(self, sums: Sums) -> Values:
+        """Combine the means."""
+        values = {}
+        for name, total in sums.totals.items():
+            number = total[:, :1]
+            means = np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0)
+            values["rooms", str(name)] = self.combine(means[:, 1:])
+        return Values(values, {key: sums.nodes[key[1]] for key in values})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,9 +243,18 @@ class RankMetric(_PresenceMetric):
     measure: Literal["auroc", "precision"]  # area under the ROC curve, or average precision
     by_class: bool = False  # whether it is the mean over the classes in which it is defined
 
-    def start(self, stream: Stream) -> Accumulator:
-        """Start to count the cells, once for all metrics of this kind."""
-        return _Ranked(self, stream.rank_cells())
+    def add(self, batch: Batch, sums: Sums) -> None:
+        """Do nothing: cells are counted once for all metrics of this kind."""
+
+    def finish(self, sums: Sums) -> Values:
+        """Return the ranking of the counted cells."""
+        name = self.measure + ("_of_classes" if self.by_class else "")
+        ranks: dict[str, Floats] = getattr(sums.cells.ranks, name)
+        values = {
+            ("rooms", part): mean_known(one) if self.by_class else one
+            for part, one in ranks.items()
+        }
+        return Values(values, {key: sums.cells.rooms[key[1]] for key in values})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,140 +264,32 @@ class CorrelationMetric(Metric):
     # function of the two matrices `[C, C]`, predicted and true
     distance: Callable[[Floats, Floats], float]
 
-    def start(self, stream: Stream) -> Accumulator:
-        """Start to sum counts and their products."""
-        return _Products(self, stream.width)
+    def add(self, batch: Batch, sums: Sums) -> None:
+        """Add counts and their products, predicted and true, over rooms and over buildings."""
+        expectation, truth = batch.prediction.expectation, batch.prediction.truth
+        for side, counts in (("predicted", expectation.totals), ("true", truth.targets)):
+            shifted = sums.shift(side, counts)
+            for name in ("rooms", "building"):
+                rows = batch.prediction.rows[name]
+                sums.add((name, side), _sum_products(batch, rows, shifted[rows]))
+        for name, rows in batch.prediction.rows.items():
+            sums.nodes[name] += len(rows)
 
-
-class _Whole(Accumulator):
-    def __init__(self, metric: WholeMetric, weights: Weights) -> None:
-        self._metric, self._weights = metric, weights
-        self._batches: list[Batch] = []
-
-    def add(self, batch: Batch) -> None:
-        self._batches.append(batch)
-
-    def finish(self) -> Values:
-        parts = [batch.prediction for batch in self._batches]
-        truth = join_truths([part.truth for part in parts])
-        whole = Prediction(truth, join([part.expectation for part in parts]))
-        numbers = np.concatenate([batch.building for batch in self._batches])
-        weights = self._weights[numbers].astype(float)
-        found = [self._metric.measure(whole, column) for column in weights.T]
-        values = {key: np.array([one[key] for one in found], dtype=float) for key in found[0]}
-        return Values(values, {key: len(whole.rows[key[0]]) for key in values})
-
-
-class _NodePowers(Accumulator):
-    """Sums of the powers of the values, about a value of the first batch."""
-
-    def __init__(self, metric: NodeMetric, width: int) -> None:
-        self._metric = metric
-        self._powers = np.arange(5 if metric.spread else 2)
-        self._centre = dict.fromkeys(metric.over, float("nan"))
-        self._nodes = dict.fromkeys(metric.over, 0)
-        self._sums = {name: np.zeros((width, len(self._powers))) for name in metric.over}
-
-    def add(self, batch: Batch) -> None:
-        values = self._metric.evaluate_nodes(batch.prediction)
-        for name in self._metric.over:
-            rows = batch.prediction.rows[name]
-            rows = rows[~np.isnan(values[rows])]
-            if not len(rows):
-                continue
-            if np.isnan(self._centre[name]):  # powers about the mean lose the fewest digits
-                self._centre[name] = float(values[rows].mean())
-            shifted = values[rows] - self._centre[name]
-            self._nodes[name] += len(rows)
-            self._sums[name] += batch.sum(rows, shifted[:, None] ** self._powers)
-
-    def finish(self) -> Values:
-        found: dict[Key, Floats] = {}
-        for name, sums in self._sums.items():
-            four = moments_of_sums(sums, centre=self._centre[name])
-            found |= {(name, part): v for part, v in zip(self._metric.parts, four, strict=False)}
-        return Values(found, {key: self._nodes[key[0]] for key in found})
-
-
-class _CellSums(Accumulator):
-    def __init__(self, metric: CellMetric) -> None:
-        self._metric = metric
-        self._rooms = dict.fromkeys(SELECTIONS, 0)
-        self._sums: dict[str, Floats] = {}  # the first one is the number of cells
-
-    def add(self, batch: Batch) -> None:
-        truth, rows = batch.prediction.truth, batch.prediction.rows["rooms"]
-        presence = batch.prediction.expectation.presence[rows]
-        seen, hidden = truth.inputs[rows] > 0, truth.hidden[rows] > 0
-        for name, keep in select_cells(seen, truth.visited[rows]).items():
-            addends = self._metric.addends(presence, hidden, keep)
-            sums = batch.sum(rows, np.column_stack([keep.sum(axis=1), addends]))
-            self._sums[name] = self._sums[name] + sums if name in self._sums else sums
-            self._rooms[name] += int(keep.any(axis=1).sum())
-
-    def finish(self) -> Values:
-        values = {}
-        for name, sums in self._sums.items():
-            number = sums[:, :1]
-            means = np.divide(sums, number, out=np.full_like(sums, np.nan), where=number > 0)
-            values["rooms", name] = self._metric.combine(means[:, 1:])
-        return Values(values, {("rooms", name): rooms for name, rooms in self._rooms.items()})
-
-
-class _Ranked(Accumulator):
-    def __init__(self, metric: RankMetric, histograms: PresenceHistograms) -> None:
-        self._metric, self._histograms = metric, histograms
-
-    def add(self, batch: Batch) -> None:
-        """Do nothing: the stream counts the cells."""
-
-    def finish(self) -> Values:
-        by_class = self._metric.by_class
-        name = self._metric.measure + ("_of_classes" if by_class else "")
-        ranks: dict[str, Floats] = getattr(self._histograms.ranks, name)
-        return Values(
-            {("rooms", key): mean_known(one) if by_class else one for key, one in ranks.items()},
-            {("rooms", key): rooms for key, rooms in self._histograms.rooms.items()},
-        )
-
-
-class _Products(Accumulator):
-    """Sums of counts and of their products, predicted and true, over rooms and over buildings."""
-
-    def __init__(self, metric: CorrelationMetric, width: int) -> None:
-        self._metric, self._width = metric, width
-        self._nodes = dict.fromkeys(NODE_SETS, 0)
-        self._centre: tuple[Floats, Floats] | None = None  # a covariance does not depend on it
-        self._sums: dict[tuple[str, int], Floats] = {}
-
-    def add(self, batch: Batch) -> None:
-        prediction = batch.prediction
-        counts = (prediction.expectation.totals, prediction.truth.targets)
-        if self._centre is None:
-            self._centre = counts[0].mean(axis=0), counts[1].mean(axis=0)
-        for name, rows in prediction.rows.items():
-            self._nodes[name] += len(rows)
-            if name == "all":  # is the sum of the other two
-                continue
-            for number, (some, centre) in enumerate(zip(counts, self._centre, strict=True)):
-                sums = _sum_products(batch, rows, some[rows] - centre)
-                key = (name, number)
-                self._sums[key] = self._sums[key] + sums if key in self._sums else sums
-
-    def finish(self) -> Values:
+    def finish(self, sums: Sums) -> Values:
+        """Return the distances; sums of all nodes are those of rooms and buildings."""
         values = {}
         for name in NODE_SETS:
-            parts = NODE_SETS[:2] if name == "all" else (name,)
-            both = [
-                np.sum([self._sums[part, number] for part in parts], axis=0) for number in range(2)
-            ]
-            values[name, ""] = np.array(
-                [
-                    self._metric.distance(*(_correlate(one[w]) for one in both))
-                    for w in range(self._width)
-                ]
+            parts = ("rooms", "building") if name == "all" else (name,)
+            predicted, true = (
+                np.sum([sums.totals[part, side] for part in parts], axis=0)
+                for side in ("predicted", "true")
             )
-        return Values(values, {(name, ""): nodes for name, nodes in self._nodes.items()})
+            distances = [
+                self.distance(_correlate(one), _correlate(other))
+                for one, other in zip(predicted, true, strict=True)
+            ]
+            values[name, ""] = np.array(distances)
+        return Values(values, {key: sums.nodes[key[0]] for key in values})
 
 
 def _sum_products(batch: Batch, rows: Ints, values: Floats) -> Floats:
