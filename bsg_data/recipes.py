@@ -69,7 +69,7 @@ class SplitRecipe(Record):
 
 
 class Exploration(Record):
-    """How a robot explores a building under the mask `explore`.
+    """How a robot explores a building under the masks `explore` and `tour`.
 
     A mask hides the fraction f of the objects and shows 1 − f. `not_entered` and `searched` say how
     much of each part lies in whole rooms. The rest is in partly seen rooms. The other masks are
@@ -81,6 +81,8 @@ class Exploration(Record):
     not_entered: tuple[Share, Share] = (0.0, 1.0)
     # share of the shown objects that is in searched rooms: (low, high), uniformly
     searched: tuple[Share, Share] = (0.0, 1.0)
+    # share of the objects in the rooms found that `tour` hides: (low, high), uniformly
+    hidden: tuple[Share, Share] = (0.3, 0.7)
     # probability that a room was seen through the door, if the robot entered a neighbour of it but
     # not the room itself
     glimpsed: Share = 0.5
@@ -98,7 +100,7 @@ class Exploration(Record):
 
     @model_validator(mode="after")
     def _ranges_rise(self) -> Exploration:
-        for name in ("not_entered", "searched", "glimpsed_share"):
+        for name in ("not_entered", "searched", "hidden", "glimpsed_share"):
             low, high = getattr(self, name)
             if low > high:
                 raise ValueError(f"{name}: expected low ≤ high, found {[low, high]}")
@@ -110,17 +112,21 @@ class MaskRecipe(Record):
 
     Attributes:
         strategy: a name of `bsg_data.observation.masks.MASKS`; `uniform` is the paper's.
-        fraction: mean share of a building's objects that the mask hides, 0..1.
+        fraction: mean share of a building's objects that the mask hides, 0..1; under `tour` the
+            share of its rooms that the robot has found.
+        rooms: number of rooms that the robot has found under `tour`, instead of the fraction; a
+            smaller building is found whole.
         seed: seed of the generator.
         withhold: probability that a class is withheld, for each class independently. A withheld
             class is shown only in searched rooms.
         parts: whether an object outside the classes is hidden with the object that it is a part of
             (`bsg_data.scene.class_space.find_wholes`).
-        exploration: further settings of `explore`.
+        exploration: further settings of `explore` and `tour`.
     """
 
     strategy: str = Field(default="uniform", pattern=r"^[a-z][a-z0-9-]*$")
     fraction: float = Field(default=0.5, ge=0.0, le=1.0)
+    rooms: int | None = Field(default=None, ge=1)
     seed: int = Field(default=0, ge=0)
     withhold: Share = 0.0
     parts: bool = False
@@ -132,7 +138,8 @@ class MaskRecipe(Record):
         >>> str(MaskRecipe(strategy="explore", withhold=0.2, parts=True))
         'explore, fraction 0.5, withhold 0.2, parts'
         """
-        words = [self.strategy, f"fraction {self.fraction}"]
+        found = f"{self.rooms} rooms" if self.rooms else f"fraction {self.fraction}"
+        words = [self.strategy, found]
         words += [f"withhold {self.withhold}"] if self.withhold else []
         words += ["parts"] if self.parts else []
         words += ["exploration of its own"] if self.exploration != Exploration() else []

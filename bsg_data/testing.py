@@ -170,8 +170,11 @@ class MaskContract:
 
     def test_views_are_sound(self) -> None:
         """Tell a share from 0 to 1 of every node, and of the building the mean of its rooms'."""
-        for cells, recipe, connections in self.cases():
-            view, _ = _draw(cells, recipe, connections=connections)
+        for building, recipe, connections in self.cases():
+            view, cells, _ = _draw(building, recipe, connections=connections)
+            assert view.nodes[0] == 0, "the building is in the robot's graph"
+            assert (np.diff(view.nodes) > 0).all()
+            assert view.nodes[-1] < len(building)
             assert view.visited.shape == view.hidden_share.shape == (len(cells),)
             assert view.withheld.shape == cells.shape
             assert view.visited.dtype == view.withheld.dtype == bool
@@ -182,9 +185,9 @@ class MaskContract:
 
     def test_no_more_is_hidden_than_is_there(self) -> None:
         """Hide what is there, where the share is 1 all of it, where it is 0 nothing."""
-        for cells, recipe, connections in self.cases():
+        for building, recipe, connections in self.cases():
             for draw in range(3):
-                view, hidden = _draw(cells, recipe, draw=draw, connections=connections)
+                view, cells, hidden = _draw(building, recipe, draw=draw, connections=connections)
                 assert ((hidden >= 0) & (hidden <= cells)).all()
                 everything = (view.hidden_share == 1)[:, None] | view.withheld
                 nothing = (view.hidden_share == 0)[:, None] & ~view.withheld
@@ -218,8 +221,8 @@ class MaskContract:
         keys = [(scene, draw) for scene in ("a", "b") for draw in range(3)]
 
         def sample(scene: str, draw: int) -> tuple[bytes, ...]:
-            view, hidden = _draw(cells, recipe, scene_id=scene, draw=draw)
-            told = (view.visited, view.hidden_share, view.withheld, hidden)
+            view, _, hidden = _draw(cells, recipe, scene_id=scene, draw=draw)
+            told = (view.nodes, view.visited, view.hidden_share, view.withheld, hidden)
             return tuple(array.tobytes() for array in told)
 
         first = {key: sample(*key) for key in keys}
@@ -249,9 +252,11 @@ def _draw(
     scene_id: str = "s",
     draw: int = 0,
     connections: Connections | None = None,
-) -> tuple[View, Counts]:
+) -> tuple[View, Counts, Counts]:
+    """Return a view, the cells in the robot's graph `[N, C]`, and what is hidden of them."""
     view = sample_view(cells.shape, recipe, scene_id=scene_id, draw=draw, connections=connections)
-    return view, sample_hidden(cells, view, recipe, scene_id=scene_id, draw=draw)
+    there = view.cut(cells)
+    return view, there, sample_hidden(there, view, recipe, scene_id=scene_id, draw=draw)
 
 
 def _count_wrong(
@@ -261,10 +266,10 @@ def _count_wrong(
 
     Of the building, the rooms that were entered, and those that were not.
     """
-    view, hidden = _draw(cells, recipe, draw=draw, connections=connections)
-    there, gone = cells.sum(axis=1), hidden.sum(axis=1)
+    view, found, hidden = _draw(cells, recipe, draw=draw, connections=connections)
+    there, gone = found.sum(axis=1), hidden.sum(axis=1)
     wrong = gone - view.hidden_share * there
-    rooms = np.arange(len(cells)) > 0
+    rooms = view.nodes > 0
     return (
         float(gone.sum() - view.hidden_share[0] * there.sum()),
         float(wrong[view.visited & rooms].sum()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Counts, Ints
 from bsg_data.checks.part import NULL, Fault, Words
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.dataset.manifest import FileEntry
 from bsg_data.observation.pairs import (
     fits_pairs,
@@ -25,7 +25,6 @@ from bsg_data.observation.pairs import (
 )
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
-from bsg_data.scene.connections import Connections
 
 
 class PairCheck:
@@ -68,29 +67,43 @@ class PairCheck:
             yield Fault("pairs", f"{scene} is in two files")
 
     def _check_scene(self, where: str, scene: str, pairs: _Pairs) -> Iterator[Fault]:
-        cells, recipe = self._data.cells(scene), self._recipe
-        shape = (recipe.draws, *cells.shape)
-        expected = f"expected draws 0..{shape[0] - 1} of nodes 0..{shape[1] - 1}, in order"
-        if len(pairs.draw) != shape[0] * shape[1]:
-            found = f"{shape[0] * shape[1]} rows, found {len(pairs.draw)}"
-            yield Fault(where, f"{expected}: {found}")
+        cells, draws = self._data.cells(scene), self._recipe.draws
+        nodes = pairs.view.nodes
+        starts = np.flatnonzero(nodes == 0)
+        rising = np.diff(nodes, prepend=-1) > 0
+        rising[starts] = True
+        if (
+            len(starts) != draws
+            or starts[0] != 0
+            or not rising.all()
+            or nodes.max() >= len(cells)
+            or (pairs.draw != np.arange(draws).repeat(np.diff(starts, append=len(nodes)))).any()
+        ):
+            yield Fault(
+                where, f"expected draws 0..{draws - 1} of nodes 0..{len(cells) - 1}, in order"
+            )
             return
-        draws, nodes = np.divmod(np.arange(len(pairs.draw)), shape[1])
-        if (pairs.draw != draws).any() or (pairs.node != nodes).any():
-            yield Fault(where, expected)
-            return
-        inputs, targets = (
-            counts.astype(np.int64).reshape(shape) for counts in (pairs.inputs, pairs.targets)
-        )
+        views = [pairs.view.take(a, b) for a, b in pairwise([*starts.tolist(), len(nodes)])]
+        inputs, targets = (counts.astype(np.int64) for counts in (pairs.inputs, pairs.targets))
+        there = np.concatenate([view.cut(cells) for view in views])
         faults = [
-            *_check_histograms(where, inputs, targets, cells),
+            *_check_histograms(where, inputs, targets, there, starts),
             *_check_view(where, pairs.view, inputs, targets),
         ]
         yield from faults
-        if not faults:
-            known = self._data.connections(scene)
-            if not _is_drawn(pairs.view, inputs, cells, recipe, scene, known):
-                yield Fault(where, "is not the mask of its recipe, or another NumPy drew it")
+        if not faults and not self._is_drawn(scene, views, inputs):
+            yield Fault(where, "is not the mask of its recipe, or another NumPy drew it")
+
+    def _is_drawn(self, scene: str, views: Sequence[View], inputs: Counts) -> bool:
+        """Say whether views and inputs `[P, C]` of a scene follow from the recipe."""
+        drawn, shown, _ = sample_pairs(
+            self._data.cells(scene),
+            self._recipe,
+            scene_id=scene,
+            connections=self._data.connections(scene),
+        )
+        same = all(one.agrees(view) for one, view in zip(drawn, views, strict=True))
+        return same and np.array_equal(shown, inputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +111,6 @@ class _Pairs:
     """The rows of P pairs."""
 
     draw: npt.NDArray[np.int32]  # `[P]` numbers of the masks
-    node: npt.NDArray[np.int32]  # `[P]` nodes of interest
     inputs: npt.NDArray[np.uint16]  # `[P, C]` input histograms
     targets: npt.NDArray[np.uint16]  # `[P, C]` target histograms
     view: View  # view of all rows
@@ -107,7 +119,6 @@ class _Pairs:
     def of(cls, table: pa.Table) -> _Pairs:
         return cls(
             draw=table["draw"].to_numpy(),
-            node=table["node_index"].to_numpy(),
             inputs=histogram_column(table, "input"),
             targets=histogram_column(table, "target"),
             view=read_views(table),
@@ -119,52 +130,34 @@ class _Pairs:
         return replace(
             self,
             draw=self.draw[rows],
-            node=self.node[rows],
             inputs=self.inputs[rows],
             targets=self.targets[rows],
             view=self.view.take(first, last),
         )
 
 
-def _is_drawn(
-    view: View,
-    inputs: Counts,
-    cells: Counts,
-    recipe: PairsRecipe,
-    scene: str,
-    connections: Connections,
-) -> bool:
-    """Say whether pairs `[D, N, C]` and their views follow from the recipe."""
-    views, drawn = sample_pairs(cells, recipe, scene_id=scene, connections=connections)
-    nodes = len(cells)
-    same = all(
-        one.agrees(view.take(draw * nodes, (draw + 1) * nodes)) for draw, one in enumerate(views)
-    )
-    return same and np.array_equal(drawn, inputs)
-
-
 def _check_view(where: str, view: View, inputs: Counts, targets: Counts) -> Iterator[Fault]:
-    """Check that the inputs are possible under the stored view."""
+    """Check that inputs `[P, C]` are possible under the stored view."""
     share, withheld = view.hidden_share, view.withheld.copy()
-    withheld[:: inputs.shape[1]] = False  # the building's row sums the searched rooms
-    seen, there = (counts.reshape(len(share), -1) for counts in (inputs, targets))
+    withheld[view.nodes == 0] = False  # the building's row sums the searched rooms
     if not ((share >= 0) & (share <= 1)).all():
         yield Fault(where, "hidden_share is not from 0 to 1")
-    elif (seen[withheld] > 0).any():
+    elif (inputs[withheld] > 0).any():
         yield Fault(where, "shows objects of a withheld class")
-    elif (seen[share == 1] > 0).any():
+    elif (inputs[share == 1] > 0).any():
         yield Fault(where, "shows objects where hidden_share is 1")
-    elif ((share == 0)[:, None] & ~withheld & (seen < there)).any():
+    elif ((share == 0)[:, None] & ~withheld & (inputs < targets)).any():
         yield Fault(where, "hides objects where hidden_share is 0")
 
 
 def _check_histograms(
-    where: str, inputs: Counts, targets: Counts, cells: Counts
+    where: str, inputs: Counts, targets: Counts, cells: Counts, starts: Ints
 ) -> Iterator[Fault]:
-    if (targets != to_histograms(cells)).any():
+    """Check histograms `[P, C]` of buildings whose first rows are `starts`."""
+    if (targets != stack_histograms(cells, starts)).any():
         yield Fault(where, "target is not the histogram of the objects table")
     if (inputs > targets).any():
         yield Fault(where, "input is above target, but masks only hide objects")
-    null_region = inputs[:, 0] - inputs[:, 1:].sum(axis=1)
-    if (null_region < 0).any() or (null_region > cells[0]).any():
+    null_region = 2 * inputs[starts] - np.add.reduceat(inputs, starts, axis=0)
+    if (null_region < 0).any() or (null_region > cells[starts]).any():
         yield Fault(where, "the building's input is not the sum of its rooms and the null region")

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Counts, Ints
 
 
 def count_cells(
@@ -48,6 +48,13 @@ def to_histograms(cells: Counts) -> Counts:
     """
     histograms = cells.copy()
     histograms[..., 0, :] = cells.sum(axis=-2)
+    return histograms
+
+
+def stack_histograms(cells: Counts, starts: Ints) -> Counts:
+    """Return cells `[K, C]` of several buildings as histograms; `starts` has their first rows."""
+    histograms = cells.copy()
+    histograms[starts] = np.add.reduceat(cells, starts, axis=0)
     return histograms
 
 

@@ -46,16 +46,21 @@ def sample_hidden_draws(
     scene_id: str,
     draws: Sequence[int],
 ) -> Counts:
-    """Sample as `sample_hidden` does, for D views and draws, but faster: `[D, 1 + R, C]`."""
-    hidden = np.empty((len(views), *cells.shape), dtype=cells.dtype)
+    """Sample as `sample_hidden` does, for D views and draws, but faster.
+
+    Of the nodes `[K, C]` that the views have of the building, those of one view after another.
+    """
+    ends = np.cumsum([len(view.nodes) for view in views])
+    hidden = np.empty((ends[-1], cells.shape[1]), dtype=cells.dtype)
     rngs = mask_generators(recipe, scene_id=scene_id, draws=draws, stream="classified")
     hiding, same = None, None
-    for place, (view, rng) in enumerate(zip(views, rngs, strict=True)):
+    for view, rng, end in zip(views, rngs, ends.tolist(), strict=True):
+        there, rows = view.cut(cells), slice(end - len(view.nodes), end)
         if hiding is None or view is not same:
-            hiding, same = _Hiding.under(view, cells), view
-        hidden[place] = hiding.draw(rng)
+            hiding, same = _Hiding.under(view, there), view
+        hidden[rows] = hiding.draw(rng)
         if recipe.withhold:
-            np.copyto(hidden[place], cells, where=view.withheld)
+            np.copyto(hidden[rows], there, where=view.withheld)
     return hidden
 
 

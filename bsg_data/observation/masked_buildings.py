@@ -37,6 +37,7 @@ class MaskedBuildings:
     seen: Observation
     targets: Counts  # [N, C]
     draws: Ints  # [B] number of each mask
+    nodes: Ints  # [N] index of each node in its building
 
     def __len__(self) -> int:
         """Return the number of masked buildings B."""
@@ -57,7 +58,7 @@ class MaskedBuildings:
         chosen = np.asarray(buildings, dtype=np.int64)
         seen = self.seen.take(chosen)
         rows, _ = self.seen.rows_of(chosen)
-        return MaskedBuildings(seen, self.targets[rows], self.draws[chosen])
+        return MaskedBuildings(seen, self.targets[rows], self.draws[chosen], self.nodes[rows])
 
 
 def stack_masked(parts: Sequence[MaskedBuildings]) -> MaskedBuildings:
@@ -66,6 +67,7 @@ def stack_masked(parts: Sequence[MaskedBuildings]) -> MaskedBuildings:
         stack([part.seen for part in parts]),
         np.concatenate([part.targets for part in parts]),
         np.concatenate([part.draws for part in parts]),
+        np.concatenate([part.nodes for part in parts]),
     )
 
 
@@ -114,17 +116,21 @@ def sample_each(
     vocabulary: tuple[str, ...] = (),
 ) -> MaskedBuildings:
     """Sample mask number `draw` of some buildings, each by its own recipe."""
-    seen = []
+    seen, targets, nodes = [], [], []
     for scene, mask in zip(scenes, recipes, strict=True):
-        cells, connections = data.cells(scene), data.connections(scene)
-        view = sample_view(cells.shape, mask, scene_id=scene, draw=draw, connections=connections)
+        every, connections = data.cells(scene), data.connections(scene)
+        view = sample_view(every.shape, mask, scene_id=scene, draw=draw, connections=connections)
+        cells = view.cut(every)
         hidden = sample_hidden(cells, view, mask, scene_id=scene, draw=draw)
         others = see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary)
         seen.append(_observe(data, scene, view, cells - hidden, vocabulary, others))
+        targets.append(to_histograms(cells))
+        nodes.append(view.nodes)
     return MaskedBuildings(
         stack(seen),
-        np.concatenate([to_histograms(data.cells(scene)) for scene in scenes]),
+        np.concatenate(targets),
         np.full(len(scenes), draw, dtype=np.int64),
+        np.concatenate(nodes),
     )
 
 
@@ -171,14 +177,14 @@ def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> 
         hidden = to_cells(targets[a:b]) - seen
         others = _see_stored_others(data, scene, int(draw), view, hidden, vocabulary)
         parts.append(_observe(data, scene, view, seen, vocabulary, others))
-    return MaskedBuildings(stack(parts), targets, draws)
+    return MaskedBuildings(stack(parts), targets, draws, nodes.astype(np.int64))
 
 
 def _require_whole(data: Dataset, scene: str, nodes: Ints) -> None:
     size = len(data.cells(scene))
-    if not np.array_equal(nodes, np.arange(size)):
+    if (np.diff(nodes) <= 0).any() or nodes[-1] >= size:
         raise DatasetError(
-            f"{data.path}: the pairs of {scene} are not for its nodes 0 to {size - 1}; run "
+            f"{data.path}: the pairs of {scene} are not for nodes of 0 to {size - 1}, rising; run "
             "`bsg-data check` for details, `bsg-data pairs --force` to write them again",
             code="pairs-torn",
             where=scene,
@@ -223,17 +229,18 @@ def see_others(
         return np.zeros((len(hidden), 0), dtype=np.int64)
     others = data.others(scene)
     classes = data.manifest.class_space.classes
+    there = view.cut(others.cells)
     gone = sample_hidden_others(
-        others.cells,
+        there,
         view,
         mask,
         scene_id=scene,
         draw=draw,
-        there=data.cells(scene),
+        there=view.cut(data.cells(scene)),
         hidden=hidden,
         wholes=find_wholes(others.categories, classes) if mask.parts else None,
     )
-    return place_others(others.cells - gone, others.categories, vocabulary)
+    return place_others(there - gone, others.categories, vocabulary)
 
 
 def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> Counts:
@@ -253,6 +260,10 @@ def _observe(
     others: Counts,
 ) -> Observation:
     """Return what is seen of a building under a view: cells `[N, C]` and `[N, V]`."""
+    connections, surroundings = data.connections(scene), data.surroundings(scene)
+    if len(view.nodes) < len(surroundings):
+        connections = connections.among(view.nodes)
+        surroundings = surroundings.take(view.nodes, buildings=slice(None))
     return Observation(
         scene_ids=(scene,),
         starts=np.array([0, len(seen)]),
@@ -262,6 +273,6 @@ def _observe(
         withheld=view.withheld,
         vocabulary=vocabulary,
         others=to_histograms(others),
-        connections=data.connections(scene),
-        surroundings=data.surroundings(scene),
+        connections=connections,
+        surroundings=surroundings,
     )

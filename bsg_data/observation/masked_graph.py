@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -40,15 +40,17 @@ def mask_scene(
         draw: its number.
         class_space: of the objects' classes.
     """
-    adjacent = [(edge.source, edge.target) for edge in graph.adjacency]
+    return _mask(graph, recipe, draw=draw, class_space=class_space)[0]
+
+
+def _mask(
+    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpace
+) -> tuple[PartialGraph, Counts]:
+    """Return the partial graph, and the true histograms `[N, C]` of its nodes."""
+    ways = Connections.of_pairs((edge.source, edge.target) for edge in graph.adjacency)
     cells, others, kinds, categories = _count(graph, len(class_space.classes))
-    view = sample_view(
-        cells.shape,
-        recipe,
-        scene_id=graph.scene_id,
-        draw=draw,
-        connections=Connections.of_pairs(adjacent),
-    )
+    view = sample_view(cells.shape, recipe, scene_id=graph.scene_id, draw=draw, connections=ways)
+    cells, others = view.cut(cells), view.cut(others)
     hidden = sample_hidden(cells, view, recipe, scene_id=graph.scene_id, draw=draw)
     unseen = sample_hidden_others(
         others,
@@ -61,23 +63,29 @@ def mask_scene(
         wholes=find_wholes(categories, class_space.classes) if recipe.parts else None,
     )
     left = np.concatenate([cells - hidden, others - unseen], axis=1)
-    return PartialGraph(
+    place = {node: row for row, node in enumerate(view.nodes.tolist())}
+    partial = PartialGraph(
         scene_id=graph.scene_id,
         class_space=class_space,
         hidden_share=float(view.hidden_share[0]),
-        rooms=tuple(_know(room, view) for room in graph.rooms),
-        objects=tuple(_see(graph, kinds, left)),
-        adjacency=tuple(adjacent),
+        rooms=tuple(
+            _know(room, view, place[room.room_index])
+            for room in graph.rooms
+            if room.room_index in place
+        ),
+        objects=tuple(_see(graph, kinds, left, place)),
+        adjacency=tuple((a, b) for a, b in ways.among(view.nodes).pairs.tolist()),
         building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
         source=graph.source,
     )
+    return partial, to_histograms(cells)
 
 
-def _know(room: Room, view: View) -> KnownRoom:
+def _know(room: Room, view: View, row: int) -> KnownRoom:
     return KnownRoom(
         name=str(room.region_id),
-        hidden_share=float(view.hidden_share[room.room_index]),
-        visited=bool(view.visited[room.room_index]),
+        hidden_share=float(view.hidden_share[row]),
+        visited=bool(view.visited[row]),
         label=room.source_label,
         position=room.centroid,
         box=room.box,
@@ -88,14 +96,19 @@ def _know(room: Room, view: View) -> KnownRoom:
     )
 
 
-def _see(graph: SceneGraph, kinds: Sequence[int], left: Counts) -> Iterator[SeenObject]:
+def _see(
+    graph: SceneGraph, kinds: Sequence[int], left: Counts, place: Mapping[int, int]
+) -> Iterator[SeenObject]:
     """Yield the first objects of each room and kind, as many as are `left` `[N, K]`."""
     for obj, kind in zip(graph.objects, kinds, strict=True):
-        left[obj.room_index, kind] -= 1
-        if left[obj.room_index, kind] >= 0:
+        row = place.get(obj.room_index)
+        if row is None:  # in a room that was not found
+            continue
+        left[row, kind] -= 1
+        if left[row, kind] >= 0:
             yield SeenObject(
                 str(obj.instance_id),
-                obj.room_index,
+                row,
                 obj.raw_category,
                 obj.category,
                 obj.class_index,
@@ -119,8 +132,7 @@ def mask_dataset(
     data = Dataset.open(dataset)
     for graph in read_scene_graphs(dataset):
         if graph.scene_id in scenes:
-            left = mask_scene(graph, recipe, draw=draw, class_space=data.manifest.class_space)
-            yield left, to_histograms(data.cells(graph.scene_id))
+            yield _mask(graph, recipe, draw=draw, class_space=data.manifest.class_space)
 
 
 def _count(graph: SceneGraph, classes: int) -> tuple[Counts, Counts, list[int], tuple[str, ...]]:

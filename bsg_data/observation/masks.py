@@ -14,8 +14,12 @@ shares are right in the mean. `MASKS` has one row for each mask:
   cases: they use the same code with other values of `bsg_data.recipes.Exploration`.
 - `search`: moments of an object search. Every room is partly seen, then none to half of the rooms
   are searched. The fraction applies to the rooms that are not searched.
-- `mixed`: each draw of each building uses one of the five masks above, with equal probability. The
-  view does not say which. A model trained under it fits any way of exploring.
+- `tour`: a building that is being found. The robot goes from room to room, and has found some
+  rooms; the others are not in its graph. Those that it found it explored as under `explore`. The
+  fraction is the share of the rooms that it found.
+- `mixed`: six draws in ten use `tour`, with any number of rooms, the others one of the five masks
+  above it, with equal probability. The view does not say which. A model trained under it fits any
+  way of exploring.
 
 Each mask can also withhold classes, and hide parts of objects with the objects (`MaskRecipe`).
 
@@ -29,7 +33,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, repeat
 
@@ -45,6 +49,8 @@ from bsg_data.scene.connections import Connections
 # A glimpsed room shows something, so partly seen rooms hide more to keep the building's fraction.
 # They give up at most this part of what they show.
 _GLIMPSES_OF_SHOWN = 0.5
+_TOURS = 0.6  # of the draws of `mixed`
+_BESIDE = 2  # places in the list of rooms: a source lists rooms that are near one after the other
 
 
 class Mask(ABC):
@@ -163,10 +169,70 @@ class _Search(Mask):
         return half_seen.search(rooms)
 
 
-class _Mixed(Mask):
-    """See each building under one of several other masks, all equally likely."""
+class _Tour(Mask):
+    """Find some rooms of a building, and explore these."""
 
-    summary = "each draw one of uniform, rooms, frontier, explore and search, equally likely"
+    summary = "a building that is being found: rooms that were not are not in the graph"
+    reads_connections = True
+
+    def look(
+        self,
+        shape: tuple[int, int],
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> View:
+        """Find the share of the rooms that the recipe says, at least one, or its number of them."""
+        number = max(1, round(recipe.fraction * (shape[0] - 1)))
+        hidden = float(rng.uniform(*recipe.exploration.hidden))
+        return self.find(
+            recipe.rooms or number,
+            shape,
+            recipe.model_copy(update={"fraction": hidden}),
+            connections=connections,
+            rng=rng,
+        )
+
+    def find(
+        self,
+        number: int,
+        shape: tuple[int, int],
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> View:
+        """Find a number of rooms, and enter none to all of them, each number equally likely.
+
+        A robot that has entered none was told of them. The fraction is hidden of those entered.
+        """
+        rooms = shape[0] - 1
+        ways, nodes = connections, np.arange(shape[0])
+        if number < rooms:
+            ways = connections if len(connections) else _follow_list(rooms)
+            walked = _walk(rooms, number, recipe.exploration, ways, rng)[:number]
+            nodes = np.concatenate([[0], 1 + np.sort(walked)])
+            ways = ways.among(nodes)
+        found = len(nodes) - 1
+        entered = int(rng.integers(found + 1))
+        if not entered and found:
+            nobody = np.zeros(found, dtype=bool)
+            told = View.of_rooms(np.ones(found), classes=shape[1], entered=nobody)
+            return replace(told, nodes=nodes)
+        outside = found - entered
+        hidden = (outside + entered * recipe.fraction) / max(found, 1)
+        closed = outside / (hidden * found) if hidden else 0.0
+        plan = recipe.exploration.model_copy(update={"not_entered": (closed, closed)})
+        explored = recipe.model_copy(update={"fraction": hidden, "exploration": plan})
+        seen = EXPLORE.look((len(nodes), shape[1]), explored, connections=ways, rng=rng)
+        return replace(seen, nodes=nodes)
+
+
+class _Mixed(Mask):
+    """See each building under one of several other masks, most often `tour`."""
+
+    summary = "six draws in ten tour, the others uniform, rooms, frontier, explore or search"
     reads_connections = True
     parts = ("uniform", "rooms", "frontier", "explore", "search")
 
@@ -182,8 +248,11 @@ class _Mixed(Mask):
 
         The shares of each mask are right in the mean, and the choice does not look at the objects.
         So the shares of the mixture are right, too. The building hides the fraction, less what
-        `search` shows.
+        `search` shows. A tour finds k rooms with log k uniform: robots begin with one.
         """
+        if rng.random() < _TOURS and shape[0] > 1:
+            number = int(shape[0] ** rng.random())
+            return TOUR.find(number, shape, recipe, connections=connections, rng=rng)
         chosen = MASKS[self.parts[int(rng.integers(len(self.parts)))]]
         return chosen.look(shape, recipe, connections=connections, rng=rng)
 
@@ -198,6 +267,7 @@ MASKS: Registry[Mask] = Registry(
         "frontier": "bsg_data.observation.masks:FRONTIER",
         "explore": "bsg_data.observation.masks:EXPLORE",
         "search": "bsg_data.observation.masks:SEARCH",
+        "tour": "bsg_data.observation.masks:TOUR",
         "mixed": "bsg_data.observation.masks:MIXED",
     },
 )
@@ -219,7 +289,7 @@ FRONTIER = _Exploring(
     Exploration(not_entered=(0.5, 0.5), searched=(0, 0), glimpsed=0, spread=0),
 )
 EXPLORE = _Exploring("what robots really have: rooms searched, half seen, glimpsed or not entered")
-SEARCH, MIXED = _Search(), _Mixed()
+SEARCH, TOUR, MIXED = _Search(), _Tour(), _Mixed()
 
 
 def sample_view(
@@ -294,6 +364,15 @@ def _walk(
         frontier |= neighbours[room]
         order.append(room)
     return np.concatenate([np.array(order, dtype=np.int64), np.flatnonzero(~inside)])
+
+
+def _follow_list(rooms: int) -> Connections:
+    """Return connections between rooms that are near in the list of a building's rooms."""
+    return Connections.of_pairs(
+        (room, other)
+        for room in range(1, rooms + 1)
+        for other in range(room + 1, min(room + _BESIDE, rooms) + 1)
+    )
 
 
 def _find_beside(inside: Ints, outside: Ints, number: int, connections: Connections) -> Ints:

@@ -15,7 +15,7 @@ import pyarrow as pa
 from bsg_data.arrays import Counts
 from bsg_data.dataset.commit import name_by_content, revise
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import open_listed, writing_parquet
@@ -46,9 +46,10 @@ def sample_pairs(
     scene_id: str,
     connections: Connections | None = None,
     draws: range | None = None,
-) -> tuple[tuple[View, ...], Counts]:
-    """Sample the masks of one building: D views, and inputs `[D, N, C]`, row 0 the building.
+) -> tuple[tuple[View, ...], Counts, Counts]:
+    """Sample the masks of one building: D views, their inputs and their targets.
 
+    Both are histograms `[K, C]` of the nodes that the views have, those of one after another.
     `cells` `[N, C]` are its classified objects, row 0 the null region; `draws` the numbers of the
     D draws, by default all of the recipe.
     """
@@ -58,7 +59,9 @@ def sample_pairs(
     )
     views = tuple(sampled)
     hidden = sample_hidden_draws(cells, views, recipe.mask, scene_id=scene_id, draws=numbers)
-    return views, to_histograms(cells - hidden)
+    there = np.concatenate([view.cut(cells) for view in views])
+    starts = np.cumsum([0, *(len(view.nodes) for view in views[:-1])])
+    return views, stack_histograms(there - hidden, starts), stack_histograms(there, starts)
 
 
 def write_pairs(
@@ -168,7 +171,8 @@ def read_views(table: pa.Table) -> View:
     chunks = [chunk.flatten().to_numpy(zero_copy_only=False) for chunk in table["withheld"].chunks]
     withheld = np.concatenate([np.zeros(0, dtype=bool), *chunks]).reshape(-1, classes)
     shares = table["hidden_share"].to_numpy().astype(np.float64)
-    return View(table["visited"].to_numpy(), shares, withheld)
+    nodes = table["node_index"].to_numpy().astype(np.int64)
+    return View(table["visited"].to_numpy(), shares, withheld, nodes)
 
 
 def split_of_file(path: str) -> str:
@@ -213,14 +217,14 @@ def _scene_batches(
     at_once = max(1, ROWS_PER_GROUP // nodes)
     for first in range(0, recipe.draws, at_once):
         draws = range(first, min(first + at_once, recipe.draws))
-        views, inputs = sample_pairs(
+        views, inputs, targets = sample_pairs(
             cells, recipe, scene_id=scene, connections=connections, draws=draws
         )
-        targets = np.broadcast_to(to_histograms(cells), inputs.shape)
+        sizes = [len(view.nodes) for view in views]
         columns = [
-            pa.array([scene]).take(pa.array(np.zeros(len(draws) * nodes, dtype=np.int32))),
-            pa.array(np.repeat(np.array(draws, dtype=np.int32), nodes)),
-            pa.array(np.tile(np.arange(nodes, dtype=np.int32), len(draws))),
+            pa.array([scene]).take(pa.array(np.zeros(len(inputs), dtype=np.int32))),
+            pa.array(np.repeat(np.array(draws, dtype=np.int32), sizes)),
+            pa.array(np.concatenate([view.nodes for view in views]).astype(np.int32)),
             pa.array(np.concatenate([view.visited for view in views])),
             pa.array(np.concatenate([view.told for view in views])),
             _lists(np.concatenate([view.withheld for view in views]), schema.field("withheld")),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +22,8 @@ class View:
         visited: `[N]` whether the robot was there; always true for the building (0).
         hidden_share: `[N]` hidden share of each node. The building's is the mean of its rooms',
             because the robot knows the number of rooms but not their objects.
+        nodes: `[N]` index in the building of each node, rising from 0; rooms that the robot has not
+            found are missing.
         withheld: `[N, C]` whether a class is withheld at a node.
         exact: whether the nodes of one share s lose exactly ⌊s · their objects⌋ together;
             otherwise each object is hidden independently.
@@ -30,6 +32,7 @@ class View:
     visited: Bools
     hidden_share: Floats
     withheld: Bools
+    nodes: Ints
     exact: bool = False
 
     @classmethod
@@ -55,7 +58,31 @@ class View:
         share = np.concatenate([[alone], shares])
         share[0] = _share_of_building(share)
         withheld = np.zeros((len(share), classes), dtype=bool)
-        return cls(np.concatenate([[True], inside]), share, withheld, exact)
+        visited = np.concatenate([[True], inside])
+        return cls(visited, share, withheld, np.arange(len(share)), exact)
+
+    def cut(self, cells: Counts) -> Counts:
+        """Return the rows of cells `[1 + R, K]` that are in the robot's graph, `[N, K]`.
+
+        Objects in no room are only in the graph of a robot that has found all rooms.
+        """
+        if len(self.nodes) == len(cells):
+            return cells
+        found = cells[self.nodes]
+        found[0] = 0
+        return found
+
+    def in_building(self, nodes: int) -> View:
+        """Return the view with all nodes of a building; rooms that were not found hide all."""
+        if len(self.nodes) == nodes:
+            return self
+        shares, entered = np.ones(nodes), np.zeros(nodes, dtype=bool)
+        shares[self.nodes], entered[self.nodes] = self.hidden_share, self.visited
+        whole = View.of_rooms(
+            shares[1:], classes=self.withheld.shape[1], entered=entered[1:], exact=self.exact
+        )
+        classes: Bools = np.asarray(self.withheld.any(axis=0))
+        return whole.withhold(classes)
 
     def take(self, first: int, last: int) -> View:
         """Return the view of the nodes from `first` to before `last`."""
@@ -65,6 +92,7 @@ class View:
             visited=self.visited[rows],
             hidden_share=self.hidden_share[rows],
             withheld=self.withheld[rows],
+            nodes=self.nodes[rows],
         )
 
     def search(self, rooms: Bools) -> View:
@@ -85,7 +113,8 @@ class View:
     def agrees(self, other: View) -> bool:
         """Say whether two views are equal, with shares in single precision."""
         return (
-            np.array_equal(self.visited, other.visited)
+            np.array_equal(self.nodes, other.nodes)
+            and np.array_equal(self.visited, other.visited)
             and np.array_equal(self.told, other.told)
             and np.array_equal(self.withheld, other.withheld)
         )

@@ -39,6 +39,11 @@ class Connections:
         """Return some of the connections."""
         return Connections(self.pairs[rows], self.methods[rows], self.lengths[rows])
 
+    def among(self, nodes: npt.NDArray[np.int64]) -> Connections:
+        """Return the connections between some nodes, whose indices rise, by their place there."""
+        kept = self.take(np.flatnonzero(np.isin(self.pairs, nodes).all(axis=1)))
+        return Connections(np.searchsorted(nodes, kept.pairs), kept.methods, kept.lengths)
+
 
 def stack_connections(parts: Sequence[Connections], offsets: Sequence[int]) -> Connections:
     """Return the connections of several buildings, moved by the first node of each."""

@@ -150,6 +150,7 @@ class _MeasuredNodes:
 
     pairs: pd.MultiIndex
     starts: Ints
+    nodes: Ints  # `[N]` index of each in its building
     hides: Bools
     is_building: Bools
 
@@ -160,14 +161,22 @@ class _MeasuredNodes:
             (
                 *_key_of(masked),
                 np.diff(masked.seen.starts),
+                masked.nodes,
                 (masked.seen.cell_share > 0).any(axis=1),
                 masked.seen.is_building,
             )
             for masked in batches
         ]
-        scenes, draws, sizes, hides, buildings = map(np.concatenate, zip(*parts, strict=True))
+        scenes, draws, sizes, *columns = map(np.concatenate, zip(*parts, strict=True))
         starts = np.concatenate([[0], np.cumsum(sizes)])
-        return cls(pd.MultiIndex.from_arrays([scenes, draws]), starts, hides, buildings)
+        return cls(pd.MultiIndex.from_arrays([scenes, draws]), starts, *columns)
+
+    def find(self, pairs: Ints, nodes: Ints) -> Ints:
+        """Return the row of each pair's node; −1 where the pair has no such node."""
+        size = int(self.nodes.max(initial=0)) + 1
+        own = np.arange(len(self.pairs)).repeat(np.diff(self.starts)) * size + self.nodes
+        asked = np.where((nodes >= 0) & (nodes < size), pairs * size + nodes, -1)
+        return np.asarray(pd.Index(own).get_indexer(pd.Index(asked)))
 
 
 def _key_of(masked: MaskedBuildings) -> tuple[npt.NDArray[np.object_], Ints]:
@@ -178,12 +187,12 @@ def _find_cells(rows: pd.DataFrame, nodes: _MeasuredNodes, classes: Sequence[str
     """Return the number of the (node, class) cell of each row."""
     label = pd.Index(classes).get_indexer(pd.Index(rows["class"]))
     pair = nodes.pairs.get_indexer(pd.MultiIndex.from_frame(rows[["scene_id", "draw"]]))
-    node = rows["node_index"].to_numpy()
     _require(rows, rows["scene_id"].isin(nodes.pairs.levels[0]), "scene")
     _require(rows, label >= 0, "class")
     _require(rows, pair >= 0, "draw")
-    _require(rows, (node >= 0) & (node < np.diff(nodes.starts)[pair]), "node")
-    cells = (nodes.starts[pair] + node) * len(classes) + label
+    row = nodes.find(pair, rows["node_index"].to_numpy())
+    _require(rows, row >= 0, "node")
+    cells = row * len(classes) + label
     _require(rows, ~pd.Series(cells).duplicated(), "twice")
     return np.asarray(cells)
 
@@ -192,7 +201,7 @@ _WHY = {
     "scene": "is of a scene that is not measured here",
     "class": "is of a class that the class space does not have",
     "draw": "is of a draw that the pairs do not have",
-    "node": "its building has no such node",
+    "node": "its masked building has no such node",
     "twice": "is there twice; expected one row of each",
 }
 
@@ -223,7 +232,7 @@ def _require_all(
     for node, label in missing[:_LISTED].tolist():
         pair = int(np.searchsorted(nodes.starts, node, side="right")) - 1
         scene, draw = nodes.pairs[pair]
-        place = f"scene {scene}, draw {draw}, node {node - int(nodes.starts[pair])}"
+        place = f"scene {scene}, draw {draw}, node {nodes.nodes[node]}"
         listed.append(f"{place}, class {classes[label]}")
     raise PredictionError(
         f"{path}: {len(missing):,} of {int(needed.sum()) * len(classes):,} rows are missing: "

@@ -60,7 +60,7 @@ class ModelBeliefs:
         for draw in np.unique(draws).tolist():
             view = sample_view(
                 shape, mask, scene_id=scene_id, draw=draw, connections=self._connections
-            )
+            ).in_building(shape[0])
             hidden = sample_hidden(self._cells, view, mask, scene_id=scene_id, draw=draw)
             others = see_others(
                 data, scene_id, mask, draw, view, hidden, vocabulary=model.vocabulary

@@ -30,7 +30,15 @@ from bsg_data import extend
 
 @click.command("pairs", cls=Command)
 @dataset_argument
-@mask_options("How to hide objects.", "Share of a building's objects to hide.")
+@mask_options(
+    "How to hide objects.",
+    "Share of a building's objects to hide; under tour, of its rooms to find.",
+)
+@click.option(
+    "--rooms",
+    type=click.IntRange(min=1),
+    help="With --mask tour: number of rooms that were found, instead of --fraction of them.",
+)
 @click.option(
     "--draws",
     type=click.IntRange(min=1),
@@ -48,6 +56,7 @@ def command(
     fraction: float,
     withhold: float,
     parts: bool,
+    rooms: int | None,
     draws: int,
     seed: int,
     workers: Workers,
@@ -60,6 +69,7 @@ def command(
     Example:
       bsg-data pairs dataset --mask uniform --fraction 0.5 --draws 10
       bsg-data pairs dataset --mask explore --withhold 0.2 --force
+      bsg-data pairs dataset --mask tour --rooms 3 --force
     """
     chosen = {
         "strategy": mask,
@@ -67,6 +77,7 @@ def command(
         "seed": seed,
         "withhold": withhold,
         "parts": parts,
+        "rooms": rooms,
     }
     recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(chosen), draws=draws)
     left_out: list[str] = []

@@ -69,7 +69,9 @@ class Careless(Mask):
     def look(self, shape: tuple[int, int], recipe: MaskRecipe, **given: object) -> View:
         """Draw from a generator of its own."""
         share = np.concatenate([[0.99], CHANCE.uniform(0.2, 0.8, shape[0] - 1)])
-        return View(np.ones(shape[0], dtype=bool), share, np.zeros(shape, dtype=bool))
+        return View(
+            np.ones(shape[0], dtype=bool), share, np.zeros(shape, dtype=bool), np.arange(shape[0])
+        )
 
 
 CHANCE = np.random.default_rng(0)

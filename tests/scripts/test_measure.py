@@ -75,7 +75,11 @@ def case() -> Case:
         ("a",),
     )
     found = from_hidden_counts(INPUTS.astype(float), poisson(-np.log1p(-PRESENCE)))
-    return truth, MaskedBuildings(seen, INPUTS + HIDDEN, np.zeros(1, dtype=np.int64)), found
+    return (
+        truth,
+        MaskedBuildings(seen, INPUTS + HIDDEN, np.zeros(1, dtype=np.int64), np.arange(len(INPUTS))),
+        found,
+    )
 
 
 def test_views_are_told_apart_and_the_building_is_none_of_them(case: Case) -> None:

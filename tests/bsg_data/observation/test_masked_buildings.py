@@ -38,7 +38,8 @@ def masked() -> MaskedBuildings:
             observe_building([[4], [4]], scene_id="c"),
         ]
     )
-    return MaskedBuildings(seen, np.array([[6], [2], [4], [7], [9], [9]]), np.array([0, 5, 2]))
+    targets = np.array([[6], [2], [4], [7], [9], [9]])
+    return MaskedBuildings(seen, targets, np.array([0, 5, 2]), np.array([0, 1, 2, 0, 0, 1]))
 
 
 def test_hidden_is_what_is_there_and_was_not_seen(masked: MaskedBuildings) -> None:

@@ -27,7 +27,7 @@ from bsg_data.observation.view import View
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.scene.connections import Connections
 
-STRATEGIES = ("uniform", "rooms", "frontier", "explore", "search", "mixed")
+STRATEGIES = ("uniform", "rooms", "frontier", "explore", "search", "tour", "mixed")
 FRACTIONS = (0.1, 0.3, 0.5, 0.7, 0.9)
 ROW = Connections.of_pairs([(room, room + 1) for room in range(1, 12)])
 cells_strategy = hnp.arrays(
@@ -62,7 +62,7 @@ def draw_mask(
     cells: Counts, recipe: MaskRecipe, draw: int = 0, connections: Connections | None = None
 ) -> tuple[View, Counts]:
     view = sample_view(cells.shape, recipe, scene_id="s", draw=draw, connections=connections)
-    return view, sample_hidden(cells, view, recipe, scene_id="s", draw=draw)
+    return view, sample_hidden(view.cut(cells), view, recipe, scene_id="s", draw=draw)
 
 
 def draw_views(recipe: MaskRecipe, rooms: int, draws: int = 300) -> Iterator[View]:
@@ -75,16 +75,17 @@ def draw_views(recipe: MaskRecipe, rooms: int, draws: int = 300) -> Iterator[Vie
 def test_any_mask(cells: Counts, recipe: MaskRecipe, draw: int, connect: bool) -> None:
     row = Connections.of_pairs([(room, room + 1) for room in range(1, len(cells) - 1)])
     view, hidden = draw_mask(cells, recipe, draw, row if connect else None)
+    found = view.cut(cells)
     assert (hidden >= 0).all()
-    assert (hidden <= cells).all()
+    assert (hidden <= found).all()
     assert view.visited[0]
     assert ((view.hidden_share >= 0) & (view.hidden_share <= 1)).all()
     everything = (view.hidden_share == 1)[:, None] | view.withheld
-    assert (hidden == cells)[everything].all()
+    assert (hidden == found)[everything].all()
     assert (hidden[(view.hidden_share == 0)[:, None] & ~view.withheld] == 0).all()
     assert not view.withheld[view.hidden_share == 0].any()
-    inputs = to_histograms(cells - hidden)
-    assert (inputs[0] == (cells - hidden).sum(axis=0)).all()
+    inputs = to_histograms(found - hidden)
+    assert (inputs[0] == (found - hidden).sum(axis=0)).all()
     again = draw_mask(cells, recipe, draw, row if connect else None)
     assert again[0].agrees(view)
     assert (again[1] == hidden).all()
@@ -202,16 +203,21 @@ def test_what_is_told_is_true_in_the_mean(strategy: str, fraction: float) -> Non
     errors, fractions = np.zeros((draws, 1 + 2 * len(cells))), np.zeros(draws)
     for draw in range(draws):
         view, hidden = draw_mask(cells, MaskRecipe(strategy=strategy, fraction=fraction), draw)
-        gone = hidden.sum(axis=1)
-        wrong = gone - view.hidden_share * there
-        errors[draw, 0] = gone.sum() - view.hidden_share[0] * there.sum()
-        errors[draw, 1:] = np.concatenate([wrong * view.visited, wrong * ~view.visited])
+        gone, found = hidden.sum(axis=1), view.cut(cells).sum(axis=1)
+        wrong = gone - view.hidden_share * found
+        errors[draw, 0] = gone.sum() - view.hidden_share[0] * found.sum()
+        errors[draw, 1 + view.nodes] = wrong * view.visited
+        errors[draw, 1 + len(cells) + view.nodes] = wrong * ~view.visited
         fractions[draw] = view.hidden_share[0]
     errors /= there.sum()
     deviation = errors.std(axis=0) / np.sqrt(draws)
     assert deviation.max() < 0.005
+    if strategy == "tour":  # rooms in the middle of the list are found and entered more often
+        errors = errors[:, 1:]
+        deviation = deviation[1:]
     assert (np.abs(errors.mean(axis=0)) < 0.01 + 3 * deviation).all()
-    if strategy not in ("search", "mixed"):  # a search's is that of rooms that were not searched
+    # a search's is that of rooms that were not searched, a tour's that of the rooms found
+    if strategy not in ("search", "tour", "mixed"):
         assert fractions.mean() == pytest.approx(fraction, abs=0.001 + 4 * fractions.std() / 31)
 
 
@@ -339,25 +345,68 @@ def test_nothing_of_a_withheld_class_is_shown_outside_searched_rooms(strategy: s
         share.append(classes.mean())
         searched = view.hidden_share == 0
         assert (view.withheld == classes & ~searched[:, None]).all()
-        assert (hidden[view.withheld] == 3).all()
+        assert (hidden == view.cut(cells))[view.withheld].all()
         assert (hidden[~view.withheld] == hidden_before[~view.withheld]).all()
         assert view.hidden_share.tolist() == before.hidden_share.tolist()
     assert np.mean(share) == pytest.approx(0.2, abs=0.03)
 
 
 def test_mixed_is_each_of_the_others_as_often() -> None:
-    """Over 1,000 draws, against the look of the mask that the generator chooses; by chi-square."""
+    """Over 1,000 draws, against the look of the mask that the generator chooses; by chi-square.
+
+    Six in ten are tours of one room to all, with the logarithm of their number uniform.
+    """
     recipe, numbers = MaskRecipe(strategy="mixed", fraction=0.4, seed=2), np.zeros(5)
+    found = np.zeros(10)
     connections = ROW.take(slice(0, 8))
     for draw in range(1000):
         told = sample_view((10, 2), recipe, scene_id="s", draw=draw, connections=connections)
         rng = mask_generator(recipe, scene_id="s", draw=draw, stream="rooms")
+        if rng.random() < 0.6:
+            found[len(told.nodes) - 1] += 1
+            continue
         number = int(rng.integers(5))
         one = MASKS[STRATEGIES[number]].look((10, 2), recipe, connections=connections, rng=rng)
         assert told.agrees(one)
         assert told.exact == (STRATEGIES[number] == "uniform")
         numbers[number] += 1
     assert stats.chisquare(numbers).pvalue > 1e-3
+    assert stats.binomtest(int(found.sum()), 1000, 0.6).pvalue > 1e-3
+    assert stats.chisquare(found[1:], found.sum() * np.diff(np.log10(range(1, 11)))).pvalue > 1e-3
+
+
+def test_a_tour_finds_rooms_over_connections() -> None:
+    """The share of the rooms that it says, or their number; all of a smaller building."""
+    graph = nx.path_graph(range(1, 13))
+    kinds = set()
+    for fraction, number in ((0.0, 1), (0.3, 4), (0.5, 6), (0.9, 11), (1.0, 12)):
+        for view in draw_views(MaskRecipe(strategy="tour", fraction=fraction), 12, 40):
+            rooms = view.nodes[1:].tolist()
+            assert len(rooms) == number
+            assert nx.is_connected(graph.subgraph(rooms))
+            shows = (view.hidden_share[1:] < 1).tolist()
+            kinds |= set(zip(view.visited[1:].tolist(), shows, strict=True))
+    assert kinds == {(True, True), (False, False), (False, True)}, "entered, not, glimpsed"
+    for number in (1, 5, 12, 30):
+        (view,) = draw_views(MaskRecipe(strategy="tour", rooms=number), 12, 1)
+        assert len(view.nodes) == 1 + min(number, 12)
+
+
+def test_a_tour_without_connections_goes_to_rooms_that_are_near_in_the_list() -> None:
+    for draw in range(60):
+        view = sample_view((41, 1), MaskRecipe(strategy="tour", rooms=6), scene_id="s", draw=draw)
+        assert (np.diff(view.nodes[1:]) <= 2).all()
+
+
+def test_objects_in_no_room_are_in_no_graph_of_a_part() -> None:
+    cells = np.full((5, 2), 3)
+    part, whole = (
+        sample_view(cells.shape, MaskRecipe(strategy="tour", rooms=rooms), scene_id="s", draw=0)
+        for rooms in (2, 4)
+    )
+    assert part.cut(cells).tolist() == [[0, 0], [3, 3], [3, 3]]
+    assert whole.cut(cells).tolist() == cells.tolist()
+    assert part.in_building(5).hidden_share[[n for n in range(1, 5) if n not in part.nodes]].all()
 
 
 def test_objects_without_a_class_are_hidden_under_the_same_view() -> None:
@@ -365,18 +414,19 @@ def test_objects_without_a_class_are_hidden_under_the_same_view() -> None:
     for strategy in STRATEGIES:
         recipe = MaskRecipe(strategy=strategy, withhold=1.0)
         view = sample_view((5, 2), recipe, scene_id="s", draw=0)
-        hidden = sample_hidden(others, view, recipe, scene_id="s", draw=0, stream="unclassified")
+        found = view.cut(others)
+        hidden = sample_hidden(found, view, recipe, scene_id="s", draw=0, stream="unclassified")
         gone = view.hidden_share == 1
-        assert (hidden[gone] == others[gone]).all()
+        assert (hidden[gone] == found[gone]).all()
         if strategy == "uniform":
             assert hidden.sum() == 10
 
 
 def test_every_strategy_is_a_row_of_the_registry() -> None:
-    assert MASKS.names()[:6] == STRATEGIES
+    assert MASKS.names()[:7] == STRATEGIES
     rows = [MASKS[name] for name in STRATEGIES]
     assert all(isinstance(row, Mask) and row.summary for row in rows)
-    assert [row.reads_connections for row in rows] == [False, False, True, True, False, True]
+    assert [row.reads_connections for row in rows] == [False, False, True, True, False, True, True]
 
 
 @given(cells=cells_strategy, recipe=recipes, draws=st.integers(1, 9))
@@ -386,8 +436,9 @@ def test_many_draws_are_those_of_one_after_another(
     shape, row = cells.shape, Connections.of_pairs([(a, a + 1) for a in range(1, len(cells) - 1)])
     views = tuple(sample_views(shape, recipe, scene_id="s", draws=range(draws), connections=row))
     hidden = sample_hidden_draws(cells, views, recipe, scene_id="s", draws=range(len(views)))
+    ends = np.cumsum([len(view.nodes) for view in views])
     for draw in range(draws):
         view, alone = draw_mask(cells, recipe, draw, connections=row)
         assert views[draw].agrees(view)
         np.testing.assert_array_equal(views[draw].hidden_share, view.hidden_share)
-        np.testing.assert_array_equal(hidden[draw], alone)
+        np.testing.assert_array_equal(hidden[ends[draw] - len(alone) : ends[draw]], alone)

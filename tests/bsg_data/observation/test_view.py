@@ -44,7 +44,7 @@ def test_nothing_is_withheld_where_nothing_is_hidden() -> None:
 
 def test_views_agree_in_single_precision() -> None:
     one = View.of_rooms(np.array([0.1, 0.7]), classes=2)
-    stored = View(one.visited, one.told.astype(np.float64), one.withheld)
+    stored = View(one.visited, one.told.astype(np.float64), one.withheld, one.nodes)
     assert stored.hidden_share.tolist() != one.hidden_share.tolist()
     assert one.agrees(stored)
     assert not one.agrees(one.search(np.array([False, True, False])))

@@ -34,7 +34,7 @@ def two_rooms() -> MaskedBuildings:
         connections=Connections(np.zeros((0, 2), dtype=np.int64), np.zeros(0, str), np.zeros(0)),
         surroundings=Surroundings.unknown(nodes=3),
     )
-    return MaskedBuildings(seen, np.array([[2, 1], [1, 1], [1, 0]]), np.array([0]))
+    return MaskedBuildings(seen, np.array([[2, 1], [1, 1], [1, 0]]), np.array([0]), np.arange(3))
 
 
 def expect(path: Path, frame: pd.DataFrame) -> PredictedExpectation:
