@@ -15,6 +15,7 @@ from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.inputs.edges import EdgeSet, list_edges
 
+_UNSEEN = 4.0  # neighbours of features 0, added to all: one room says little of the next
 _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 
 
@@ -94,7 +95,8 @@ class Neighbours(_Tensors):
     """The neighbours of every node, as weights of three sums instead of a list of edges.
 
     If every room sees every other, R rooms have R (R − 1) edges: 100 million for 10,000 rooms.
-    Their means need none: mean of the others of i = (Σ_j h_j − h_i) / (R − 1).
+    Their means need none: mean of the others of i = (Σ_j h_j − h_i) / (R − 1 + `_UNSEEN`). The mean
+    of few neighbours is shrunk, so that a network is not sure of a building after one room.
     """
 
     building: torch.Tensor  # [N] number of each node's building
@@ -116,7 +118,7 @@ class Neighbours(_Tensors):
         pairs = list_edges(seen, ("adjacent",) if adjacent else ())
         number = np.where(complete, rooms - 1, 0) + down + np.where(up, rooms, 0)
         number += np.bincount(pairs[1], minlength=len(rooms))
-        weight = 1 / np.maximum(number, 1)
+        weight = 1 / (number + _UNSEEN)
         return cls(
             building=torch.from_numpy(seen.building),
             first=torch.from_numpy(seen.starts[:-1]),
@@ -128,7 +130,7 @@ class Neighbours(_Tensors):
         )
 
     def mean(self, h: torch.Tensor) -> torch.Tensor:
-        """Return the mean of every node's neighbours, `[N, W]` of `[N, W]`; 0 without any."""
+        """Return the shrunk mean of every node's neighbours, `[N, W]` of `[N, W]`."""
         own = h.double()  # so that the difference of two large sums is exact
         buildings = own[self.first]
         rooms = torch.zeros_like(buildings).index_add_(0, self.building, own) - buildings
@@ -155,14 +157,16 @@ def _mark(index: Ints, width: int) -> torch.Tensor:
 EVIDENCE = {
     "size": _Encoding(2, _encode_area),
     "labels": _Encoding(len(list_room_labels()), lambda around: _floats(around.labels)),
+    # A home is marked like an unknown kind, and HM3D like an unknown source: most robots are in
+    # real homes, and a graph says neither.
     "kind": _Encoding(
-        len(BUILDING_KINDS),
-        lambda around: _mark(around.building_kinds, len(BUILDING_KINDS)),
+        len(BUILDING_KINDS) - 1,
+        lambda around: _mark(around.building_kinds - 1, len(BUILDING_KINDS) - 1),
         of_building=True,
     ),
     "source": _Encoding(
-        len(KNOWN_SOURCES),
-        lambda around: _mark(around.sources, len(KNOWN_SOURCES)),
+        len(KNOWN_SOURCES) - 1,
+        lambda around: _mark(around.sources - 1, len(KNOWN_SOURCES) - 1),
         of_building=True,
     ),
 }

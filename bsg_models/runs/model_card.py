@@ -36,8 +36,6 @@ _CANNOT = (
     "could hurt somebody.",
     "It knows the kinds of buildings that it was trained on. Its numbers mean little in a "
     "hospital, a factory or a ship, and may mean less in other regions of the world.",
-    "It was trained on whole buildings. In a graph of two or three rooms it may expect twice as "
-    "many objects as there are in a room that nobody entered. Its presences are less affected.",
     "It counts only objects of its classes. Other categories are at most evidence.",
     "It predicts what is in a room. It does not predict where in the room, and nothing about "
     "people.",

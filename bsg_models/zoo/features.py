@@ -5,6 +5,8 @@ Every feature is of order one, whatever the size of a room or a building.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import torch
@@ -15,6 +17,7 @@ from torch_geometric.utils import scatter
 from bsg_models.inputs.nodes import EVIDENCE, Nodes
 from bsg_models.zoo.settings import ModelConfig
 
+_UNSEEN = 3.0  # rooms without anything, added to the others: one room says little of the next
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
 
 EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
@@ -30,6 +33,7 @@ class NetworkConfig(ModelConfig):
     dropout: float = Field(default=0.4, ge=0.0, lt=1.0)
     likelihood: Literal["negative-binomial"] = "negative-binomial"  # of the hidden counts
     tilted: int = Field(default=2, ge=0, le=8)  # J, first counts with a tilted prior
+    components: int = Field(default=2, ge=1, le=16)  # K, of the mixture that a count follows
     # Evidence besides the node's own histogram; see `NodeFeatures`.
     reads: tuple[str, ...] = ("mask", "building", "categories")
     # Width of the embedding of the categories outside the classes, learned with the network.
@@ -37,8 +41,7 @@ class NetworkConfig(ModelConfig):
     embed: Literal["learned"] = "learned"
     # Share of these categories that training overlooks.
     category_dropout: float = Field(default=0.3, ge=0.0, lt=1.0)
-    # Share of the rooms, or buildings, whose `EVIDENCE` training hides, so that the network never
-    # depends on it.
+    # Share of the rooms whose `EVIDENCE` training hides, so that the network never depends on it.
     forget: float = Field(default=0.5, ge=0.0, lt=1.0)
     calibrate: bool = True  # fit the calibration on the val buildings
 
@@ -73,20 +76,25 @@ class NodeFeatures(nn.Module):
         self.reads = frozenset(config.reads)
         if not vocabulary:  # no category is frequent enough
             self.reads -= {"categories"}
-        self.forget, self.category_dropout = config.forget, config.category_dropout
+        self.share_forgotten, self.category_dropout = config.forget, config.category_dropout
         first = 2 * classes + 1
         mask = 2 * ("mask" in self.reads) + classes * ("withheld" in self.reads)
-        self.mask = slice(first, first + mask)  # columns that describe the mask
         self.width = first + mask
         if "building" in self.reads:
             self.width += 2 * classes + 2
         if "categories" in self.reads:
             self.embedding = nn.Linear(vocabulary, config.embedding, bias=False)
             self.width += config.embedding * (2 if "building" in self.reads else 1)
-        self.width += sum(kind.width for name, kind in EVIDENCE.items() if name in self.reads)
+        # columns that dropout leaves: a dropped one would say that nothing is hidden, or a home
+        self.kept = [slice(first, first + mask)]
+        for name, evidence in EVIDENCE.items():
+            if name in self.reads:
+                columns = slice(self.width, self.width + evidence.width)
+                self.width = columns.stop
+                self.kept += [columns] if evidence.of_building else []
 
     def forward(self, nodes: Nodes) -> torch.Tensor:
-        """Return features `[N, F]`."""
+        """Return features `[N, F]`; `nodes` is as `forget` returns it."""
         seen = (nodes.x > 0).float()
         parts = [torch.log1p(nodes.x), seen, torch.log1p(nodes.x.sum(dim=1, keepdim=True))]
         if "mask" in self.reads:
@@ -106,18 +114,20 @@ class NodeFeatures(nn.Module):
             )
         for name in EVIDENCE:
             if name in self.reads:
-                parts.append(self._remember(name, nodes))
+                parts.append(nodes.evidence[name])
         return torch.cat(parts, dim=1)
 
-    def _remember(self, name: str, nodes: Nodes) -> torch.Tensor:
-        """Return evidence, of which training hides a share, a whole building's or a room's."""
-        values = nodes.evidence[name]
+    def forget(self, nodes: Nodes) -> Nodes:
+        """Return nodes whose `EVIDENCE` of a share of the rooms training has hidden."""
         if not self.training:
-            return values
-        of_building = EVIDENCE[name].of_building
-        number = len(nodes.first) if of_building else len(values)
-        kept = torch.rand(number, device=values.device) >= self.forget
-        return values * (kept[nodes.building] if of_building else kept)[:, None]
+            return nodes
+        evidence = dict(nodes.evidence)
+        for name in (name for name in EVIDENCE if name in self.reads):
+            if not EVIDENCE[name].of_building:  # without it, a building is taken for a home
+                values = evidence[name]
+                kept = torch.rand(len(values), device=values.device) >= self.share_forgotten
+                evidence[name] = values * kept[:, None]
+        return replace(nodes, evidence=evidence)
 
     def _embed(self, nodes: Nodes) -> torch.Tensor:
         present = (nodes.others > 0).float()
@@ -130,8 +140,9 @@ class NodeFeatures(nn.Module):
 def _look_around(nodes: Nodes, shown: torch.Tensor, looked_for: torch.Tensor) -> list[torch.Tensor]:
     """Return what is around each node.
 
-    These are the building's counts `[N, C]`, the mean of `shown` `[N, S]` over the other visited
-    rooms that could show it (`looked_for`), the number of rooms, and whether it is a building.
+    These are the building's counts `[N, C]`, the shrunk mean of `shown` `[N, S]` over the other
+    visited rooms that could show it (`looked_for`), the number of rooms, and whether it is a
+    building.
     """
     visited = (nodes.visited & ~nodes.is_building).float()[:, None] * looked_for
     others = scatter(visited, nodes.building)[nodes.building] - visited
@@ -139,27 +150,25 @@ def _look_around(nodes: Nodes, shown: torch.Tensor, looked_for: torch.Tensor) ->
     rooms = scatter((~nodes.is_building).float(), nodes.building)[nodes.building, None]
     return [
         torch.log1p(nodes.x[nodes.first][nodes.building]),
-        siblings / others.clamp(min=1),
+        siblings / (others + _UNSEEN),
         torch.log1p(rooms),
         nodes.is_building.float()[:, None],
     ]
 
 
 class ShownDropout(nn.Module):
-    """Dropout of features `[N, F]` that leaves those of the mask.
+    """Dropout of features `[N, F]` that leaves the columns `kept`."""
 
-    A dropped one would say that nothing is hidden.
-    """
-
-    def __init__(self, share: float, mask: slice) -> None:
+    def __init__(self, share: float, kept: Sequence[slice]) -> None:
         super().__init__()
         self.share = share
-        self.mask = mask
+        self.kept = kept
 
     def forward(self, features: torch.Tensor) -> torch.Tensor:
         """Return the features; in training, some are 0 and the others scaled up."""
         if not (self.training and self.share):
             return features
         dropped = nn.functional.dropout(features, self.share)
-        dropped[:, self.mask] = features[:, self.mask]
+        for columns in self.kept:
+            dropped[:, columns] = features[:, columns]
         return dropped

@@ -1,18 +1,21 @@
 """Networks of hidden counts: node features, a trunk, and a prior per room and class.
 
-    Λ ~ Gamma(r, r / m)          the rate of class c in a room; log m = (W h)_c, log r = (U h)_c
+    k ~ softmax((Q h)_c)         one of K components of class c in a room
+    Λ | k ~ Gamma(r, r / m)      its rate; log m = (W h)_kc, log r = (U h)_kc
     V ~ Poisson((1 − f) Λ)       what was seen of it
     H ~ Poisson(f Λ)             what is hidden, so that
-    H | V ~ NB(mean f (r + V) / (r / m + 1 − f), dispersion r + V)
+    H | V, k ~ NB(mean f (r + V) / (r / m + 1 − f), dispersion r + V)
 
 h is the trunk's encoding of a node's features, and f the share that the node hides. This is
-shrinkage per class (`bsg_models.zoo.gamma_poisson`) with a separate prior for every room. The
-network predicts the usual count in such a room, and how sure that is. Bayes' rule then adds the
+shrinkage per class (`bsg_models.zoo.gamma_poisson`) with a separate prior for every room. h knows
+V, so the components' weights are those after V. Two components say what one cannot: many or none.
+The network predicts the usual count in such a room, and how sure that is. Bayes' rule then adds the
 seen objects of the class itself, at any share. So the node's own histogram need not pass through
 the trunk.
 
 The prior of the first true counts is tilted (`bsg_models.belief.negative_binomial`) by factors that
-are also linear in h: rooms have one refrigerator, not two.
+are also linear in h: rooms have one refrigerator, not two. Common sense about the room's label
+tilts the count 0 (`bsg_models.zoo.label_prior`).
 """
 
 from __future__ import annotations
@@ -41,13 +44,15 @@ from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.features import EVERYTHING, NetworkConfig, NodeFeatures, ShownDropout
 from bsg_models.zoo.gcn import WritesNoFile
+from bsg_models.zoo.label_prior import LabelPrior
 from bsg_models.zoo.model import ModelInputs, Network, to_array
-from bsg_models.zoo.settings import CONNECTED, COUNTS, VARIED, WHATEVER, DataConfig
+from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, VARIED, WHATEVER, DataConfig
 
 _MOST = 5.0  # limit of log m and |log r|: e^5 objects of a class in a room; log m ≥ −10
 
-# Of the hidden counts: λ before tilts and r, each `[N, C]`, and J tilts `[N, C]`.
-Posterior = tuple[torch.Tensor, torch.Tensor, list[torch.Tensor]]
+# Of the hidden counts: λ before tilts, r and the logarithm of the weight of each component, each
+# `[K, N, C]`, and J tilts `[K, N, C]`.
+Posterior = tuple[torch.Tensor, torch.Tensor, torch.Tensor, list[torch.Tensor]]
 
 
 class CountNetwork(CalibratedModel, Network):
@@ -58,6 +63,7 @@ class CountNetwork(CalibratedModel, Network):
         self.reads = config.reads
         self.features = NodeFeatures(config, inputs.classes, len(inputs.vocabulary))
         self.head = PriorHead(config, inputs.classes)
+        self.labels = LabelPrior(inputs.classes) if "labels" in self.features.reads else None
 
     @abstractmethod
     def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
@@ -65,6 +71,8 @@ class CountNetwork(CalibratedModel, Network):
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Start the head from the mean histogram of the training rooms."""
+        if self.labels is not None:
+            self.labels.read_table(data.manifest.class_space.classes)
         scenes = scenes_of(data, "train", fold=choice.fold)
         total, number = np.zeros(self.inputs.classes), 0
         for part in data.in_parts(scenes):
@@ -75,19 +83,23 @@ class CountNetwork(CalibratedModel, Network):
 
     def forward(self, nodes: Nodes) -> Posterior:
         """Return the posterior of the hidden counts of N nodes and C classes."""
-        posterior: Posterior = self.head(self.encode(self.features(nodes), nodes), nodes)
+        nodes = self.features.forget(nodes)
+        encoded = self.encode(self.features(nodes), nodes)
+        sense = None if self.labels is None else self.labels(nodes.evidence["labels"])
+        posterior: Posterior = self.head(encoded, nodes, sense)
         return posterior
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean of −log P(hidden) over rooms and classes."""
         rooms = ~nodes.is_building
-        mean, dispersion, tilts = self(nodes)
-        cells: torch.Tensor = log_negative_binomial(
+        mean, dispersion, log_weight, tilts = self(nodes)
+        each: torch.Tensor = log_negative_binomial(
             (nodes.y - nodes.x)[rooms],
-            mean[rooms].clamp(min=MIN_RATE),
-            dispersion[rooms],
-            [tilt[rooms] for tilt in tilts],
+            mean[:, rooms].clamp(min=MIN_RATE),
+            dispersion[:, rooms],
+            [tilt[:, rooms] for tilt in tilts],
         )
+        cells = torch.logsumexp(each + log_weight[:, rooms], dim=0)
         return -cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
 
     def cells_of(self, nodes: Nodes) -> int:
@@ -106,12 +118,12 @@ class CountNetwork(CalibratedModel, Network):
         if self.training:
             self.eval()
         with torch.no_grad():
-            mean, dispersion, tilts = self(self.nodes_of(seen))
+            mean, dispersion, log_weight, tilts = self(self.nodes_of(seen))
         return CountDistribution(
-            to_array(mean)[None],
-            to_array(dispersion)[None],
-            np.ones((1, len(mean), 1)),
-            np.stack([to_array(tilt)[None] for tilt in tilts]) if tilts else None,
+            to_array(mean),
+            to_array(dispersion),
+            to_array(log_weight.exp()),
+            np.stack([to_array(tilt) for tilt in tilts]) if tilts else None,
         )
 
 
@@ -121,12 +133,15 @@ class PriorHead(nn.Module):
     def __init__(self, config: NetworkConfig, classes: int) -> None:
         super().__init__()
         self.dropout = nn.Dropout(config.dropout)
-        self.mean = nn.Linear(config.width, classes)
-        self.shape = nn.Linear(config.width, classes)
-        layers = [self.mean, self.shape]
+        self.classes = classes
+        self.components = config.components
+        self.mean = nn.Linear(config.width, self.components * classes)
+        self.shape = nn.Linear(config.width, self.components * classes)
+        self.weight = nn.Linear(config.width, self.components * classes)
+        layers = [self.mean, self.shape, self.weight]
         self.tilted = config.tilted
         if self.tilted:
-            self.tilt = nn.Linear(config.width, self.tilted * classes)
+            self.tilt = nn.Linear(config.width, self.tilted * self.components * classes)
             layers.append(self.tilt)
         for layer in layers:
             nn.init.zeros_(layer.weight)
@@ -135,18 +150,28 @@ class PriorHead(nn.Module):
     def start(self, means: torch.Tensor) -> None:
         """Start with a room's mean counts `[C]` as the prior of all."""
         with torch.no_grad():
-            self.mean.bias.copy_(means.clamp(min=MIN_RATE).log())
+            apart = torch.linspace(-1, 1, self.components + 2)[1:-1, None]  # none alike
+            self.mean.bias.copy_((means.clamp(min=MIN_RATE).log() + apart).flatten())
 
-    def forward(self, encoded: torch.Tensor, nodes: Nodes) -> Posterior:
-        """Return the posterior of the hidden counts."""
-        mean = self.mean(self.dropout(encoded)).clamp(-2 * _MOST, _MOST).exp()
-        shape = self.shape(self.dropout(encoded)).clamp(-_MOST, _MOST).exp()
+    def forward(self, encoded: torch.Tensor, nodes: Nodes, sense: torch.Tensor | None) -> Posterior:
+        """Return the posterior of the hidden counts; `sense` `[N, C]` adds to the odds of any."""
+        mean = self._read(self.mean, encoded).clamp(-2 * _MOST, _MOST).exp()
+        shape = self._read(self.shape, encoded).clamp(-_MOST, _MOST).exp()
+        log_weight = self._read(self.weight, encoded).log_softmax(dim=0)
         hidden = hidden_posterior(shape, shape / mean, nodes.x, nodes.share)
-        if not self.tilted:
-            return *hidden, []
-        tilts = self.tilt(self.dropout(encoded)).clamp(-_MOST, _MOST)
-        of_counts = tilts.unflatten(1, (self.tilted, -1)).unbind(1)
-        return *hidden, hidden_tilts(of_counts, nodes.x)
+        tilts = torch.zeros_like(mean)[None]
+        if self.tilted:
+            tilts = self._read(self.tilt, encoded).clamp(-_MOST, _MOST).view(-1, *mean.shape)
+        elif sense is None:
+            return *hidden, log_weight, []
+        if sense is not None:
+            tilts = torch.cat([tilts[:1] - sense, tilts[1:]])
+        return *hidden, log_weight, hidden_tilts(tilts, nodes.x)
+
+    def _read(self, layer: nn.Linear, encoded: torch.Tensor) -> torch.Tensor:
+        """Return what a layer says of each component `[K, N, C]`."""
+        read: torch.Tensor = layer(self.dropout(encoded))
+        return read.view(len(read), -1, self.classes).transpose(0, 1)
 
 
 class _SAGEConfig(NetworkConfig):
@@ -188,7 +213,7 @@ class CECISAGE(CountNetwork):
         super().__init__(config, inputs)
         width, rounds = config.width, range(config.depth)
         self.enter = nn.Sequential(
-            ShownDropout(config.dropout / 2, self.features.mask),
+            ShownDropout(config.dropout / 2, self.features.kept),
             nn.Linear(self.features.width, width),
             nn.SiLU(),
         )
@@ -214,7 +239,7 @@ class RoomTransformer(CountNetwork):
     def __init__(self, config: _RoomTransformerConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.enter = nn.Sequential(
-            ShownDropout(config.dropout / 2, self.features.mask),
+            ShownDropout(config.dropout / 2, self.features.kept),
             nn.Linear(self.features.width, config.width),
         )
         layer = nn.TransformerEncoderLayer(
@@ -243,7 +268,7 @@ UNIVERSAL = ZooRow(
     _SAGEConfig(reads=EVERYTHING),
     CECISAGE,
     data=WHATEVER,
-    training=COUNTS,
+    training=LONG,
     summary="GraphSAGE for any observation: trained on every kind of mask; reads all evidence.",
 )
 ROOM_TRANSFORMER = ZooRow(_RoomTransformerConfig(), RoomTransformer, data=VARIED, training=COUNTS)
@@ -251,6 +276,6 @@ UNIVERSAL_TRANSFORMER = ZooRow(
     _RoomTransformerConfig(reads=EVERYTHING),
     RoomTransformer,
     data=WHATEVER,
-    training=COUNTS,
+    training=LONG,
     summary="Attention between rooms, for any observation: trained on every kind of mask.",
 )

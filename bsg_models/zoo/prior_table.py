@@ -70,6 +70,23 @@ class _PriorTable(Record):
             raise ValueError("expected room_types, objects or both, found neither")
         return self
 
+    def list_types(self, classes: Sequence[str]) -> tuple[Floats, Floats]:
+        """Return P(c | type) `[L, C]` and how usual the type is `[L]`, 0 if it is not listed."""
+        types, labels = self.room_types, list_room_labels()
+        weight = np.array([types[one].weight if one in types else 0.0 for one in labels])
+        said = {name: one.presence for name, one in types.items()}
+        return self.list_presence(labels, said, classes), weight / max(weight.sum(), 1e-300)
+
+    def list_presence(
+        self,
+        names: Sequence[str],
+        said: Mapping[str, Mapping[str, float]],
+        classes: Sequence[str],
+    ) -> Floats:
+        """Return what is said of the classes for each name, `[names, C]`."""
+        rows = [[said.get(name, {}).get(one, self.unlisted) for one in classes] for name in names]
+        return np.asarray(np.clip(rows, _LEAST, 1 - _LEAST))
+
 
 class PriorTableConfig(ModelConfig):
     """Presence of each class by a table that a language model or a person wrote."""
@@ -104,21 +121,10 @@ class PriorTableModel(PresenceOdds):
 
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
         """Read the table of the configuration."""
-        table, labels = read_prior_table(self.config.table, classes), list_room_labels()
-
-        def fill(names: tuple[str, ...], said: Mapping[str, Mapping[str, float]]) -> Floats:
-            rows = [
-                [said.get(name, {}).get(one, table.unlisted) for one in classes] for name in names
-            ]
-            return np.asarray(np.clip(rows, _LEAST, 1 - _LEAST))
-
-        types = table.room_types
-        weight = np.array([types[one].weight if one in types else 0.0 for one in labels])
-        self.hold(
-            of_type=fill(labels, {name: one.presence for name, one in types.items()}),
-            weight=weight / max(weight.sum(), 1e-300),
-            of_object=fill(classes, table.objects),
-        )
+        table = read_prior_table(self.config.table, classes)
+        of_type, weight = table.list_types(classes)
+        of_object = table.list_presence(classes, table.objects, classes)
+        self.hold(of_type=of_type, weight=weight, of_object=of_object)
         self.listed.copy_(torch.tensor([name in table.objects for name in classes]))
 
     def score(self, seen: Observation) -> Floats:

@@ -5,8 +5,9 @@
 
 `leaderboard` reads the board's numbers. The other pages measure its models again, each on the
 buildings that it was not trained on: `masks` under every mask and in every view of a room,
-`ablation` as differences from `--base`, `fixtures` by P(another one | one is seen), `room_size`
-with and without floor area and room label, `search` by the cost that beliefs save.
+`rooms_found` in buildings that are still being found, `ablation` as differences from `--base`,
+`fixtures` by P(another one | one is seen), `room_size` with and without floor area and room label,
+`search` by the cost that beliefs save.
 """
 
 from __future__ import annotations
@@ -31,18 +32,23 @@ from folds import (
     tally_likelihood,
     tally_second,
     tally_surroundings,
+    tally_unvisited,
     tally_views,
 )
 from results import ResultsTable, format_estimate, is_told_apart, write_page
 
 from bsg_data.errors import DatasetError
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.surroundings import EVIDENCE as SURROUNDINGS
 from bsg_models.evaluation.bootstrap import Bootstrap, estimate_value
 from bsg_models.studies.leaderboard_report import REPORT
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import SearchRequest
 
-MASKS = ("uniform", "rooms", "frontier", "explore", "search")
+MASKS = ("uniform", "rooms", "frontier", "explore", "search", "tour")
+FOUND = (1, 2, 3, 5, 8, None)  # rooms that the robot has found; None: all
+_FEW = 3  # rooms: then a building has more masks, since one shows little
 MODEL = "model@training mask"
 INTERVAL = "with 95 % intervals over buildings"
 COLUMNS = {
@@ -144,6 +150,68 @@ def report_masks(options: argparse.Namespace) -> Tables:
     heads = [f"{view}: {what}" for view in VIEWS for what in ("predicted − true", "NLL")]
     title = "Calibration and NLL by view of the room"
     return [likelihood, ResultsTable(title, (MODEL, *heads), rows, reading)]
+
+
+def report_rooms_found(options: argparse.Namespace) -> Tables:
+    """Return what models say of rooms not entered, by the number of rooms that were found."""
+    names, heads = _models(options), [str(number or "all") for number in FOUND]
+    found = {name: [_found(options, name, number) for number in FOUND] for name in names}
+    best = [min(column, key=_nll) for column in zip(*found.values(), strict=True)]
+    likelihood, objects, presence = [], [], []
+    for name, columns in found.items():
+        nll = [f"{_nll(one):.4f}" for one in columns]
+        level = [
+            not is_told_apart(one.difference(top, "nll"))
+            for one, top in zip(columns, best, strict=True)
+        ]
+        marked = [f"**{cell}**" if same else cell for cell, same in zip(nll, level, strict=True)]
+        likelihood.append([f"`{name}`", *marked])
+        said = [one.point["said"] / one.point["true"] for one in columns]
+        objects.append([f"`{name}`", *(f"{ratio:.2f}" for ratio in said)])
+        gaps = [format_estimate(one.estimate("gap"), signed=True) for one in columns]
+        presence.append([f"`{name}`", *gaps])
+    first = found[names[0]]
+    nodes = [f"{one.nodes['nll']:,}" for one in first]
+    true = [f"{one.point['true']:.1f}" for one in first]
+    told = (
+        "Columns are the number of rooms that the robot has found (mask `tour`). Models are told "
+        "nothing of rooms and buildings but objects. "
+    )
+    return [
+        ResultsTable(
+            "NLL of rooms not entered",
+            (MODEL, *heads),
+            [*likelihood, ["rooms measured", *nodes]],
+            told + "Mean over the classes; less is better. Bold marks the best of a column, and "
+            "every model whose paired 95 % interval over buildings does not separate it from it.",
+        ),
+        ResultsTable(
+            "Objects expected ÷ objects there",
+            (MODEL, *heads),
+            [*objects, ["objects there", *true]],
+            "Of a room not entered; 1 is right.",
+        ),
+        ResultsTable(
+            "Presence predicted − true",
+            (MODEL, *heads),
+            presence,
+            f"Mean over the classes of rooms not entered, {INTERVAL}. Above 0 is too much.",
+        ),
+    ]
+
+
+def _found(options: argparse.Namespace, name: str, number: int | None) -> Bootstrap:
+    print(f"measures {name} with {number or 'all'} rooms", file=sys.stderr, flush=True)
+    seed = mask_of(open_dataset(options.leaderboard, name), "tour").seed
+    few = number is not None and number <= _FEW
+    return measure(
+        open_folds(options.leaderboard, name),
+        tally_unvisited,
+        mask=MaskRecipe(strategy="tour", fraction=1.0, rooms=number, seed=seed),
+        draws=options.draws * (4 if few else 1),
+        resamples=options.resamples,
+        without=tuple(SURROUNDINGS),
+    )
 
 
 def report_ablation(options: argparse.Namespace) -> Tables:
@@ -307,6 +375,7 @@ def _nll(one: Bootstrap) -> float:
 PAGES: dict[str, tuple[str, Callable[[argparse.Namespace], Tables]]] = {
     "leaderboard": ("Leaderboard", report_leaderboard),
     "masks": ("One model for every kind of mask", report_masks),
+    "rooms_found": ("A building that is being found", report_rooms_found),
     "ablation": ("What each part of the model is worth", report_ablation),
     "fixtures": ("Is there a second object of the class?", report_fixtures),
     "room_size": ("What floor area and room label tell about a room", report_room_size),

@@ -42,6 +42,7 @@ from bsg_models.runs.run_folder import BEST, LAST, is_finished, name_tensors
 from bsg_models.runs.shipped import SUFFIX, SUMS, encode_sums
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.features import EVERYTHING
 
 SPLIT = SplitRecipe(ratios=(0.9, 0.1, 0.0))
 DRAWS = 10  # masks of every building that calibrates
@@ -78,7 +79,13 @@ MODELS: Mapping[str, Shipped] = {
         "Room types and attention as one: the likeliest, and slow.",
         ('model.members=["mixture","universal-transformer"]',),
     ),
-    "behavior": Shipped("behavior", "universal", "45 classes, with weights for everybody."),
+    # A source that is not said counts as HM3D, which these weights have never seen.
+    "behavior": Shipped(
+        "behavior",
+        "universal",
+        "45 classes, with weights for everybody.",
+        ("model.reads=" + json.dumps([name for name in EVERYTHING if name != "source"]),),
+    ),
 }
 
 

