@@ -4,9 +4,10 @@ Few buildings have a laundry room, and a table written down by hand knows what o
 (`bsg_models.zoo.prior_table`). It changes the odds that a room holds any of class c, and not how
 many it holds if it does:
 
-    log odds of at least one  +=  trust_c · (logit P(c | label) − logit P(c | any room))
+    log odds of at least one  +=  f · trust_c · (logit P(c | label) − logit P(c | any room))
 
-The network learns how far to trust it, and what it knows better of labels that occur often.
+f is the share that the room hides: where a robot has looked, objects say more than the label. The
+network learns how far to trust the table, and what it knows better of labels that occur often.
 """
 
 from __future__ import annotations
@@ -39,6 +40,6 @@ class LabelPrior(nn.Module):
         self.log_odds.copy_(torch.from_numpy(np.where(weight[:, None] > 0, log_odds, 0.0)))
 
     def forward(self, labels: torch.Tensor) -> torch.Tensor:
-        """Return what is added `[N, C]`, given P(label) `[N, L]`; 0 where the label is unknown."""
+        """Return what is added for f = 1 `[N, C]`, given P(label) `[N, L]`; 0 where it is unknown."""
         added: torch.Tensor = labels @ self.log_odds * self.trust
         return added

@@ -85,7 +85,9 @@ class CountNetwork(CalibratedModel, Network):
         """Return the posterior of the hidden counts of N nodes and C classes."""
         nodes = self.features.forget(nodes)
         encoded = self.encode(self.features(nodes), nodes)
-        sense = None if self.labels is None else self.labels(nodes.evidence["labels"])
+        sense = None
+        if self.labels is not None:  # a room that was seen says more than its label
+            sense = self.labels(nodes.evidence["labels"]) * nodes.hidden_share[:, None]
         posterior: Posterior = self.head(encoded, nodes, sense)
         return posterior
 
