@@ -40,6 +40,6 @@ class LabelPrior(nn.Module):
         self.log_odds.copy_(torch.from_numpy(np.where(weight[:, None] > 0, log_odds, 0.0)))
 
     def forward(self, labels: torch.Tensor) -> torch.Tensor:
-        """Return what is added for f = 1 `[N, C]`, given P(label) `[N, L]`; 0 where it is unknown."""
+        """Return what f = 1 adds `[N, C]`, given P(label) `[N, L]`; 0 where it is unknown."""
         added: torch.Tensor = labels @ self.log_odds * self.trust
         return added
