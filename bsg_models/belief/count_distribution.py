@@ -97,9 +97,9 @@ class CountDistribution:
         """P(at least one hidden object of the class), `[N, C]`."""
         present = -np.expm1(np.minimum(self._log_none, 0.0))
         if len(present) > 1:
-            present = self.weights * present
+            present = self.weights * present  # weights sum to 1 up to rounding
         # A count that is never there stays exactly 0, whatever its tilts.
-        return np.where((self.means > 0).any(axis=0), present.sum(axis=0), 0.0)
+        return np.where((self.means > 0).any(axis=0), present.sum(axis=0).clip(max=1.0), 0.0)
 
     @property
     def log_odds_of_none(self) -> Floats:

@@ -124,7 +124,7 @@ class CountNetwork(CalibratedModel, Network):
         return CountDistribution(
             to_array(mean),
             to_array(dispersion),
-            to_array(log_weight.exp()),
+            to_array(log_weight.double().softmax(dim=0)),
             np.stack([to_array(tilt) for tilt in tilts]) if tilts else None,
         )
 
