@@ -32,8 +32,8 @@ from bsg_models.zoo.settings import DataConfig
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
 UNIFORM = LeaderboardRecipe(masks=("uniform",))
-PLAIN = ("data.mask.strategy=uniform", "data.mask.withhold=0.0")  # whose mask is to be set
-MIXED = ("data.mask.strategy=mixed", "data.mask.withhold=0.05")
+PLAIN = ("data.mask.strategy=uniform", "data.mask.withhold=0.0", "data.min_scenes=4")  # as others
+MIXED = ("data.mask.strategy=mixed", "data.mask.withhold=0.05", "data.min_scenes=10")
 SMALL = ("training.epochs=2", "model.width=8", "model.embedding=4")
 PAIR = 'model.members=["gamma-poisson","train-mean"]'
 
