@@ -110,8 +110,8 @@ def test_the_results_of_the_readme_are_those_of_the_measured_pages() -> None:
         name, *shown = [cell.strip() for cell in line.strip("|").split("|")]
         model = name.split("`")[1]
         uniform = figures("leaderboard.md", "Masks: uniform", model)
-        rooms = figures("unvisited.md", "Masks: rooms", model)
-        alone = figures("unvisited.md", "Rooms not entered, masks: rooms", model)
+        rooms = figures("leaderboard.md", "Masks: rooms", model)
+        alone = figures("leaderboard.md", "Rooms not entered, masks: rooms", model)
         assert shown == [uniform[0], rooms[0], alone[0]], model
 
 
