@@ -22,6 +22,7 @@ from folds import (
     tally_likelihood,
     tally_second,
     tally_surroundings,
+    tally_unvisited,
     tally_views,
 )
 from one_building import surround_rooms
@@ -88,6 +89,19 @@ def test_views_are_told_apart_and_the_building_is_none_of_them(case: Case) -> No
         added, cells = shares[f"gap/{view}"]
         assert cells.tolist() == [2.0 * (node == row) for node in range(4)]
         assert added.tolist() == pytest.approx([gap * (node == row) for node in range(4)])
+
+
+def test_rooms_of_which_nothing_was_seen_are_counted_alone(case: Case) -> None:
+    """Of the last room: said −log(1 − P) objects of each class, true what it hides."""
+    shares = tally_unvisited(*case)
+    for name, value in (
+        ("said", -np.log1p(-PRESENCE[3]).sum()),
+        ("true", HIDDEN[3].sum()),
+        ("gap", (PRESENCE[3] - (HIDDEN[3] > 0)).mean()),
+    ):
+        added, cells = shares[name]
+        assert cells.tolist() == [0, 0, 0, 1]
+        assert added.tolist() == pytest.approx([0, 0, 0, value])
 
 
 def test_the_likelihood_of_a_poisson(case: Case) -> None:
@@ -178,6 +192,7 @@ def test_a_command_is_shown_without_the_folders_of_a_machine() -> None:
         ("masks", ["--models", "gamma-poisson@rooms"]),
         ("fixtures", ["--models", "mixture@uniform"]),
         ("ablation", ["--base=mixture@rooms"]),
+        ("rooms_found", ["--models", "mixture@uniform"]),
         pytest.param(
             "search",
             ["--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
