@@ -34,7 +34,7 @@ PUBLISHED: dict[str, str] = {
     "universal-wide": "9fe6fb2e946226946e6a416c792b5a20276174595d91478148be475bef256f4c",
     "mixture": "431925e9ca25d35bab721456d160d54b0ae6304ea0e37fd85765af058a395fc6",
     "ensemble": "e1c64513f02eeb9cb7fa77b126ae922586410b1981e247e795df430228b122b0",
-    "behavior": "29da273f7e103d486c70d77f1cee361935114bfd2ae7f1d8f321e1f6a87ba5db",
+    "behavior": "f7340eda9a53ac60ec67e0c5c4f621318eea6d4c288ad2986e237d295d651782",
 }
 
 
