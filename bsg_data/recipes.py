@@ -6,7 +6,15 @@ import math
 from numbers import Real
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from bsg_data.errors import RecipeError
 from bsg_data.spelling import SHOWN, show_value
@@ -131,6 +139,16 @@ class MaskRecipe(Record):
     withhold: Share = 0.0
     parts: bool = False
     exploration: Exploration = Exploration()
+
+    @field_validator("rooms")
+    @classmethod
+    def _a_tour_finds_rooms(cls, rooms: int | None, info: ValidationInfo) -> int | None:
+        strategy = info.data.get("strategy", "tour")
+        if rooms and strategy != "tour":
+            raise ValueError(
+                f"is the number that the mask tour finds, and {strategy} finds all; leave it out"
+            )
+        return rooms
 
     def __str__(self) -> str:
         """Describe the recipe in words, without its seed and without default values.

@@ -79,9 +79,8 @@ class PairCheck:
             or nodes.max() >= len(cells)
             or (pairs.draw != np.arange(draws).repeat(np.diff(starts, append=len(nodes)))).any()
         ):
-            yield Fault(
-                where, f"expected draws 0..{draws - 1} of nodes 0..{len(cells) - 1}, in order"
-            )
+            expected = f"expected draws 0..{draws - 1} of nodes 0..{len(cells) - 1}, in order"
+            yield Fault(where, f"{expected}; found {len(starts)} draws in {len(nodes)} rows")
             return
         views = [pairs.view.take(a, b) for a, b in pairwise([*starts.tolist(), len(nodes)])]
         inputs, targets = (counts.astype(np.int64) for counts in (pairs.inputs, pairs.targets))

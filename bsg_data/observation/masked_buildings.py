@@ -166,26 +166,26 @@ def stream_masked(
 def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> MaskedBuildings:
     inputs = histogram_column(table, "input").astype(np.int64)
     targets = histogram_column(table, "target").astype(np.int64)
-    views, nodes = read_views(table), table["node_index"].to_numpy()
-    starts = np.flatnonzero(nodes == 0)
+    views = read_views(table)
+    starts = np.flatnonzero(views.nodes == 0)
     scenes = table["scene_id"].take(starts).to_pylist()
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
     parts = []
     for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
-        _require_whole(data, scene, nodes[a:b])
+        _require_rising(data, scene, views.nodes[a:b])
         view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
         hidden = to_cells(targets[a:b]) - seen
         others = _see_stored_others(data, scene, int(draw), view, hidden, vocabulary)
         parts.append(_observe(data, scene, view, seen, vocabulary, others))
-    return MaskedBuildings(stack(parts), targets, draws, nodes.astype(np.int64))
+    return MaskedBuildings(stack(parts), targets, draws, views.nodes)
 
 
-def _require_whole(data: Dataset, scene: str, nodes: Ints) -> None:
+def _require_rising(data: Dataset, scene: str, nodes: Ints) -> None:
     size = len(data.cells(scene))
     if (np.diff(nodes) <= 0).any() or nodes[-1] >= size:
         raise DatasetError(
-            f"{data.path}: the pairs of {scene} are not for nodes of 0 to {size - 1}, rising; run "
-            "`bsg-data check` for details, `bsg-data pairs --force` to write them again",
+            f"{data.path}: the pairs of {scene} are not for some of its nodes 0 to {size - 1}, in "
+            "order; run `bsg-data check` for details, `bsg-data pairs --force` to write them again",
             code="pairs-torn",
             where=scene,
         )

@@ -15,7 +15,7 @@ from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.inputs.edges import EdgeSet, list_edges
 
-_UNSEEN = 4.0  # neighbours of features 0, added to all: one room says little of the next
+_SILENT_NEIGHBOURS = 4.0  # of features 0, added to each mean: one room says little of the next
 _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 
 
@@ -95,8 +95,8 @@ class Neighbours(_Tensors):
     """The neighbours of every node, as weights of three sums instead of a list of edges.
 
     If every room sees every other, R rooms have R (R − 1) edges: 100 million for 10,000 rooms.
-    Their means need none: mean of the others of i = (Σ_j h_j − h_i) / (R − 1 + `_UNSEEN`). The mean
-    of few neighbours is shrunk, so that a network is not sure of a building after one room.
+    Their means need none: mean of the others of i = (Σ_j h_j − h_i) / (R − 1 + s). The s silent
+    neighbours shrink the mean of few, so that a network is not sure of a building after one room.
     """
 
     building: torch.Tensor  # [N] number of each node's building
@@ -118,7 +118,7 @@ class Neighbours(_Tensors):
         pairs = list_edges(seen, ("adjacent",) if adjacent else ())
         number = np.where(complete, rooms - 1, 0) + down + np.where(up, rooms, 0)
         number += np.bincount(pairs[1], minlength=len(rooms))
-        weight = 1 / (number + _UNSEEN)
+        weight = 1 / (number + _SILENT_NEIGHBOURS)
         return cls(
             building=torch.from_numpy(seen.building),
             first=torch.from_numpy(seen.starts[:-1]),

@@ -17,7 +17,7 @@ from torch_geometric.utils import scatter
 from bsg_models.inputs.nodes import EVIDENCE, Nodes
 from bsg_models.zoo.settings import ModelConfig
 
-_UNSEEN = 3.0  # rooms without anything, added to the others: one room says little of the next
+_SILENT_ROOMS = 3.0  # without anything, added to the others: one room says little of the next
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
 
 EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
@@ -150,7 +150,7 @@ def _look_around(nodes: Nodes, shown: torch.Tensor, looked_for: torch.Tensor) ->
     rooms = scatter((~nodes.is_building).float(), nodes.building)[nodes.building, None]
     return [
         torch.log1p(nodes.x[nodes.first][nodes.building]),
-        siblings / (others + _UNSEEN),
+        siblings / (others + _SILENT_ROOMS),
         torch.log1p(rooms),
         nodes.is_building.float()[:, None],
     ]

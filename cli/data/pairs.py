@@ -103,7 +103,7 @@ def command(
         if bare:
             print_note(
                 f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency; there all rooms "
-                "count as neighbours"
+                "count as neighbours, on a tour those that are near in the list"
             )
     hashes = extend.hash_splits(bsg_data.Dataset.open(dataset))
     if as_json:

@@ -78,8 +78,7 @@ MODELS: Mapping[str, Shipped] = {
         "Room types and attention as one: the likeliest, and slow.",
         ('model.members=["mixture","universal-transformer"]',),
     ),
-    # Few homes are in its data: in HM3D's, networks expect two to five times what is there, room
-    # types 1.3 to 1.6 times.
+    # Few homes are in its data, and networks expected several times what homes hold.
     "behavior": Shipped(
         "behavior",
         "mixture",

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from pydantic import ValidationError
 from scipy import stats
 
 from bsg_data.arrays import Counts
@@ -390,6 +391,11 @@ def test_a_tour_finds_rooms_over_connections() -> None:
     for number in (1, 5, 12, 30):
         (view,) = draw_views(MaskRecipe(strategy="tour", rooms=number), 12, 1)
         assert len(view.nodes) == 1 + min(number, 12)
+
+
+def test_only_a_tour_takes_a_number_of_rooms() -> None:
+    with pytest.raises(ValidationError, match="uniform finds all"):
+        MaskRecipe(rooms=3)
 
 
 def test_a_tour_without_connections_goes_to_rooms_that_are_near_in_the_list() -> None:
