@@ -127,6 +127,8 @@ class MaskRecipe(Record):
         seed: seed of the generator.
         withhold: probability that a class is withheld, for each class independently. A withheld
             class is shown only in searched rooms.
+        detector: probability that the robot's detector knows only some of the classes and words,
+            any share of them; what it does not know is not seen in any room, searched or not.
         parts: whether an object outside the classes is hidden with the object that it is a part of
             (`bsg_data.scene.class_space.find_wholes`).
         exploration: further settings of `explore` and `tour`.
@@ -137,6 +139,7 @@ class MaskRecipe(Record):
     rooms: int | None = Field(default=None, ge=1)
     seed: int = Field(default=0, ge=0)
     withhold: Share = 0.0
+    detector: Share = 0.0
     parts: bool = False
     exploration: Exploration = Exploration()
 
@@ -159,6 +162,7 @@ class MaskRecipe(Record):
         found = f"{self.rooms} rooms" if self.rooms else f"fraction {self.fraction}"
         words = [self.strategy, found]
         words += [f"withhold {self.withhold}"] if self.withhold else []
+        words += [f"detector {self.detector}"] if self.detector else []
         words += ["parts"] if self.parts else []
         words += ["exploration of its own"] if self.exploration != Exploration() else []
         return ", ".join(words)

@@ -59,7 +59,7 @@ def sample_hidden_draws(
         if hiding is None or view is not same:
             hiding, same = _Hiding.under(view, there), view
         hidden[rows] = hiding.draw(rng)
-        if recipe.withhold:
+        if recipe.withhold or recipe.detector:
             np.copyto(hidden[rows], there, where=view.withheld)
     return hidden
 

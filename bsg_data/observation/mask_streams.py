@@ -16,13 +16,14 @@ import numpy.typing as npt
 from bsg_data.recipes import MaskRecipe
 
 Words = npt.NDArray[np.uint32]
-Stream = Literal["rooms", "classified", "unclassified", "withheld", "parts"]
+Stream = Literal["rooms", "classified", "unclassified", "withheld", "parts", "detector"]
 _STREAM: dict[Stream, int] = {
     "rooms": 0,
     "classified": 1,
     "unclassified": 2,
     "withheld": 4,  # 3 was of a version before
     "parts": 5,
+    "detector": 6,
 }
 _FEW = 4  # draws that are sooner seeded one by one
 # Of NumPy's `SeedSequence`, whose algorithm is fixed: the beginnings and factors of its two hashes,

@@ -19,7 +19,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
 from bsg_data.errors import DatasetError
 from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
-from bsg_data.observation.masks import sample_view
+from bsg_data.observation.masks import sample_unknown, sample_view
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import histogram_column, read_views, stream_pairs
 from bsg_data.observation.view import View
@@ -240,7 +240,17 @@ def see_others(
         hidden=hidden,
         wholes=find_wholes(others.categories, classes) if mask.parts else None,
     )
-    return place_others(there - gone, others.categories, vocabulary)
+    seen = there - gone
+    if mask.detector:
+        _, unknown = sample_unknown(
+            mask,
+            scene_id=scene,
+            draw=draw,
+            classes=len(classes),
+            words=len(others.categories),
+        )
+        seen[:, unknown] = 0
+    return place_others(seen, others.categories, vocabulary)
 
 
 def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> Counts:

@@ -21,7 +21,8 @@ shares are right in the mean. `MASKS` has one row for each mask:
   above it, with equal probability. The view does not say which. A model trained under it fits any
   way of exploring.
 
-Each mask can also withhold classes, and hide parts of objects with the objects (`MaskRecipe`).
+Each mask can also withhold classes, give the robot a detector that knows few words, and hide parts
+of objects with the objects (`MaskRecipe`).
 
 Objects without a class are hidden separately, under the same view, so they do not change the mask
 of the classified objects. A mask depends only on (recipe, scene_id, draw): never on order, workers
@@ -325,18 +326,36 @@ def sample_views(
         mask.look(shape, recipe, connections=known, rng=rng)
         for rng in generators(draws=sampled, stream="rooms")
     )
-    views = chain.from_iterable(repeat(view, len(draws) // len(sampled)) for view in looks)
-    if not recipe.withhold:
-        yield from views
-        return
-    for view, rng in zip(views, generators(draws=draws, stream="withheld"), strict=True):
-        yield view.withhold(rng.random(shape[1]) < recipe.withhold)
+    views: Iterator[View] = chain.from_iterable(
+        repeat(view, len(draws) // len(sampled)) for view in looks
+    )
+    if recipe.withhold:
+        numbers = generators(draws=draws, stream="withheld")
+        views = (
+            view.withhold(rng.random(shape[1]) < recipe.withhold)
+            for view, rng in zip(views, numbers, strict=True)
+        )
+    if recipe.detector:
+        views = (
+            view.blind(sample_unknown(recipe, scene_id=scene_id, draw=draw, classes=shape[1])[0])
+            for view, draw in zip(views, draws, strict=True)
+        )
+    yield from views
 
 
 def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int) -> Bools:
     """Sample which of the classes a mask withholds, `[C]`."""
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="withheld")
     return rng.random(classes) < recipe.withhold
+
+
+def sample_unknown(
+    recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int, words: int = 0
+) -> tuple[Bools, Bools]:
+    """Sample which classes `[C]` and other words `[K]` the robot's detector does not know."""
+    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="detector")
+    limited, known = rng.random() < recipe.detector, rng.random()
+    return limited & (rng.random(classes) > known), limited & (rng.random(words) > known)
 
 
 def _walk(

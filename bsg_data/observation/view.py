@@ -81,8 +81,9 @@ class View:
         whole = View.of_rooms(
             shares[1:], classes=self.withheld.shape[1], entered=entered[1:], exact=self.exact
         )
-        classes: Bools = np.asarray(self.withheld.any(axis=0))
-        return whole.withhold(classes)
+        whole = whole.withhold(np.asarray(self.withheld.any(axis=0)))
+        whole.withheld[self.nodes] = self.withheld
+        return whole
 
     def take(self, first: int, last: int) -> View:
         """Return the view of the nodes from `first` to before `last`."""
@@ -109,6 +110,10 @@ class View:
         """Return the view with some classes `[C]` withheld at all nodes that hide anything."""
         without = classes & (self.hidden_share > 0)[:, None]
         return replace(self, withheld=self.withheld | without)
+
+    def blind(self, classes: Bools) -> View:
+        """Return the view of a robot whose detector does not know some classes `[C]`."""
+        return replace(self, withheld=self.withheld | classes)
 
     def agrees(self, other: View) -> bool:
         """Say whether two views are equal, with shares in single precision."""

@@ -66,7 +66,12 @@ class Shipped(NamedTuple):
 
 
 # What counts is calibrated on every mask, as networks are.
-_MIXED = ("data.mask.strategy=mixed", "data.mask.withhold=0.05", "data.fractions=[0.1, 0.9]")
+_MIXED = (
+    "data.mask.strategy=mixed",
+    "data.mask.withhold=0.05",
+    "data.mask.detector=0.25",
+    "data.fractions=[0.1, 0.9]",
+)
 
 MODELS: Mapping[str, Shipped] = {
     "universal": Shipped("pooled", "universal", "The default: 45 classes, whatever was seen."),

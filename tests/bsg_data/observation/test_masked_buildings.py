@@ -158,3 +158,19 @@ def same_buildings(found: MaskedBuildings, expected: MaskedBuildings) -> None:
     assert found.targets.tolist() == expected.targets.tolist()
     for name in ("inputs", "hidden_share", "visited", "withheld", "others"):
         assert (getattr(found.seen, name) == getattr(expected.seen, name)).all()
+
+
+def test_a_detector_overlooks_words_in_every_room_and_stored_pairs_agree(dataset: Path) -> None:
+    recipe = MaskRecipe(strategy="rooms", detector=1.0)
+    write_pairs(dataset, PairsRecipe(mask=recipe, draws=4), force=True)
+    data = Dataset.open(dataset)
+    stored = read_all(data, "train", vocabulary=VOCABULARY)
+    assert not stored.seen.inputs[stored.seen.withheld].any()
+    words = stored.seen.others[stored.seen.is_building] > 0  # each building has every word
+    assert 0 < words.mean() < 1
+    for draw in range(4):
+        scenes = data.splits["train"]
+        fresh = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=VOCABULARY)
+        same = stored.take(np.flatnonzero(stored.draws == draw))
+        for name in ("inputs", "withheld", "others"):
+            np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)

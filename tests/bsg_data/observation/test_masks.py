@@ -20,6 +20,7 @@ from bsg_data.observation.masks import (
     ROOMS,
     UNIFORM,
     Mask,
+    sample_unknown,
     sample_view,
     sample_views,
     sample_withheld,
@@ -448,3 +449,19 @@ def test_many_draws_are_those_of_one_after_another(
         assert views[draw].agrees(view)
         np.testing.assert_array_equal(views[draw].hidden_share, view.hidden_share)
         np.testing.assert_array_equal(hidden[ends[draw] - len(alone) : ends[draw]], alone)
+
+
+def test_a_detector_that_knows_few_words_shows_no_other_class_in_any_room() -> None:
+    recipe = MaskRecipe(strategy="explore", detector=0.5)
+    plain = recipe.model_copy(update={"detector": 0.0})
+    shares = []
+    for draw in range(400):
+        view = sample_view((5, 45), recipe, scene_id="s", draw=draw)
+        unknown, _ = sample_unknown(recipe, scene_id="s", draw=draw, classes=45)
+        assert (view.withheld == unknown).all()
+        shares.append(unknown.mean())
+        other = sample_view((5, 45), plain, scene_id="s", draw=draw)
+        assert np.array_equal(view.hidden_share, other.hidden_share)
+    limited = np.array(shares) > 0
+    assert 0.4 < limited.mean() < 0.6  # six standard deviations are .15
+    assert 0.4 < np.array(shares)[limited].mean() < 0.6  # any share, equally likely
