@@ -1,7 +1,6 @@
 from .build import BuiltPart, Part, build_part, finalise_dataset
 from .dataset.manifest import Manifest, UnmappedEntry
 from .dataset.statistics import (
-    Coverage,
     count_classes,
     count_frequencies,
     count_sources,
@@ -40,7 +39,6 @@ __all__ = [
     "BuiltPart",
     "ClassSpace",
     "Connections",
-    "Coverage",
     "EncodedScene",
     "ExportContract",
     "ExportRow",

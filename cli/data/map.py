@@ -147,15 +147,16 @@ def _map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     loaded = None if class_map is None else bsg_data.load_class_map(class_map)
     coverage = extend.measure_coverage(dataset, loaded)
     if as_json:
-        most = dict(coverage.most_left_out)
-        print_json({**_coverage_counts(coverage), "most_left_out": most})
+        print_json(coverage)
         return
+    left_out = coverage.pop("most_left_out")
     named = manifest.class_map_names if loaded is None else loaded.version
-    rows = [(what, _show(value)) for what, value in _coverage_counts(coverage).items()]
+    rows = [(what, _show(value)) for what, value in coverage.items()]
     print_text(format_text(rows, header=("", named)))
-    left_out = [(name, f"{count:,}") for name, count in coverage.most_left_out]
     if left_out:
-        print_text("\n" + format_text(left_out, header=("most frequent left out", "instances")))
+        most = [(name, f"{count:,}") for name, count in left_out.items()]
+        header = ("most frequent left out", "instances")
+        print_text("\n" + format_text(most, header=header))
 
 
 @command.command("compare")
@@ -186,7 +187,9 @@ def _map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> N
             f"each map looks up all objects, although the dataset was built with several maps "
             f"({', '.join(sorted(built))}); `bsg-data map coverage` counts it as built"
         )
-    coverages = [_coverage_counts(extend.measure_coverage(dataset, one)) for one in maps]
+    coverages = [extend.measure_coverage(dataset, one) for one in maps]
+    for coverage in coverages:
+        del coverage["most_left_out"]
     frames = [extend.count_classes(dataset, one).set_index("class") for one in maps]
     if as_json:
         print_json(
@@ -216,12 +219,6 @@ def _map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> N
         for name in classes
     ]
     print_text("\n" + format_text(cells, header=header))
-
-
-def _coverage_counts(coverage: extend.Coverage) -> dict[str, int | float]:
-    parts = ("objects", "classified", "structure", "nameless", "unmapped", "left_out")
-    counts: dict[str, int | float] = {part: int(getattr(coverage, part)) for part in parts}
-    return {**counts, "share": coverage.share, "share_of_named": coverage.share_of_named}
 
 
 def _show(value: float) -> str:

@@ -277,10 +277,10 @@ def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
     assert read_manifest(tmp_path / "statistics").sources[0].version == "v0.2"
     found = measure_coverage(tmp_path / "text", load_class_map())
     readme = (REPOSITORY / "mappings" / "README.md").read_text("utf-8").split("## Coverage")[1]
-    for count in (found.structure, found.nameless, found.classified, found.left_out):
-        assert f"{count:,}" in readme
-    assert f"{found.share:.1%}".replace("%", " %") in readme
-    assert f"{found.share_of_named:.1%}".replace("%", " %") in readme
+    for role in ("structure", "nameless", "classified", "left_out"):
+        assert f"{found[role]:,}" in readme
+    for share in ("share", "share_of_named"):
+        assert f"{found[share]:.1%}".replace("%", " %") in readme
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,47 @@
+"""Counts of a dataset by hand, and looked up again in its own map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from bsg_data.dataset.statistics import (
+    count_classes,
+    count_frequencies,
+    measure_coverage,
+    plot_frequencies,
+)
+from bsg_data.scene.class_map import load_class_map
+
+BEDROOMS = sum(range(12))
+
+
+def test_the_parts_of_the_twelve_add_up(dataset: Path) -> None:
+    found = measure_coverage(dataset)
+    assert found == measure_coverage(dataset, load_class_map())
+    assert found["structure"] == 12 * 4 + 2 * BEDROOMS  # wall and floor of every room
+    assert found["nameless"] == 12 * 2  # "unknown" and "" of every bathroom
+    assert found["unmapped"] == BEDROOMS  # "zzqx thing"
+    assert found["classified"] == 12 * 13 + 6 * BEDROOMS
+    parts = ("structure", "nameless", "unmapped", "classified", "left_out")
+    assert found["objects"] == sum(found[part] for part in parts)
+    assert found["share"] == found["classified"] / (found["objects"] - found["structure"])
+
+
+def test_classes_of_the_twelve(dataset: Path) -> None:
+    pd.testing.assert_frame_equal(
+        count_classes(dataset), count_classes(dataset, load_class_map()), check_names=False
+    )
+    rows = count_frequencies(dataset).set_index("class").to_dict(orient="index")
+    assert rows["pillow"] == {"instances": 2 * BEDROOMS, "rooms": BEDROOMS, "scenes": 11}
+    assert rows["book"] == {"instances": 12, "rooms": 0, "scenes": 12}
+    assert rows["toy"]["instances"] == 0
+    doubles = count_classes(dataset).set_index("class")["doubles"]
+    assert (doubles["pillow"], doubles["bed"]) == (BEDROOMS, 0)
+
+
+def test_a_figure_shows_a_name_that_is_a_formula_of_matplotlib(tmp_path: Path) -> None:
+    frame = pd.DataFrame({"class": [r"$\nothing$"], "instances": [1], "rooms": [1], "scenes": [1]})
+    plot_frequencies(frame, tmp_path / "x.png", title="t")
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
