@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.shards import schema_of
+from bsg_data.dataset.schema import pairs_schema
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.pairs import stream_pairs
 from bsg_data.observation.partial_graph import KnownRoom
@@ -39,7 +39,8 @@ def read_pairs(dataset: Path, split: str) -> pa.Table:
     """Read the stored pairs of one split or fold."""
     manifest = read_manifest(dataset)
     tables = list(stream_pairs(dataset, split, manifest=manifest))
-    return pa.concat_tables(tables) if tables else schema_of("pairs", manifest).empty_table()
+    empty = pairs_schema(len(manifest.class_space.classes)).empty_table()
+    return pa.concat_tables([empty, *tables])
 
 
 def same_surroundings(a: Surroundings, b: Surroundings) -> bool:

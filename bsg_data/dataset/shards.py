@@ -7,10 +7,12 @@ manifest has of it, and then trusted.
 from __future__ import annotations
 
 import hashlib
-import io
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
+from itertools import chain
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -18,58 +20,208 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.dataset.manifest import FileEntry, Manifest, read_manifest
-from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
-from bsg_data.dataset.schema import FORMAT_VERSION, SPLITS, TABLES, pairs_schema
-from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.dataset.schema import (
+    EDGES,
+    FORMAT_VERSION,
+    OBJECTS,
+    ROOMS,
+    SCENES,
+    SPLITS,
+    TABLES,
+    pairs_schema,
+)
+from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+from bsg_data.scene.scene_graph import (
+    Box,
+    Edge,
+    Point,
+    Room,
+    SceneGraph,
+    SceneObject,
+    is_scene_id,
+)
+
+_Columns = dict[str, list[Any]]
+_Row = dict[str, Any]
 
 
 def write_shards(
     graphs: Sequence[SceneGraph], folder: AnyPath, *, part: int, class_space: ClassSpace
 ) -> tuple[FileEntry, ...]:
     """Write one part of every table for some scenes, in the order given."""
-    columns = collect_columns(graphs, classes=class_space.classes)
-    entries = []
-    for name, schema in TABLES.items():
-        table = pa.Table.from_pydict(columns[name], schema=schema)
-        path = f"{name}/part-{part:05d}.parquet"
-        with writing_parquet(
-            Path(folder), path, schema, table=name, class_space=class_space
-        ) as writer:
-            writer.write(table)
-        entries.append(writer.entry)
-    return tuple(entries)
+    columns = _collect_columns(graphs, class_space.classes)
+    return tuple(
+        write_parquet(
+            Path(folder),
+            f"{name}/part-{part:05d}.parquet",
+            [pa.table(columns[name], schema=schema)],
+            table=name,
+            class_space=class_space,
+        )
+        for name, schema in TABLES.items()
+    )
 
 
-class ParquetFile:
-    """A parquet file that is being written, hashed on its way to the disk."""
-
-    entry: FileEntry  # what the manifest says of it, when it is written
-
-    def __init__(self, writer: pq.ParquetWriter) -> None:
-        self._writer, self.rows = writer, 0
-
-    def write(self, table: pa.Table) -> None:
-        """Add rows as one row group."""
-        self._writer.write_table(pa.table(table.columns, schema=self._writer.schema))
-        self.rows += table.num_rows
+def read_scene_graphs(
+    dataset: AnyPath, *, manifest: Manifest | None = None
+) -> Iterator[SceneGraph]:
+    """Yield the scene graphs of a dataset, with one shard in memory at a time."""
+    dataset = Path(dataset)
+    manifest = manifest or read_manifest(dataset)
+    for files in zip(*(manifest.files_of(name) for name in TABLES), strict=True):
+        tables = (read_file(dataset, file, manifest=manifest) for file in files)
+        yield from _assemble_graphs(*map(_group_rows, tables))
 
 
-@contextmanager
-def writing_parquet(
+def _own_columns(schema: pa.Schema, record: type) -> list[str]:
+    """Return the columns that are fields of a record with the same name."""
+    names = {field.name for field in fields(record)}
+    return [name for name in schema.names if name in names]
+
+
+_SCENE, _EDGE = _own_columns(SCENES, SceneGraph), _own_columns(EDGES, Edge)
+_ROOM, _OBJECT = _own_columns(ROOMS, Room), _own_columns(OBJECTS, SceneObject)
+
+
+def _collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, _Columns]:
+    """Return table → column → values, scenes in the order given."""
+    rooms = [room for graph in graphs for room in graph.rooms]
+    objects = [obj for graph in graphs for obj in graph.objects]
+    indices = [obj.class_index for obj in objects]
+    edges = [edge for graph in graphs for edge in _list_edges(graph)]
+    return {
+        "scenes": {
+            **_take(_SCENE, graphs),
+            "num_rooms": [len(graph.rooms) for graph in graphs],
+            "num_objects": [len(graph.objects) for graph in graphs],
+            "num_classified": [
+                sum(obj.class_index is not None for obj in graph.objects) for graph in graphs
+            ],
+            "has_geometry": [graph.has_geometry for graph in graphs],
+        },
+        "rooms": {
+            **_take(_ROOM, rooms),
+            "scene_id": [graph.scene_id for graph in graphs for _ in graph.rooms],
+            "footprint": [room.footprint and [*chain(*room.footprint)] for room in rooms],
+            **_spread_points("centroid", [room.centroid for room in rooms]),
+            **_spread_boxes("box", [room.box for room in rooms]),
+        },
+        "objects": {
+            **_take(_OBJECT, objects),
+            "scene_id": [graph.scene_id for graph in graphs for _ in graph.objects],
+            "class": [None if index is None else classes[index] for index in indices],
+            "has_geometry": [obj.box is not None for obj in objects],
+            **_spread_points("centroid", [obj.centroid for obj in objects]),
+            **_spread_boxes("box", [obj.box for obj in objects]),
+            **_spread_boxes("part", [obj.part_box for obj in objects]),
+        },
+        "edges": {name: [edge[i] for edge in edges] for i, name in enumerate(EDGES.names)},
+    }
+
+
+def _list_edges(graph: SceneGraph) -> Iterator[tuple[object, ...]]:
+    """Yield the rows of the edges: building → rooms, rooms → objects, then adjacency."""
+    scene = graph.scene_id
+    for room in graph.rooms:
+        yield scene, "contains", "building", 0, "room", room.room_index, "annotation", None
+    for obj in graph.objects:
+        ends = "room" if obj.room_index else "building", obj.room_index, "object", obj.object_index
+        yield scene, "contains", *ends, "annotation", None
+    for edge in graph.adjacency:
+        ends = "room", edge.source, "room", edge.target
+        yield scene, "adjacent", *ends, edge.method, edge.distance_m
+
+
+def _take(names: Iterable[str], records: Sequence[object]) -> _Columns:
+    return {name: list(map(attrgetter(name), records)) for name in names}
+
+
+def _spread_points(name: str, points: Sequence[Point | None]) -> _Columns:
+    return {
+        f"{name}_{axis}": [point and point[number] for point in points]
+        for number, axis in enumerate("xyz")
+    }
+
+
+def _spread_boxes(name: str, boxes: Sequence[Box | None]) -> _Columns:
+    low = [box.minimum if box else None for box in boxes]
+    high = [box.maximum if box else None for box in boxes]
+    return {**_spread_points(f"{name}_min", low), **_spread_points(f"{name}_max", high)}
+
+
+def _group_rows(table: pa.Table) -> dict[str, list[_Row]]:
+    """Return scene id → its rows."""
+    rows: dict[str, list[_Row]] = {}
+    for row in table.to_pylist():
+        rows.setdefault(row["scene_id"], []).append(row)
+    return rows
+
+
+def _assemble_graphs(
+    scenes: dict[str, list[_Row]],
+    rooms: dict[str, list[_Row]],
+    objects: dict[str, list[_Row]],
+    edges: dict[str, list[_Row]],
+) -> Iterator[SceneGraph]:
+    """Assemble scene graphs from the rows of one shard: the inverse of `_collect_columns`."""
+    for scene_id, (scene,) in scenes.items():
+        adjacent = (row for row in edges.get(scene_id, ()) if row["kind"] == "adjacent")
+        yield SceneGraph(
+            **{name: scene[name] for name in _SCENE},
+            rooms=tuple(map(_room, rooms.get(scene_id, ()))),
+            objects=tuple(map(_object, objects.get(scene_id, ()))),
+            adjacency=tuple(
+                Edge(row["source_index"], row["target_index"], *(row[name] for name in _EDGE))
+                for row in adjacent
+            ),
+        )
+
+
+def _room(row: _Row) -> Room:
+    corners = row["footprint"]
+    row["footprint"] = corners and tuple(zip(corners[::2], corners[1::2], strict=True))
+    own = {name: row[name] for name in _ROOM}
+    return Room(**own, centroid=_point(row, "centroid"), box=_box(row, "box"))
+
+
+def _object(row: _Row) -> SceneObject:
+    own = {name: row[name] for name in _OBJECT}
+    centroid, box, part = _point(row, "centroid"), _box(row, "box"), _box(row, "part")
+    return SceneObject(**own, centroid=centroid, box=box, part_box=part)
+
+
+def _point(row: _Row, name: str) -> Point | None:
+    x, y, z = (row[f"{name}_{axis}"] for axis in "xyz")
+    return None if x is None else (x, y, z)
+
+
+def _box(row: _Row, name: str) -> Box | None:
+    minimum, maximum = _point(row, f"{name}_min"), _point(row, f"{name}_max")
+    return None if minimum is None or maximum is None else Box(minimum, maximum)
+
+
+def write_parquet(
     folder: Path,
     path: str,
-    schema: pa.Schema,
+    tables: Iterable[pa.Table],
     *,
     table: str,
     class_space: ClassSpace,
     **extra: str,
-) -> Iterator[ParquetFile]:
-    """Write a parquet file at a path that nobody reads yet, and flush it.
+) -> FileEntry:
+    """Write a parquet file at a path that nobody reads yet, and return its entry.
 
     Its metadata has its table, format version, class space, class names and `extra`.
+
+    Args:
+        folder: of the dataset.
+        path: path of the file below it.
+        tables: its row groups.
+        table: name of the table that it is a part of.
+        class_space: the classes of the dataset.
+        **extra: more metadata.
     """
     metadata = {
         "bsg.table": table,
@@ -79,39 +231,25 @@ def writing_parquet(
         "bsg.classes": encode_json(class_space.classes, ensure_ascii=False),
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
-    where = folder / path
+    schema, sink, rows = schema_of(table, class_space), pa.BufferOutputStream(), 0
+    with pq.ParquetWriter(
+        sink, schema.with_metadata(metadata), compression="zstd", compression_level=3
+    ) as writer:
+        for group in tables:
+            writer.write_table(group)
+            rows += len(group)
+    data, where = sink.getvalue(), folder / path
     try:
         where.parent.mkdir(parents=True, exist_ok=True)
-        with where.open("wb") as raw:
-            hashed = _Hashed(raw)
-            with pq.ParquetWriter(
-                hashed, schema.with_metadata(metadata), compression="zstd", compression_level=3
-            ) as writer:
-                written = ParquetFile(writer)
-                yield written
-            raw.flush()
-            os.fsync(raw.fileno())
-            size = raw.tell()
+        with where.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
     except OSError as error:
         message = f"{where}: cannot be written ({error.strerror or error})"
         raise DatasetError(message, code="not-written", where=where) from error
-    written.entry = FileEntry(
-        path=path, rows=written.rows, bytes=size, sha256=hashed.digest.hexdigest()
-    )
-
-
-class _Hashed(io.RawIOBase):
-    """A file whose bytes are hashed as they are written."""
-
-    def __init__(self, raw: io.BufferedWriter) -> None:
-        self._raw, self.digest = raw, hashlib.sha256()
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, data: Any, /) -> int:
-        self.digest.update(data)
-        return self._raw.write(data)
+    sha256 = hashlib.sha256(data).hexdigest()
+    return FileEntry(path=path, rows=rows, bytes=len(data), sha256=sha256)
 
 
 def read_table(
@@ -152,7 +290,7 @@ def read_file(
     # No threads: files are small, and Arrow may abort a process that ends while it starts one.
     with open_listed(dataset, entry, manifest=manifest) as file:
         table = file.read(columns=columns, use_threads=False)
-    if _table_of(entry) == "scenes" and "scene_id" in table.column_names:
+    if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
         for scene in table["scene_id"].to_pylist():
             if not is_scene_id(scene):  # it becomes part of names of files
                 message = f"{dataset / entry.path}: {scene!r} cannot be part of a file name"
@@ -177,55 +315,17 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
         message = f"{path}: is not what the manifest says; run `bsg-data check` for details"
         raise DatasetError(message, code="file-changed", where=entry.path)
     with pq.ParquetFile(pa.BufferReader(data)) as file:
-        _require_schema(path, entry, file, manifest)
+        expected = schema_of(entry.path.partition("/")[0], manifest.class_space)
+        if not file.schema_arrow.equals(expected, check_metadata=False):
+            plain = [{*map(pa.Field.remove_metadata, one)} for one in (file.schema_arrow, expected)]
+            names = ", ".join(sorted({field.name for field in plain[0] ^ plain[1]}))
+            message = f"{path}: other columns than the format has ({names or 'their order'})"
+            raise DatasetError(message, code="columns", where=entry.path)
         yield file
 
 
-def _require_schema(path: Path, entry: FileEntry, file: pq.ParquetFile, manifest: Manifest) -> None:
-    """Refuse a file of other columns, or of another format or class space than the manifest."""
-    schema, expected = file.schema_arrow, schema_of(_table_of(entry), manifest)
-    words = {key.decode(): value.decode() for key, value in (schema.metadata or {}).items()}
-    found = tuple(
-        words.get(f"bsg.{key}", "none")
-        for key in ("format_version", "class_space", "class_space_sha256")
-    )
-    space = manifest.class_space
-    if found != (str(FORMAT_VERSION), space.name, space.sha256):
-        raise MismatchError(
-            f"{path}: expected format {FORMAT_VERSION} and class space {space} as in the manifest, "
-            f"found format {found[0]} and {found[1]} (sha256 {found[2][:12]}…)",
-            code="file-mismatch",
-            where=entry.path,
-        )
-    if not schema.equals(expected, check_metadata=False):
-        plain = [{field.remove_metadata() for field in one} for one in (schema, expected)]
-        names = ", ".join(sorted({field.name for field in plain[0] ^ plain[1]})) or "their order"
-        message = f"{path}: other columns than the format has ({names})"
-        raise DatasetError(message, code="columns", where=entry.path)
-
-
-def schema_of(table: str, manifest: Manifest) -> pa.Schema:
+def schema_of(table: str, class_space: ClassSpace) -> pa.Schema:
     """Return the schema of the files of a table."""
     if table == "pairs":
-        return pairs_schema(len(manifest.class_space.classes))
+        return pairs_schema(len(class_space.classes))
     return SPLITS if table == "splits" else TABLES[table]
-
-
-def _table_of(entry: FileEntry) -> str:
-    """Return the table of a file: `rooms/part-00000.parquet` → `rooms`."""
-    return entry.path.partition("/")[0]
-
-
-def read_scene_graphs(
-    dataset: AnyPath, *, manifest: Manifest | None = None
-) -> Iterator[SceneGraph]:
-    """Yield the scene graphs of a dataset, with one shard in memory at a time."""
-    dataset = Path(dataset)
-    manifest = manifest or read_manifest(dataset)
-    for files in zip(*(manifest.files_of(name) for name in TABLES), strict=True):
-        yield from assemble_graphs(
-            {
-                name: read_file(dataset, file, manifest=manifest)
-                for name, file in zip(TABLES, files, strict=True)
-            }
-        )

@@ -13,7 +13,7 @@ import pyarrow as pa
 from bsg_data.dataset.commit import name_by_content, revise
 from bsg_data.dataset.manifest import STAGED, Manifest, read_manifest
 from bsg_data.dataset.schema import SPLIT_NAME, SPLITS
-from bsg_data.dataset.shards import read_table, writing_parquet
+from bsg_data.dataset.shards import read_table, write_parquet
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.recipes import SplitRecipe
@@ -95,16 +95,15 @@ def write_splits(
     The split replaces an existing one and its pairs.
     """
     table = pa.table([list(chosen), list(chosen.values())], schema=SPLITS)
-    with writing_parquet(
+    staged = write_parquet(
         dataset,
         f"{STAGED}/splits.parquet",
-        SPLITS,
+        [table],
         table="splits",
         class_space=manifest.class_space,
         split=recipe.model_dump_json(),
-    ) as file:
-        file.write(table)
-    entry = name_by_content(dataset, f"splits/{recipe.method}", {"": file.entry})
+    )
+    entry = name_by_content(dataset, f"splits/{recipe.method}", {"": staged})
     return manifest.without_split().with_table("splits", entry, split=recipe)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from itertools import chain
 from pathlib import Path
@@ -18,7 +18,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.schema import pairs_schema
-from bsg_data.dataset.shards import open_listed, writing_parquet
+from bsg_data.dataset.shards import open_listed, write_parquet
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
@@ -188,24 +188,32 @@ def _write_file(
     space = data.manifest.class_space
     schema = pairs_schema(len(space.classes))
     left_out = tuple(scene for scene in scenes if not fits_pairs(data.cells(scene)))
-    waiting: list[pa.RecordBatch] = []
-    with writing_parquet(
+    batches = (
+        _scene_batches(data, scene, recipe=recipe, schema=schema)
+        for scene in scenes
+        if scene not in left_out
+    )
+    entry = write_parquet(
         dataset,
         f"{STAGED}/{name}",
-        schema,
+        _row_groups(chain.from_iterable(batches)),
         table="pairs",
         class_space=space,
         pairs=recipe.model_dump_json(),
-    ) as file:
-        for scene in (scene for scene in scenes if scene not in left_out):
-            for batch in _scene_batches(data, scene, recipe=recipe, schema=schema):
-                waiting.append(batch)
-                if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
-                    file.write(pa.Table.from_batches(waiting))
-                    waiting.clear()
-        if waiting:
-            file.write(pa.Table.from_batches(waiting))
-    return file.entry, left_out
+    )
+    return entry, left_out
+
+
+def _row_groups(batches: Iterable[pa.RecordBatch]) -> Iterator[pa.Table]:
+    """Yield tables of `ROWS_PER_GROUP` rows or somewhat more."""
+    waiting: list[pa.RecordBatch] = []
+    for batch in batches:
+        waiting.append(batch)
+        if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
+            yield pa.Table.from_batches(waiting)
+            waiting.clear()
+    if waiting:
+        yield pa.Table.from_batches(waiting)
 
 
 def _scene_batches(

@@ -19,7 +19,6 @@ from bsg_data.scene.class_map import Role
 
 Point = tuple[float, float, float]
 EdgeKind = Literal["contains", "adjacent"]
-NodeKind = Literal["building", "room", "object"]
 # A plan says so, a door, stairs, the boxes of two rooms, a robot that went there, or whoever made
 # the data.
 ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")
@@ -202,13 +201,6 @@ class SceneGraph:
         """Say whether any room or object has a centroid, a box or a footprint."""
         rooms = any(room.centroid or room.box or room.footprint for room in self.rooms)
         return rooms or any(obj.centroid or obj.box for obj in self.objects)
-
-    def describe_node(self, node: int) -> tuple[NodeKind, int]:
-        """Return the kind of a node, and its room_index or object_index; 0 for the building."""
-        if node == 0:
-            return "building", 0
-        rooms = len(self.rooms)
-        return ("room", node) if node <= rooms else ("object", node - rooms)
 
     def edges(self) -> Iterator[Edge]:
         """Yield building → rooms, rooms → objects, then adjacency."""

@@ -17,7 +17,7 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.commit import is_own, revise
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.schema import SPLITS
-from bsg_data.dataset.shards import writing_parquet
+from bsg_data.dataset.shards import write_parquet
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
@@ -138,11 +138,8 @@ def test_no_split_is_read_whose_name_could_lead_anywhere(dataset: Path, name: st
     scenes = [scene for some in read_splits(dataset).values() for scene in some]
     table = pa.table([scenes, [name, *["train"] * (len(scenes) - 1)]], schema=SPLITS)
     path = "splits/ratios-00000000.parquet"
-    with writing_parquet(
-        dataset, path, SPLITS, table="splits", class_space=manifest.class_space
-    ) as file:
-        file.write(table)
-    commit_manifest(dataset, manifest.with_table("splits", (file.entry,)))
+    entry = write_parquet(dataset, path, [table], table="splits", class_space=manifest.class_space)
+    commit_manifest(dataset, manifest.with_table("splits", (entry,)))
     with refuses(DatasetError, "split-name", path):
         write_pairs(dataset, PairsRecipe(draws=1), force=True)
 
