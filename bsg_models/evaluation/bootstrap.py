@@ -16,9 +16,8 @@ There are two rules for the ends of an interval:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -37,20 +36,6 @@ class Estimate:
     low: float  # lower end; nan without an interval
     high: float  # upper end; nan without an interval
     nodes: int  # number of nodes, or of searches, behind the value
-
-
-class Measurable(Protocol):
-    """Anything that can be measured on a resample of the buildings."""
-
-    @property
-    def scene_ids(self) -> tuple[str, ...]:
-        """The B buildings."""
-
-    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
-        """Return metric → value; the weights `[B]` say how often each building counts."""
-
-    def count_nodes(self, metric: str) -> int:
-        """Return the number of nodes behind a metric."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,46 +67,11 @@ class Bootstrap:
         return estimate_value(value, resampled, nodes=self.nodes[name])
 
 
-def bootstrap(
-    measurement: Measurable,
-    *,
-    resamples: int = 200,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> Bootstrap:
-    """Return every metric, with its values on resamples of the buildings."""
-    point = measurement.evaluate()
-    weights = resample_buildings(len(measurement.scene_ids), resamples=resamples, seed=seed)
-    sampled: list[dict[str, float]] = []
-    for done, times in enumerate(weights, 1):
-        sampled.append(measurement.evaluate(times))
-        if progress is not None:
-            progress(done, resamples)
-    return Bootstrap(
-        point=point,
-        resampled={name: np.array([one[name] for one in sampled], dtype=float) for name in point},
-        nodes={name: measurement.count_nodes(name) for name in point},
-    )
-
-
-def resample_buildings(buildings: int, *, resamples: int, seed: int) -> Floats:
-    """Return how often each building counts in each resample, `[resamples, buildings]`.
-
-    The weights depend only on the arguments, so all models get the same resamples.
-
-    >>> resample_buildings(3, resamples=2, seed=0).sum(axis=1).tolist()
-    [3.0, 3.0]
-    """
-    rng = np.random.Generator(np.random.PCG64(seed))
-    shares = np.full(buildings, 1 / buildings)
-    return rng.multinomial(buildings, shares, size=max(resamples, 0)).astype(float)
-
-
 def weigh_buildings(buildings: int, *, resamples: int, seed: int) -> npt.NDArray[np.uint16]:
     """Return how often each building counts in the data and in each resample, `[buildings, 1 + R]`.
 
-    The same weights as `resample_buildings`, in a quarter of the memory; the first column is the
-    data.
+    The first column is the data. The weights depend only on the arguments, so all models get the
+    same resamples.
 
     >>> weigh_buildings(3, resamples=2, seed=0).sum(axis=0).tolist()
     [3, 3, 3]

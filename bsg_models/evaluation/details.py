@@ -51,8 +51,8 @@ class ClassErrors:
                         "count": count[c],
                         "mean_error": error[c],
                         "mean_absolute_error": absolute[c],
-                        "presence_auroc": ranks.auroc_of_classes["all"][c, 0],
-                        "presence_ap": ranks.precision_of_classes["all"][c, 0],
+                        "presence_auroc": ranks.auroc["all"][1 + c, 0],
+                        "presence_ap": ranks.precision["all"][1 + c, 0],
                     }
                 )
         return found

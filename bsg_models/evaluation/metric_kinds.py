@@ -248,10 +248,9 @@ class RankMetric(_PresenceMetric):
 
     def finish(self, sums: Sums) -> Values:
         """Return the ranking of the counted cells."""
-        name = self.measure + ("_of_classes" if self.by_class else "")
-        ranks: dict[str, Floats] = getattr(sums.cells.ranks, name)
+        ranks: dict[str, Floats] = getattr(sums.cells.ranks, self.measure)
         values = {
-            ("rooms", part): mean_known(one) if self.by_class else one
+            ("rooms", part): mean_known(one[1:]) if self.by_class else one[0]
             for part, one in ranks.items()
         }
         return Values(values, {key: sums.cells.rooms[key[1]] for key in values})

@@ -15,18 +15,18 @@ The metadata `bsg.masks_sha256` may hold the hash of the masks, which is then co
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.arrays import Bools, Floats
 from bsg_data.files import open_beside
 from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
@@ -35,8 +35,8 @@ from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 
-KEYS = ("scene_id", "draw", "node_index", "class")
-PRESENCE, EXPECTED, TOTAL = "presence", "expected", "total"
+NODE = ("scene_id", "draw", "node_index")
+KEYS = (*NODE, "class")
 WRITTEN = 16  # number of the columns p0, p1, … that are written
 _TEXTS, _NUMBERS = ("scene_id", "class"), ("draw", "node_index")
 _EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
@@ -51,19 +51,14 @@ class Predictions:
 
     path: Path  # of the file or folder
     files: tuple[Path, ...]  # in order
-    rows: pd.DataFrame  # by (file, number of the row in it), with `KEYS` and the columns
-    columns: tuple[str, ...]  # scored columns: presence, expected, p0, …, total
+    # by (file, number of the row in it): `KEYS`, presence, expected, p0, p1, … and total, if there
+    rows: pd.DataFrame
     masks: frozenset[str]  # hashes of the masks that the files state
 
     @property
-    def exactly(self) -> int:
-        """Number of the columns p0, p1, …."""
-        return sum(is_exactly(name) for name in self.columns)
-
-
-def is_exactly(column: str) -> bool:
-    """Return whether a column is one of p0, p1, …."""
-    return _EXACTLY.fullmatch(column) is not None
+    def exactly(self) -> list[str]:
+        """The columns p0, p1, …, in order."""
+        return [name for name in map(str, self.rows) if _EXACTLY.fullmatch(name)]
 
 
 def read_predictions(path: Path, *, most_rows: int) -> Predictions:
@@ -88,23 +83,102 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
                 code="predictions-many",
                 where=path,
             )
-        schemas = [file.schema_arrow for file in opened]
-        columns = [_choose(*one) for one in zip(files, schemas, strict=True)]
-        if len(set(columns)) > 1:
+        frames = [_read(*one) for one in zip(files, opened, strict=True)]
+        said = [(file.schema_arrow.metadata or {}).get(_MASKS) for file in opened]
+    if any(list(frame) != list(frames[0]) for frame in frames):
+        raise PredictionError(
+            f"{path}: its files have different columns p0, p1, … or total",
+            code="predictions-differ",
+            where=path,
+        )
+    masks = frozenset(one.decode("ascii", "replace") for one in said if one is not None)
+    return Predictions(path, tuple(files), pd.concat(frames, keys=files), masks)
+
+
+def _open(path: Path) -> pq.ParquetFile:
+    return open_parquet_file(
+        path, most=MAX_STREAMED_ROWS, dictionaries=_TEXTS, error=PredictionError
+    )
+
+
+def _read(path: Path, file: pq.ParquetFile) -> pd.DataFrame:
+    """Return all rows, after checking the range of every value."""
+    names = _choose_columns(path, file.schema_arrow)
+    with refusing_damage(path, error=PredictionError):
+        table = file.read(names, use_threads=False).select(names)
+        table.validate(full=True)
+        for place, name in enumerate(names):
+            if name not in _TEXTS:
+                kind = pa.int64() if name in _NUMBERS else pa.float64()
+                table = table.set_column(place, name, table[name].cast(kind))
+    rows: pd.DataFrame = table.to_pandas()
+    for name, values, sound, expected in _list_rules(rows):
+        if not sound.all():
+            row = int(np.argmin(sound))
             raise PredictionError(
-                f"{path}: its files have different columns p0, p1, … or total",
-                code="predictions-differ",
+                f"{path}: row {row}: expected {expected} in {name}, found {values[row]}; "
+                f"{int((~sound).sum()):,} such rows",
+                code="prediction-value",
+                where=f"{path}: row {row}",
+            )
+    return rows.assign(presence=rows.presence.clip(upper=1.0))
+
+
+def _choose_columns(path: Path, schema: pa.Schema) -> list[str]:
+    """Return the columns to read, after checking their names and types."""
+    names = [*KEYS, "presence", "expected"]
+    found = ", ".join(schema.names[:20])
+    if absent := [name for name in names if schema.names.count(name) != 1]:
+        raise PredictionError(
+            f"{path}: expected the columns {', '.join(names)}, once each; {', '.join(absent)} is "
+            f"missing or double; found {found}",
+            code="predictions-column",
+            where=path,
+        )
+    exactly = [name for name in schema.names if _EXACTLY.fullmatch(name)]
+    wanted = [f"p{count}" for count in range(len(exactly))]
+    if len(exactly) > _MOST_EXACTLY or set(exactly) != set(wanted):
+        raise PredictionError(
+            f"{path}: expected p0, p1, … without a gap, {_MOST_EXACTLY} at most, or none of them; "
+            f"found {', '.join(exactly[:20])}",
+            code="predictions-gap",
+            where=path,
+        )
+    names += [*wanted, *["total"] * ("total" in schema.names)]
+    for name in names:
+        kind = "text" if name in _TEXTS else "integers" if name in _NUMBERS else "numbers"
+        if not _fits(kind, schema.field(name).type):
+            raise PredictionError(
+                f"{path}: expected {kind} in {name}, found {schema.field(name).type}",
+                code="predictions-type",
                 where=path,
             )
-        frames = [_read(*one, columns[0]) for one in zip(files, opened, strict=True)]
-    said = [(schema.metadata or {}).get(_MASKS) for schema in schemas]
-    return Predictions(
-        path,
-        tuple(files),
-        pd.concat(frames, keys=files),
-        columns[0],
-        frozenset(one.decode("ascii", "replace") for one in said if one is not None),
-    )
+    return names
+
+
+def _fits(kind: str, found: pa.DataType) -> bool:
+    if kind == "text":
+        value = found.value_type if pa.types.is_dictionary(found) else found
+        return bool(pa.types.is_string(value) or pa.types.is_large_string(value))
+    return bool(pa.types.is_integer(found) or (kind == "numbers" and pa.types.is_floating(found)))
+
+
+def _list_rules(rows: pd.DataFrame) -> Iterator[tuple[str, Floats, Bools, str]]:
+    """Yield name and values of a column, whether each is sound, and what is expected."""
+    for name in KEYS:
+        yield name, rows[name].to_numpy(), rows[name].notna().to_numpy(), "a value"
+    values: dict[str, Floats] = {name: rows[name].to_numpy() for name in rows.columns[len(KEYS) :]}
+    expected, total = values.pop("expected"), values.pop("total", np.zeros(len(rows)))
+    sound = (expected >= 0) & (expected <= _MOST)
+    yield "expected", expected, sound, "a number from 0 to 1e9"
+    yield "total", total, np.abs(total) <= _MOST, "a finite number below 1e9"
+    for name, chance in values.items():
+        yield name, chance, (chance >= 0) & (chance <= 1 + 1e-6), "a probability, 0 to 1,"
+    if "p0" in values:
+        none, other = 1 - values.pop("presence"), values["p0"]
+        whole = np.sum(list(values.values()), axis=0)
+        yield "p0 + p1 + …", whole, whole <= 1 + 1e-5, "a sum of 1 at most"
+        yield "p0", other, np.abs(none - other) <= 2 * MIN_RATE, "1 − presence"
 
 
 class PredictionWriter:
@@ -158,117 +232,16 @@ def _tabulate(
     scene = np.repeat([of_scene[name] for name in seen.scene_ids], sizes * number)
     label = np.tile(np.arange(number), len(node))
     columns: dict[str, Any] = {
-        "scene_id": _name_rows(scene, tuple(of_scene)),
+        "scene_id": pa.DictionaryArray.from_arrays(scene.astype(np.int32), list(of_scene)),
         "draw": np.repeat(masked.draws, sizes * number).astype(np.int32),
         "node_index": np.repeat(node, number).astype(np.int32),
-        "class": _name_rows(label, classes),
+        "class": pa.DictionaryArray.from_arrays(label.astype(np.int32), list(classes)),
         "presence": expectation.presence.ravel(),
         "expected": expectation.hidden.ravel(),
-        TOTAL: expectation.totals.ravel(),
+        "total": expectation.totals.ravel(),
     }
     for count in range(WRITTEN):
         wanted = np.full(seen.inputs.shape, float(count))
         chance = np.exp(expectation.log_probability(wanted))
         columns[f"p{count}"] = chance.astype(np.float32).ravel()
     return pa.table(columns)
-
-
-def _name_rows(numbers: Ints, names: tuple[str, ...]) -> pa.Array:
-    return pa.DictionaryArray.from_arrays(pa.array(numbers.astype(np.int32)), pa.array(names))
-
-
-def _open(path: Path) -> pq.ParquetFile:
-    return open_parquet_file(
-        path, most=MAX_STREAMED_ROWS, dictionaries=_TEXTS, error=PredictionError
-    )
-
-
-def _read(path: Path, file: pq.ParquetFile, columns: tuple[str, ...]) -> pd.DataFrame:
-    """Return all rows, after checking the range of every value."""
-    with refusing_damage(path, error=PredictionError):
-        table = file.read([*KEYS, *columns], use_threads=False)
-        table.validate(full=True)
-        kinds = dict.fromkeys(_NUMBERS, pa.int64()) | dict.fromkeys(columns, pa.float64())
-        cast = {name: table[name].cast(kind) for name, kind in kinds.items()}
-        table = pa.table({name: cast.get(name, table[name]) for name in table.column_names})
-    for name in table.column_names:
-        if table[name].null_count:
-            row = int(np.argmin(table[name].is_valid().to_numpy()))
-            _refuse(path, row, f"expected a value in {name}, found none")
-    rows: pd.DataFrame = table.to_pandas()
-    _require_values(path, rows, columns)
-    rows[PRESENCE] = np.minimum(rows[PRESENCE], 1.0)
-    return rows
-
-
-def _choose(path: Path, schema: pa.Schema) -> tuple[str, ...]:
-    """Return the scored columns, after checking that all are valid."""
-    names = [*KEYS, PRESENCE, EXPECTED]
-    found = ", ".join(schema.names[:20])
-    if absent := [name for name in names if schema.names.count(name) != 1]:
-        raise PredictionError(
-            f"{path}: expected the columns {', '.join(names)}, once each; {', '.join(absent)} is "
-            f"missing or double; found {found}",
-            code="predictions-column",
-            where=path,
-        )
-    exactly = [name for name in schema.names if is_exactly(name)]
-    wanted = [f"p{count}" for count in range(len(exactly))]
-    if len(exactly) > _MOST_EXACTLY or set(exactly) != set(wanted):
-        raise PredictionError(
-            f"{path}: expected p0, p1, … without a gap, {_MOST_EXACTLY} at most, or none of them; "
-            f"found {', '.join(exactly[:20])}",
-            code="predictions-gap",
-            where=path,
-        )
-    names += wanted + [TOTAL] * (TOTAL in schema.names)
-    for name in names:
-        kind = schema.field(name).type
-        if not _fits(name, kind):
-            wanted_kind = (
-                "text" if name in _TEXTS else "integers" if name in _NUMBERS else "numbers"
-            )
-            raise PredictionError(
-                f"{path}: expected {wanted_kind} in {name}, found {kind}",
-                code="predictions-type",
-                where=path,
-            )
-    return tuple(names[len(KEYS) :])
-
-
-def _fits(name: str, kind: pa.DataType) -> bool:
-    if name in _TEXTS:
-        value = kind.value_type if pa.types.is_dictionary(kind) else kind
-        return bool(pa.types.is_string(value) or pa.types.is_large_string(value))
-    whole = pa.types.is_integer(kind)
-    return bool(whole if name in _NUMBERS else whole or pa.types.is_floating(kind))
-
-
-def _require_values(path: Path, rows: pd.DataFrame, columns: tuple[str, ...]) -> None:
-    def require(name: str, column: Floats, sound: Bools, expected: str) -> None:
-        if not sound.all():
-            row = int(np.argmin(sound))
-            found = f"found {column[row]:g}; {int((~sound).sum()):,} such rows"
-            _refuse(path, row, f"expected {expected} in {name}, {found}")
-
-    values = {name: rows[name].to_numpy() for name in columns}
-    exactly = [values[name] for name in columns if is_exactly(name)]
-    for name in columns:
-        column = values[name]
-        if name == EXPECTED:
-            require(name, column, (column >= 0) & (column <= _MOST), "a number from 0 to 1e9")
-        elif name == TOTAL:
-            require(name, column, np.abs(column) <= _MOST, "a finite number below 1e9")
-        else:
-            require(name, column, (column >= 0) & (column <= 1 + 1e-6), "a probability, 0 to 1,")
-    if exactly:
-        whole = np.sum(exactly, axis=0)
-        require("p0 + p1 + …", whole, whole <= 1 + 1e-5, "a sum of 1 at most")
-        near = np.abs(1 - exactly[0] - values[PRESENCE]) <= 2 * MIN_RATE
-        require("p0", exactly[0], near, "1 − presence")
-
-
-def _refuse(path: Path, row: int, why: str) -> NoReturn:
-    raise PredictionError(
-        f"{path}: row {row}: {why}", code="prediction-value", where=f"{path}: row {row}"
-    )

@@ -11,28 +11,19 @@ follows from its rooms.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.arrays import Bools, Floats
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE, zero_inflated
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.prediction_files import (
-    EXPECTED,
-    KEYS,
-    PRESENCE,
-    TOTAL,
-    Predictions,
-    is_exactly,
-)
+from bsg_models.evaluation.prediction_files import KEYS, NODE, Predictions
 
 _LEAST = 1e-6  # one log 0 would dominate any mean
 _LISTED = 5
@@ -95,24 +86,40 @@ def log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class AlignedPredictions:
-    """Predictions of the N nodes of P masked buildings."""
+    """Predictions of all N measured nodes."""
 
-    pairs: pd.MultiIndex  # `[P]` (scene id, draw)
-    starts: Ints  # `[P + 1]` first node of each
+    nodes: pd.MultiIndex  # `[N]` scene id, draw and index of the node in its building
     there: Bools  # `[N, C]` whether there is a row
-    # column → `[N, C]`: presence, expected, p0, p1, …, and total if stated
+    # column → `[N, C]`: presence, expected, and total if stated
     values: Mapping[str, Floats]
+    exactly: Sequence[Floats]  # `[N, C]` of p0, p1, …
     buildings: bool  # whether building nodes have rows
 
     def expect(self, masked: MaskedBuildings) -> PredictedExpectation:
-        """Return the predictions of some of the masked buildings."""
-        pairs = self.pairs.get_indexer(pd.MultiIndex.from_arrays(_key_of(masked)))
-        rows = np.concatenate([np.arange(*self.starts[[k, k + 1]]) for k in pairs])
+        """Return the predictions of some masked buildings; missing buildings follow from rooms."""
+        seen, rows = masked.seen, self.nodes.get_indexer(_index_nodes(masked))
         values = {name: column[rows] for name, column in self.values.items()}
-        known = self.there[rows]
-        exactly = [values.pop(name) for name in self.values if is_exactly(name)]
-        told = [np.where(known, chance, np.nan) for chance in exactly]
-        return _expect(masked, values, told, buildings=self.buildings)
+        presence, hidden, inputs = values["presence"], values["expected"], seen.inputs.astype(float)
+        if not self.buildings:
+            rooms, own = ~seen.is_building, seen.building
+            sums = np.zeros((len(seen), hidden.shape[1]))
+            np.add.at(sums, own[rooms], hidden[rooms])
+            none = np.ones_like(sums)
+            np.multiply.at(none, own[rooms], 1 - presence[rooms])
+            hidden[seen.is_building], presence[seen.is_building] = sums, 1 - none
+        totals = whole = inputs + hidden
+        if "total" in values:  # it is 0 in cells without a row
+            left = seen.is_building & (not self.buildings) | ~_hides(masked)
+            totals = np.where(left[:, None], whole, values["total"])
+        told = [np.where(self.there[rows], chance[rows], np.nan) for chance in self.exactly]
+        return PredictedExpectation(
+            inputs,
+            zero_inflated(presence, hidden),
+            totals,
+            stated_presence=presence,
+            stated_hidden=hidden,
+            exactly=np.stack(told) if told else None,
+        )
 
 
 def align(
@@ -120,7 +127,7 @@ def align(
     batches: Iterable[MaskedBuildings],
     classes: Sequence[str],
     *,
-    elsewhere: frozenset[str] = frozenset(),
+    elsewhere: Collection[str] = (),
 ) -> AlignedPredictions:
     """Align predictions with the masked buildings that are measured.
 
@@ -130,83 +137,50 @@ def align(
         classes: `[C]` names.
         elsewhere: scenes of other folds, whose rows are skipped.
     """
-    nodes = _MeasuredNodes.of(batches)
+    parts = [(_index_nodes(some), _hides(some), some.seen.is_building) for some in batches]
+    indices, hides, is_building = zip(*parts, strict=True)
+    nodes = indices[0].append(list(indices[1:]))
     rows = predictions.rows[~predictions.rows["scene_id"].isin(elsewhere)]
-    cells = _find_cells(rows, nodes, classes)
-    shape = (int(nodes.starts[-1]), len(classes))
-    there = np.zeros(shape, dtype=bool)
+    place = nodes.get_indexer(pd.MultiIndex.from_frame(rows[list(NODE)]))
+    label = pd.Index(classes).get_indexer(pd.Index(rows["class"]))
+    cells = place * len(classes) + label
+    _require(rows, place >= 0, "node", "is of no node that is measured here")
+    _require(rows, label >= 0, "class", "is of a class that the class space does not have")
+    twice = pd.Series(cells).duplicated().to_numpy()
+    _require(rows, ~twice, "twice", "is there twice; expected one row of each")
+
+    def fill(column: object) -> Floats:
+        filled = np.zeros(there.shape)
+        filled.flat[cells] = column
+        return filled
+
+    there = np.zeros((len(nodes), len(classes)), dtype=bool)
     there.flat[cells] = True
     buildings = bool((rows["node_index"] == 0).any())
-    _require_all(there, nodes, classes, buildings=buildings, path=predictions.path)
-    values = {name: np.zeros(shape) for name in predictions.columns}
-    for name, column in values.items():
-        column.flat[cells] = rows[name].to_numpy()
-    return AlignedPredictions(nodes.pairs, nodes.starts, there, values, buildings)
+    needed = np.concatenate(hides) & (buildings | ~np.concatenate(is_building))
+    _require_all(predictions, nodes, classes, needed[:, None] & ~there)
+    return AlignedPredictions(
+        nodes,
+        there,
+        {name: fill(rows[name]) for name in ("presence", "expected", "total") if name in rows},
+        [fill(rows[name]) for name in predictions.exactly],
+        buildings,
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class _MeasuredNodes:
-    """The nodes of all masked buildings; attributes as in `AlignedPredictions`."""
-
-    pairs: pd.MultiIndex
-    starts: Ints
-    nodes: Ints  # `[N]` index of each in its building
-    hides: Bools
-    is_building: Bools
-
-    @classmethod
-    def of(cls, batches: Iterable[MaskedBuildings]) -> _MeasuredNodes:
-        """Keep what tells the nodes apart, and whether they hide something."""
-        parts = [
-            (
-                *_key_of(masked),
-                np.diff(masked.seen.starts),
-                masked.nodes,
-                (masked.seen.cell_share > 0).any(axis=1),
-                masked.seen.is_building,
-            )
-            for masked in batches
-        ]
-        scenes, draws, sizes, *columns = map(np.concatenate, zip(*parts, strict=True))
-        starts = np.concatenate([[0], np.cumsum(sizes)])
-        return cls(pd.MultiIndex.from_arrays([scenes, draws]), starts, *columns)
-
-    def find(self, pairs: Ints, nodes: Ints) -> Ints:
-        """Return the row of each pair's node; −1 where the pair has no such node."""
-        size = int(self.nodes.max(initial=0)) + 1
-        own = np.arange(len(self.pairs)).repeat(np.diff(self.starts)) * size + self.nodes
-        asked = np.where((nodes >= 0) & (nodes < size), pairs * size + nodes, -1)
-        return np.asarray(pd.Index(own).get_indexer(pd.Index(asked)))
+def _index_nodes(masked: MaskedBuildings) -> pd.MultiIndex:
+    sizes = np.diff(masked.seen.starts)
+    scenes = np.array(masked.seen.scene_ids, dtype=object)
+    return pd.MultiIndex.from_arrays(
+        [scenes.repeat(sizes), masked.draws.repeat(sizes), masked.nodes], names=NODE
+    )
 
 
-def _key_of(masked: MaskedBuildings) -> tuple[npt.NDArray[np.object_], Ints]:
-    return np.array(masked.seen.scene_ids, dtype=object), masked.draws
+def _hides(masked: MaskedBuildings) -> Bools:
+    return np.asarray((masked.seen.cell_share > 0).any(axis=1))
 
 
-def _find_cells(rows: pd.DataFrame, nodes: _MeasuredNodes, classes: Sequence[str]) -> Ints:
-    """Return the number of the (node, class) cell of each row."""
-    label = pd.Index(classes).get_indexer(pd.Index(rows["class"]))
-    pair = nodes.pairs.get_indexer(pd.MultiIndex.from_frame(rows[["scene_id", "draw"]]))
-    _require(rows, rows["scene_id"].isin(nodes.pairs.levels[0]), "scene")
-    _require(rows, label >= 0, "class")
-    _require(rows, pair >= 0, "draw")
-    row = nodes.find(pair, rows["node_index"].to_numpy())
-    _require(rows, row >= 0, "node")
-    cells = row * len(classes) + label
-    _require(rows, ~pd.Series(cells).duplicated(), "twice")
-    return np.asarray(cells)
-
-
-_WHY = {
-    "scene": "is of a scene that is not measured here",
-    "class": "is of a class that the class space does not have",
-    "draw": "is of a draw that the pairs do not have",
-    "node": "its masked building has no such node",
-    "twice": "is there twice; expected one row of each",
-}
-
-
-def _require(rows: pd.DataFrame, sound: Bools | pd.Series[bool], what: str) -> None:
+def _require(rows: pd.DataFrame, sound: Bools, what: str, why: str) -> None:
     if sound.all():
         return
     wrong = int(np.argmin(sound))
@@ -214,61 +188,26 @@ def _require(rows: pd.DataFrame, sound: Bools | pd.Series[bool], what: str) -> N
     scene, draw, node, label = rows.iloc[wrong][list(KEYS)]
     raise PredictionError(
         f"{file}: row {number} (scene {scene!r}, draw {draw}, node {node}, class {label!r}): "
-        f"{_WHY[what]}; found {int((~sound).sum()):,} such",
+        f"{why}; found {int((~sound).sum()):,} such",
         code=f"prediction-{what}",
         where=f"{file}: row {number}",
     )
 
 
 def _require_all(
-    there: Bools, nodes: _MeasuredNodes, classes: Sequence[str], *, buildings: bool, path: Path
+    predictions: Predictions, nodes: pd.MultiIndex, classes: Sequence[str], missing: Bools
 ) -> None:
     """Refuse predictions without a row of a node that hides something."""
-    needed = nodes.hides & (buildings | ~nodes.is_building)
-    missing = np.argwhere(needed[:, None] & ~there)
-    if not len(missing):
+    if not missing.any():
         return
-    listed = []
-    for node, label in missing[:_LISTED].tolist():
-        pair = int(np.searchsorted(nodes.starts, node, side="right")) - 1
-        scene, draw = nodes.pairs[pair]
-        place = f"scene {scene}, draw {draw}, node {nodes.nodes[node]}"
-        listed.append(f"{place}, class {classes[label]}")
+    listed = [
+        "scene {}, draw {}, node {}, class {}".format(*nodes[node], classes[label])
+        for node, label in np.argwhere(missing)[:_LISTED].tolist()
+    ]
+    number = int(missing.sum())
     raise PredictionError(
-        f"{path}: {len(missing):,} of {int(needed.sum()) * len(classes):,} rows are missing: "
-        f"{'; '.join(listed)}{'; …' if len(missing) > _LISTED else ''}",
+        f"{predictions.path}: {number:,} rows are missing: "
+        f"{'; '.join(listed)}{'; …' if number > _LISTED else ''}",
         code="prediction-missing",
-        where=path,
-    )
-
-
-def _expect(
-    masked: MaskedBuildings,
-    values: dict[str, Floats],
-    exactly: Sequence[Floats],
-    *,
-    buildings: bool,
-) -> PredictedExpectation:
-    """Return the prediction of every node; missing buildings follow from their rooms."""
-    seen = masked.seen
-    presence, hidden = values[PRESENCE], values[EXPECTED]
-    inputs = seen.inputs.astype(float)
-    totals = values.get(TOTAL)
-    if not buildings:
-        rooms, own = ~seen.is_building, seen.building
-        sums = np.zeros((len(seen), hidden.shape[1]))
-        np.add.at(sums, own[rooms], hidden[rooms])
-        none = np.ones_like(sums)
-        np.multiply.at(none, own[rooms], 1 - presence[rooms])
-        hidden[seen.is_building], presence[seen.is_building] = sums, 1 - none
-    # TOTAL is 0 in cells without a row.
-    left = seen.is_building & (not buildings) | ~(seen.cell_share > 0).any(axis=1)
-    whole = inputs + hidden
-    return PredictedExpectation(
-        inputs,
-        zero_inflated(presence, hidden),
-        whole if totals is None else np.where(left[:, None], whole, totals),
-        stated_presence=presence,
-        stated_hidden=hidden,
-        exactly=np.stack(exactly) if exactly else None,
+        where=predictions.path,
     )

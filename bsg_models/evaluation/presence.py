@@ -36,12 +36,13 @@ _Counts = tuple[Ints, Bools, Ints, Ints]  # bin, hidden, building and number of 
 
 
 class Ranks(NamedTuple):
-    """AUROC and average precision under W weights; nan if they are not defined."""
+    """AUROC and average precision under W weights; nan if they are not defined.
 
-    auroc: dict[str, Floats]  # selection → `[W]`, all classes in one ranking
-    precision: dict[str, Floats]  # selection → `[W]`, all classes in one ranking
-    auroc_of_classes: dict[str, Floats]  # selection → `[C, W]`, each class ranked separately
-    precision_of_classes: dict[str, Floats]  # selection → `[C, W]`, each class ranked separately
+    The first row is of all classes in one ranking, the others of each class ranked separately.
+    """
+
+    auroc: dict[str, Floats]  # selection → `[1 + C, W]`
+    precision: dict[str, Floats]  # selection → `[1 + C, W]`
 
 
 def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
@@ -67,22 +68,11 @@ class PresenceHistograms:
         self._cells: list[tuple[Ints, Ints]] = []  # of each batch: distinct cells, their number
 
     def add(self, truth: Truth, expectation: Expectation, rows: Ints, building: Ints) -> None:
-        """Add some nodes, of the buildings `[M]` by number."""
-        self.add_rooms(
-            presence=expectation.presence[rows],
-            seen=truth.inputs[rows] > 0,
-            hidden=truth.hidden[rows] > 0,
-            visited=truth.visited[rows],
-            building=building,
-        )
-
-    def add_rooms(
-        self, *, presence: Floats, seen: Bools, hidden: Bools, visited: Bools, building: Ints
-    ) -> None:
-        """Add M rooms: P(an object is hidden), whether one was seen, or is hidden, `[M, C]`."""
+        """Add M nodes, by their rows, of the buildings `[M]` by number."""
+        presence, seen = expectation.presence[rows], truth.inputs[rows] > 0
         self._classes = presence.shape[1]
-        flags = hidden.astype(np.int64)
-        for number, (name, own) in enumerate(select_cells(seen, visited).items(), 1):
+        flags = (truth.hidden[rows] > 0).astype(np.int64)
+        for number, (name, own) in enumerate(select_cells(seen, truth.visited[rows]).items(), 1):
             self.rooms[name] += int(own.any(axis=1).sum())
             flags |= own.astype(np.int64) << number
         axes = (np.arange(self._classes), bin_presence(presence), flags, building[:, None])
@@ -95,15 +85,14 @@ class PresenceHistograms:
         cells, counts = map(np.concatenate, zip(*self._cells, strict=True))
         own, which, flags, building = np.unravel_index(cells, self._shape)
         hidden = (flags & 1) > 0
-        ranks = Ranks({}, {}, {}, {})
+        ranks = Ranks({}, {})
         for number, name in enumerate(SELECTIONS, 1):
             there = (flags >> number & 1) > 0
             table = (which[there], hidden[there], building[there], counts[there])
-            ranks.auroc[name], ranks.precision[name] = _rank(table, self._weights)
             classes = [own[there] == c for c in range(self._classes)]
             each = [_rank(_take(table, some), self._weights) for some in classes]
-            ranks.auroc_of_classes[name] = np.stack([one[0] for one in each])
-            ranks.precision_of_classes[name] = np.stack([one[1] for one in each])
+            both = zip(_rank(table, self._weights), *each, strict=True)
+            ranks.auroc[name], ranks.precision[name] = map(np.stack, both)
         return ranks
 
     @property

@@ -67,13 +67,13 @@ def judge(ours: Bootstrap, other: Bootstrap, name: str) -> _Verdict:
 
 
 def judge_all(
-    bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str], beside: str = "doubled"
+    bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str]
 ) -> dict[str, dict[str, list[str]]]:
-    """Return run → verdict → the headlines with this verdict, compared with one other model.
+    """Return run → verdict → the headlines with this verdict, compared with doubling what was seen.
 
     A headline that is not defined for both has no verdict.
     """
-    other = bootstraps[beside]
+    other = bootstraps["doubled"]
     judged: dict[str, dict[str, list[str]]] = {}
     for run in runs:
         labels: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}

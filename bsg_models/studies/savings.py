@@ -25,7 +25,7 @@ from bsg_models.evaluation.bootstrap import (
     LEAST_BUILDINGS,
     Estimate,
     estimate_value,
-    resample_buildings,
+    weigh_buildings,
 )
 from bsg_models.search.knowledge import Task
 from bsg_models.studies.search_cases import BASELINE, ROUTING
@@ -130,9 +130,7 @@ class _Sums:
         self._of, scenes = pd.factorize(searches.scene_id)
         self.buildings, self.searches = len(scenes), len(searches)
         size = resamples if self.buildings >= LEAST_BUILDINGS else 0
-        times = resample_buildings(self.buildings, resamples=size, seed=seed)
-        # The first row counts each building once.
-        self._weights = np.vstack([np.ones(self.buildings), times])
+        self._weights = weigh_buildings(self.buildings, resamples=size, seed=seed).T.astype(float)
 
     def add(self, values: npt.ArrayLike) -> Floats:
         """Return the sum of a column, then that of each resample, `[1 + resamples]`."""

@@ -140,7 +140,7 @@ def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entr
         facts={
             "files": {file.name: hash_file(file) for file in predictions.files},
             "rows": len(predictions.rows),
-            "exactly": predictions.exactly,
+            "exactly": len(predictions.exactly),
         },
     )
 

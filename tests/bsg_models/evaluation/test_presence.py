@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import exact_ranks
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import presence
 from bsg_models.evaluation.presence import PresenceHistograms, bin_presence, select_cells
+from bsg_models.evaluation.truth import Truth
 
 ROOMS, CLASSES = 60, 4
 WEIGHTS = np.random.default_rng(1).integers(0, 3, (7, 3)).astype(np.uint16)
@@ -31,9 +36,19 @@ def make_rooms(*, digits: int, spread: float, seed: int = 0) -> dict[str, np.nda
 
 def count(rooms: dict[str, np.ndarray]) -> PresenceHistograms:
     """Return the rooms in three batches."""
-    histograms = PresenceHistograms(WEIGHTS)
+    histograms, seen = PresenceHistograms(WEIGHTS), rooms["seen"].astype(float)
+    truth = Truth(
+        inputs=seen,
+        targets=seen + rooms["hidden"],
+        is_building=np.zeros(ROOMS, dtype=bool),
+        visited=rooms["visited"],
+        building=rooms["building"],
+        draw=np.zeros(ROOMS, dtype=np.int64),
+        scene_ids=tuple("abcdefg"),
+    )
+    found = cast(Expectation, SimpleNamespace(presence=rooms["presence"]))
     for rows in np.split(np.arange(ROOMS), [10, 10, 45]):
-        histograms.add_rooms(**{name: values[rows] for name, values in rooms.items()})
+        histograms.add(truth, found, rows, rooms["building"][rows])
     return histograms
 
 
@@ -54,8 +69,7 @@ def test_ranks_are_those_of_sorted_cells_within_the_bound(
                 mass = cells[w][some].astype(float)
                 bound = exact_ranks.bounds(bin_presence(scores), truth, mass)
                 for (measure, reference), most in zip(MEASURES, bound, strict=True):
-                    values = getattr(ranks, measure if c is None else f"{measure}_of_classes")
-                    found = values[name][w] if c is None else values[name][c, w]
+                    found = getattr(ranks, measure)[name][0 if c is None else 1 + c, w]
                     expected = reference(scores, truth, mass)
                     allowed = 1e-12 + (0 if exact else most)
                     assert found == pytest.approx(expected, abs=allowed, nan_ok=True)
