@@ -4,13 +4,7 @@ from .belief.document import to_networkx
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
-from .belief.hydra import (
-    annotate_hydra,
-    read_hydra,
-    read_hydra_belief,
-    strip_hydra,
-    write_hydra,
-)
+from .belief.hydra import annotate_hydra, strip_hydra
 from .belief.tables import write_tables
 from .errors import (
     BeliefFileError,
@@ -175,8 +169,6 @@ __all__ = [
     "read_belief",
     "read_config",
     "read_graph",
-    "read_hydra",
-    "read_hydra_belief",
     "read_log",
     "read_split",
     "refuse_finished",
@@ -199,7 +191,6 @@ __all__ = [
     "validate_config",
     "write_belief",
     "write_explorer",
-    "write_hydra",
     "write_tables",
     "write_toml",
 ]

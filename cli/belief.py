@@ -165,13 +165,13 @@ def _ask(
     announce: bool,
 ) -> None:
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
-    from bsg_models.belief.graph_file import use_class_map
+    from bsg_data.observation.partial_graph import reclassify
     from bsg_models.robot.rooms import find_room
 
     if here is not None:
         find_room(file.graph, here)
     predictor = bsg_models.Predictor(model)
-    graph = use_class_map(file.graph, predictor.class_map)
+    graph = reclassify(file.graph, predictor.class_map)
     if announce:
         print_note(f"model: {bsg_models.describe_model()}")
     _note_graph(file, graph, predictor.class_map, model=predictor.name)

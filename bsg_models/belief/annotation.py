@@ -3,14 +3,14 @@
 The belief graph goes under `metadata.bsg.belief` of the graph. Each room gets its histograms and
 each object its class there, too. Blind nodes get a layer of their own, with an edge to the room
 where each is expected. Every `belief` says in `added` which key was new, so that the user's own
-content under `bsg` stays. Documents are not changed: what changes is copied.
+content under `bsg` stays. The documents that are given are not changed.
 """
 
 from __future__ import annotations
 
-import math
 import string
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from copy import deepcopy
 from typing import Any, TypeVar
 
 from bsg_data.sources.dsg_file import name_symbol
@@ -61,11 +61,9 @@ def annotate(
     layer = _choose_layer(graph, nodes[rooms[0]]["layer"] if rooms else 1)
     symbols = {number >> 56 for number in nodes}
     prefix = _first_free(map(ord, _SYMBOLS), symbols, "letter for the symbols of blind nodes")
-    graph = _insert(graph, {"layer": layer, "document": encode_belief(belief)}, "the graph")
+    _insert(graph, {"layer": layer, "document": encode_belief(belief)}, "the graph")
     for number, said in _describe(belief, rooms, objects):
-        attributes = _insert(nodes[number]["attributes"], said, f"node {name_symbol(number)}")
-        nodes[number] = {**nodes[number], "attributes": attributes}
-    graph["nodes"] = list(nodes.values())
+        _insert(nodes[number]["attributes"], said, f"node {name_symbol(number)}")
     classes, place = belief.partial.class_space.classes, {"layer": layer["id"], "partition": 0}
     info = {"type": "EdgeAttributes", "weight": 1.0, "weighted": False}
     for number, node in enumerate(belief.blind, prefix << 56):
@@ -73,26 +71,32 @@ def annotate(
         attributes = _describe_blind(node, classes[node.class_index], room["attributes"])
         graph["nodes"].append({"attributes": attributes, "id": number, **place})
         graph["edges"].append({"info": info, "source": room["id"], "target": number})
-    return _add_layer(graph, layer) if belief.blind else graph
+    if belief.blind:
+        _add_layer(graph, layer)
+    return graph
 
 
 def strip_annotation(document: Document) -> Document:
     """Return a graph as it was before `annotate`; without a belief, an equal graph."""
+    graph = {key: one if key == "mesh" else deepcopy(one) for key, one in document.items()}
     blind, nodes = set(), []
-    for node in document["nodes"]:
-        said = _find_belief(node.get("attributes"))
-        if said is None:
-            nodes.append(node)
-        elif said.get("kind") == "blind":
+    for node in graph["nodes"]:
+        said = _find_belief(node["attributes"])
+        if said is not None and said.get("kind") == "blind":
             blind.add(node["id"])
-        else:
-            nodes.append({**node, "attributes": _remove(node["attributes"])})
-    edges = [edge for edge in document["edges"] if not {edge["source"], edge["target"]} & blind]
-    graph, record = {**document, "nodes": nodes, "edges": edges}, _find_belief(document)
-    if record is None:
-        return graph
-    layer = record.get("layer")
-    return _remove(_remove_layer(graph, layer) if blind and isinstance(layer, dict) else graph)
+            continue
+        nodes.append(node)
+        if said is not None:
+            _remove(node["attributes"])
+    edges = graph["edges"]
+    graph["nodes"] = nodes
+    graph["edges"] = [edge for edge in edges if not {edge["source"], edge["target"]} & blind]
+    record = _find_belief(graph)
+    if record is not None:
+        if blind and isinstance(record.get("layer"), dict):
+            _remove_layer(graph, record["layer"])
+        _remove(graph)
+    return graph
 
 
 def find_document(graph: Any) -> Any:
@@ -109,8 +113,8 @@ def _find_belief(held: Any) -> Document | None:
     return held if held.get("added") in _PATH or held.get("kind") == "blind" else None
 
 
-def _insert(held: Document, belief: Document, where: str) -> Document:
-    """Return a graph or attributes with a belief under `metadata.bsg`."""
+def _insert(held: Document, belief: Document, where: str) -> None:
+    """Put a belief into a graph or attributes, under `metadata.bsg`."""
     metadata = held.get("metadata", {})
     bsg = metadata.get("bsg", {}) if isinstance(metadata, dict) else None
     if not isinstance(bsg, dict) or "belief" in bsg:
@@ -121,21 +125,18 @@ def _insert(held: Document, belief: Document, where: str) -> Document:
             where=where,
         )
     added = "metadata" if "metadata" not in held else "belief" if "bsg" in metadata else "bsg"
-    said = {**bsg, "belief": {"added": added, **belief}}
-    return {**held, "metadata": {**metadata, "bsg": said}}
+    bsg["belief"] = {"added": added, **belief}
+    metadata["bsg"], held["metadata"] = bsg, metadata
 
 
-def _remove(held: Document) -> Document:
-    """Return a graph or attributes without the belief, and what was added for it and is empty."""
-    metadata = dict(held["metadata"])
-    bsg = dict(metadata["bsg"])
-    added = bsg.pop("belief").get("added")
-    metadata["bsg"] = bsg
-    if not bsg and added != "belief":
+def _remove(held: Document) -> None:
+    """Remove the belief from a graph or attributes, and what was added for it and is empty."""
+    metadata = held["metadata"]
+    added = metadata["bsg"].pop("belief").get("added")
+    if not metadata["bsg"] and added != "belief":
         del metadata["bsg"]
-    if metadata or added != "metadata":
-        return {**held, "metadata": metadata}
-    return {key: value for key, value in held.items() if key != "metadata"}
+    if not metadata and added == "metadata":
+        del held["metadata"]
 
 
 def _describe(
@@ -161,18 +162,15 @@ def _describe(
 def _describe_blind(node: BlindNode, name: str, room: Document) -> Document:
     """Return the attributes of a blind node: a predicted object, at the position of its room."""
     position, colour = room.get("position"), room.get("color")
-    is_known = isinstance(position, list) and all(
-        isinstance(value, int | float) and math.isfinite(value) for value in position
-    )  # what is not finite is null, or `NaN`
     own: Any = list(_COLOUR.values())[:3]
     if isinstance(colour, dict):  # the file's own notation
-        own = _COLOUR if "a" in colour else dict(zip("rgb", own, strict=True))
+        own = {key: value for key, value in _COLOUR.items() if key != "a" or key in colour}
     believed = {"class": name, "expected": node.expected, "presence": node.presence}
     return {
         **BARE_OBJECT,
         **BARE_NODE,
         "name": name,
-        "position": position if is_known else _NOWHERE,
+        "position": _NOWHERE if position is None or None in position else position,
         "color": own,
         "is_predicted": True,
         "metadata": {"bsg": {"belief": {"kind": "blind", **believed}}},
@@ -203,26 +201,23 @@ def _first_free(candidates: Iterable[_T], taken: Collection[_T], what: str) -> _
     raise HydraError(f"expected a free {what}, found all taken", code="layers-taken")
 
 
-def _add_layer(graph: Document, layer: Document) -> Document:
-    """Return a graph with one more layer in the lists that it has, in their notation."""
-    graph, key = dict(graph), {"layer": layer["id"], "partition": 0}
+def _add_layer(graph: Document, layer: Document) -> None:
+    """Add a layer to the lists that a graph has, in their notation."""
+    key = {"layer": layer["id"], "partition": 0}
     for member, entry in (("layer_ids", layer["id"]), ("layer_keys", key)):
         if member in graph:
-            graph[member] = [*graph[member], entry]
+            graph[member].append(entry)
     if "layer_names" in graph:
         plain = any(isinstance(value, int) for value in graph["layer_names"].values())
-        entry = layer["id"] if plain else key
-        graph["layer_names"] = {**graph["layer_names"], layer["name"]: entry}
-    return graph
+        graph["layer_names"][layer["name"]] = layer["id"] if plain else key
 
 
-def _remove_layer(graph: Document, layer: Document) -> Document:
-    """Return a graph without the layer of blind nodes in its lists of layers."""
-    graph, number = dict(graph), layer.get("id")
+def _remove_layer(graph: Document, layer: Document) -> None:
+    """Remove the layer of blind nodes from the lists that a graph has."""
+    number = layer.get("id")
     for member, entry in (("layer_ids", number), ("layer_keys", {"layer": number, "partition": 0})):
-        if member in graph:
-            graph[member] = [one for one in graph[member] if one != entry]
+        if entry in graph.get(member, ()):
+            graph[member].remove(entry)
     if "layer_names" in graph:
         names = graph["layer_names"].items()
         graph["layer_names"] = {name: key for name, key in names if name != layer.get("name")}
-    return graph

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
 
-from bsg_data.errors import MismatchError
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph, parse_classified_graph
 from bsg_data.recipes import Record, name_fault
-from bsg_data.scene.class_space import ClassSpace, list_class_spaces, load_class_space
+from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
 from bsg_models.belief.formats import FormatRow
 from bsg_models.errors import BeliefFileError
@@ -24,7 +23,6 @@ from bsg_models.errors import BeliefFileError
 if TYPE_CHECKING:
     import networkx as nx
 
-_FORMAT, _VERSION = "bsg-belief-graph", 1
 _HEADER = ("format", "version", "model", "mode", "class_space")
 _Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 _Probability = Annotated[float, Field(ge=0, le=1)]
@@ -38,8 +36,8 @@ class _Blind(Record):
 
 
 class _Document(Record):
-    format: str
-    version: int
+    format: Literal["bsg-belief-graph"]
+    version: Literal[1]
     model: str
     mode: Mode
     class_space: ClassSpace
@@ -51,75 +49,59 @@ class _Document(Record):
 
 def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
     """Return a belief graph as a JSON document; `decode_belief` reads it back."""
-    classes = belief.partial.class_space.classes
+    space = belief.partial.class_space
+    blind = [
+        {
+            "room": node.room_index,
+            "class": space.classes[node.class_index],
+            "expected": node.expected,
+            "presence": node.presence,
+        }
+        for node in belief.blind
+    ]
     return {
-        "format": _FORMAT,
-        "version": _VERSION,
+        "format": "bsg-belief-graph",
+        "version": 1,
         "model": belief.model,
         "mode": belief.mode,
-        "class_space": belief.partial.class_space.model_dump(mode="json"),
+        "class_space": space.model_dump(mode="json"),
         "partial": encode_robot_graph(belief.partial),
         "expected": belief.expected.tolist(),
         "presence": belief.presence.tolist(),
-        "blind": [
-            {
-                "room": node.room_index,
-                "class": classes[node.class_index],
-                "expected": node.expected,
-                "presence": node.presence,
-            }
-            for node in belief.blind
-        ],
+        "blind": blind,
     }
 
 
 def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
-    """Return the belief graph of a JSON document."""
+    """Return the belief graph of a JSON document; the path is named in errors."""
     try:
         said = _Document.model_validate(document)
+        partial = parse_classified_graph(said.partial, path=path, class_space=said.class_space)
+        return _assemble(said, partial)
     except ValidationError as error:
-        raise BeliefFileError(
-            f"{path}: {name_fault(error)}", code="belief-malformed", where=path
-        ) from error
-    if (said.format, said.version) != (_FORMAT, _VERSION):
-        raise BeliefFileError(
-            f"{path}: expected {_FORMAT} {_VERSION}, found {said.format} {said.version}; make it "
-            "again with bsg-belief",
-            code="version-foreign",
-            where=path,
-        )
-    space = said.class_space
-    if space.name in list_class_spaces() and load_class_space(space.name) != space:
-        raise MismatchError(
-            f"{path}: class space {space.name} is not the published one",
-            code="class-space-changed",
-            where=path,
-        )
-    partial = parse_classified_graph(said.partial, path=path, class_space=space)
-    if fault := _find_fault(said, partial):
-        raise BeliefFileError(f"{path}: {fault}", code="belief-inconsistent", where=path)
+        fault = name_fault(error)
+        raise BeliefFileError(f"{path}: {fault}", code="belief-malformed", where=path) from error
+    except ValueError as error:
+        raise BeliefFileError(f"{path}: {error}", code="belief-inconsistent", where=path) from error
+
+
+def _assemble(said: _Document, partial: PartialGraph) -> BeliefGraph:
+    """Return the belief graph; a ValueError says why beliefs do not belong to their graph."""
+    seen, classes = partial.histograms(), said.class_space.classes
+    for table in (said.expected, said.presence):
+        if len(table) != len(seen) or any(len(row) != len(classes) for row in table):
+            raise ValueError(f"expected histograms of {len(seen)} × {len(classes)}")
+    expected, presence = np.array(said.expected), np.array(said.presence)
+    if (expected < seen).any():
+        raise ValueError("fewer objects are expected than were seen")
+    for node in said.blind:
+        if node.room >= len(seen) or node.class_name not in classes:
+            raise ValueError(f"a blind node of {node.class_name!r} in room {node.room}")
     blind = (
-        BlindNode(node.room, space.classes.index(node.class_name), node.expected, node.presence)
+        BlindNode(node.room, classes.index(node.class_name), node.expected, node.presence)
         for node in said.blind
     )
-    tables = np.array(said.expected), np.array(said.presence)
-    return BeliefGraph(partial, *tables, tuple(blind), said.mode, said.model)
-
-
-def _find_fault(said: _Document, partial: PartialGraph) -> str | None:
-    """Return why beliefs do not belong to their partial graph."""
-    rooms, classes = len(partial.rooms), said.class_space.classes
-    for table in (said.expected, said.presence):
-        if len(table) != rooms + 1 or any(len(row) != len(classes) for row in table):
-            return f"expected histograms of {rooms + 1} × {len(classes)}"
-    if (np.array(said.expected) < partial.histograms()).any():
-        return "fewer objects are expected than were seen"
-    for node in said.blind:
-        if node.room > rooms:
-            return f"a blind node in room {node.room}; rooms are 1 to {rooms}"
-        if node.class_name not in classes:
-            return f"a blind node of {node.class_name!r}, which is no class"
-    return None
+    return BeliefGraph(partial, expected, presence, tuple(blind), said.mode, said.model)
 
 
 def list_nodes(document: dict[str, Any]) -> Iterator[tuple[int | None, dict[str, Any]]]:

@@ -1,42 +1,24 @@
-"""Read Hydra's scene graphs (Spark-DSG) as partial graphs, and write beliefs into them.
+"""Write beliefs into Hydra's scene graphs (Spark-DSG).
 
 `annotate_hydra` writes Hydra's graph with the beliefs added: every value, key and order stays.
-`write_hydra` writes a belief graph of another origin as a new file. `read_hydra_belief` reads both
-back exactly, and `strip_hydra` removes what was added.
-
-A robot states facts that Spark-DSG has no field for, such as the `hidden_share` of a room, in
-metadata under `bsg`, with the keys of this project's JSON; facts of the graph go into `partial`.
+A belief graph of another origin becomes a new file. Both are read back exactly, and `strip_hydra`
+removes what was added.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
-from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import SPARK_DSG as BOUND
-from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import (
     GRAPH_WORDS,
     OBJECT_WORDS,
     ROOM_WORDS,
-    RobotGraphError,
     encode_robot_graph,
-    parse_robot_graph,
 )
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.scene.room_label import label_of
-from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
-from bsg_data.sources.label_space import LabelSpace, load_label_space
-from bsg_data.sources.spark_dsg import name_object
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.sources.dsg_file import parse_dsg
 from bsg_models.belief.annotation import (
     BARE_NODE,
     BARE_OBJECT,
@@ -48,12 +30,9 @@ from bsg_models.belief.annotation import (
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.document import decode_belief, write_json
 from bsg_models.belief.formats import FormatRow
-from bsg_models.belief.hydra_conversion import BINARY, convert
+from bsg_models.belief.graph_file import GraphFile, open_graph_file
 from bsg_models.errors import HydraError
 
-_LISTED = 10  # labels in a note
-_OURS = ("belief", "partial")  # keys of `annotate`, and of facts of the graph
-_TELLING = 5  # letters from which a similar key is no accident
 _LAYERS = {"OBJECTS": 2, "PLACES": 3, "ROOMS": 4, "BUILDINGS": 5}
 _OF_LAYER: dict[str, Document] = {
     "BUILDINGS": {"type": "SemanticNodeAttributes"},
@@ -63,141 +42,7 @@ _OF_LAYER: dict[str, Document] = {
 _COLOURS = {"BUILDINGS": (0, 24, 236), "ROOMS": (151, 2, 250), "OBJECTS": (255, 128, 0)}
 
 
-@dataclass(frozen=True, slots=True)
-class HydraFile:
-    """A Spark-DSG file that was read."""
-
-    path: Path
-    document: Document  # its JSON; of a binary file, the JSON that spark_dsg makes
-    graph: DSGFile
-
-    @classmethod
-    def of(cls, document: Any, *, path: Path) -> HydraFile:
-        """Return the file with a document; one that is no Spark-DSG graph is refused."""
-        with _as_hydra_error():
-            return cls(path, document, parse_dsg(document, path=path))
-
-    def partial(
-        self, *, labels: LabelSpace | None = None, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
-    ) -> PartialGraph:
-        """Return what the robot has seen; see `read_hydra`."""
-        graph, path = self.graph, self.path
-        with _as_hydra_error(" (in metadata, under `bsg`)"):
-            rooms = [_describe_room(room, path) for room in graph.rooms]
-            names = [room["id"] for room in rooms]
-            said = {
-                "scene_id": _name_scene(self.document, path),
-                **_read_said(graph.said.get("partial"), GRAPH_WORDS, of=f"{path}: partial"),
-                "rooms": rooms,
-                "objects": [_describe_object(obj, names, labels, path) for obj in graph.objects],
-                "adjacency": [[names[a], names[b]] for a, b in graph.adjacency],
-            }
-            return parse_robot_graph(said, path=path, class_map=class_map)
-
-    def notes(self, labels: LabelSpace | None = None) -> Iterator[str]:
-        """Yield what a person should know about how the file is read, a sentence each."""
-        rooms, objects = self.graph.rooms, self.graph.objects
-        if not rooms:
-            yield "it has no rooms (layer ROOMS): beliefs are about the building only"
-        elif astray := sum(obj.room is None for obj in objects):
-            yield f"{astray} of {_count(len(objects))} under no room, counted for the building only"
-        bare = [
-            obj for obj in objects if not (obj.label_name or obj.name or "category" in obj.said)
-        ]
-        labelled = [obj for obj in bare if obj.label is not None]
-        named = Counter((obj.label, name_object(obj, labels)) for obj in labelled)
-        found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")
-        if found and labels is not None:
-            pairs = ", ".join(f"{label} is {name}" for label, name in found[:_LISTED])
-            yield f"the file does not name its labels; by {labels.name}, {pairs}"
-        if missing := sorted(set(named) - set(found)):
-            numbers = ", ".join(str(label) for label, _ in missing[:_LISTED])
-            yield (
-                f"{_count(sum(named[pair] for pair in missing))} with labels that nobody names "
-                f"({numbers}); name them by --labels: mpcat40, ade20k, or the file of the label "
-                "space that Hydra ran with (config/label_spaces/NAME.yaml)"
-            )
-        if silent := len(bare) - len(labelled):
-            yield f"{_count(silent)} with neither a label nor a name"
-
-    def annotated(self, belief: BeliefGraph) -> Document:
-        """Return the document with a belief graph in it; see `annotate_hydra`."""
-        rooms, objects = (
-            {str(node.said.get("id", node.symbol)): node.id for node in nodes}
-            for nodes in (self.graph.rooms, self.graph.objects)
-        )
-        strange = [room.name for room in belief.partial.rooms if room.name not in rooms]
-        if strange:
-            raise HydraError(
-                f"{self.path}: has no room {strange[0]!r}, of which something is believed; "
-                "use `write_hydra` for a new graph",
-                code="room-unknown",
-                where=self.path,
-            )
-        return annotate(
-            self.document,
-            belief,
-            rooms=[rooms[room.name] for room in belief.partial.rooms],
-            objects=[objects.get(obj.name) for obj in belief.partial.objects],
-        )
-
-
-def read_json_text(path: Path) -> bytes | str:
-    """Return the JSON of a file; for a binary one, what spark_dsg makes of it."""
-    return convert(path) if path.suffix == BINARY else read_bytes(path, BOUND)
-
-
-def _open(path: Path) -> HydraFile:
-    with _as_hydra_error():
-        text = read_json_text(path)
-    try:
-        document = parse_json(text, once=False)  # as Hydra's own parser
-    except ValueError as error:
-        raise HydraError(
-            f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})",
-            code="json-malformed",
-            where=path,
-        ) from error
-    return HydraFile.of(document, path=path)
-
-
-@contextmanager
-def _as_hydra_error(where: str = "") -> Iterator[None]:
-    try:
-        yield
-    except SourceError as error:
-        raise HydraError(f"{error}{where}", code=error.code, where=error.where) from error
-
-
-def read_hydra(
-    path: AnyPath,
-    *,
-    labels: AnyPath | None = None,
-    class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
-) -> PartialGraph:
-    """Read a partial graph from a Spark-DSG file.
-
-    Rooms are the nodes of the layer `ROOMS`. Objects are those of `OBJECTS` below a room, directly
-    or through places; other objects belong to the building. Ids are symbols such as `R(3)`. The
-    label or the name of a room gives its type. A room counts as passed through, with an unknown
-    hidden share, unless its metadata say `{"bsg": {"hidden_share": ...}}`, or how the robot looked
-    at it (`floor_in_view`, `walls_in_view`, `seconds_inside`).
-
-    Args:
-        path: of the file: `.json`, `.json.gz`, or with spark_dsg `.sparkdsg`.
-        labels: label space of its objects, as `load_label_space` takes it; None uses the names in
-            the file.
-        class_map: map that gives the objects their classes.
-
-    Raises:
-        HydraError: if it cannot be read.
-        ClassMapError: if there is no such label space.
-    """
-    space = None if labels is None else load_label_space(labels)
-    return _open(Path(path)).partial(labels=space, class_map=class_map)
-
-
-def annotate_hydra(belief: BeliefGraph, original: AnyPath | HydraFile, path: AnyPath) -> None:
+def annotate_hydra(belief: BeliefGraph, original: AnyPath | GraphFile, path: AnyPath) -> None:
     """Write a Spark-DSG graph with the beliefs about it added; its own values and order stay.
 
     Blind nodes get a layer of their own, `BLIND`; everything else goes into metadata, under
@@ -210,11 +55,12 @@ def annotate_hydra(belief: BeliefGraph, original: AnyPath | HydraFile, path: Any
         path: of the file to write.
 
     Raises:
-        HydraError: if the original lacks a room of the belief, or the name does not end in .json.
-        DatasetError: if it cannot be written.
+        HydraError: if the original is no Spark-DSG graph, or lacks a room of the belief, or the
+            name does not end in .json.
+        BSGError: if it cannot be read or written.
     """
-    file = original if isinstance(original, HydraFile) else _open(Path(original))
-    _write(file.annotated(belief), Path(path))
+    file = original if isinstance(original, GraphFile) else open_graph_file(Path(original))
+    _write(_annotated(_require_hydra(file), belief, file.path), Path(path))
 
 
 def strip_hydra(original: AnyPath, path: AnyPath) -> None:
@@ -222,35 +68,54 @@ def strip_hydra(original: AnyPath, path: AnyPath) -> None:
 
     Raises:
         HydraError: if it is not a Spark-DSG graph, or the name does not end in .json.
-        DatasetError: if it cannot be written.
+        BSGError: if it cannot be read or written.
     """
-    _write(strip_annotation(_open(Path(original)).document), Path(path))
+    _write(strip_annotation(_require_hydra(open_graph_file(Path(original)))), Path(path))
 
 
-def write_hydra(belief: BeliefGraph, path: AnyPath) -> None:
-    """Write a belief graph as a new Spark-DSG graph; `read_hydra_belief` reads it back exactly.
+def _require_hydra(file: GraphFile) -> Document:
+    if file.document is None:
+        raise HydraError(
+            f"{file.path}: expected a Spark-DSG graph, found this project's JSON",
+            code="dsg-malformed",
+            where=file.path,
+        )
+    document: Document = file.document
+    return document
 
-    Raises:
-        HydraError: if the name does not end in .json.
-        DatasetError: if it cannot be written.
-    """
-    path = Path(path)
-    annotate_hydra(belief, HydraFile.of(_encode_graph(belief.partial), path=path), path)
+
+def _annotated(document: Document, belief: BeliefGraph, path: Path) -> Document:
+    graph = parse_dsg(document, path=path)
+    rooms, objects = (
+        {str(node.said.get("id", node.symbol)): node.id for node in nodes}
+        for nodes in (graph.rooms, graph.objects)
+    )
+    strange = [room.name for room in belief.partial.rooms if room.name not in rooms]
+    if strange:
+        raise HydraError(
+            f"{path}: has no room {strange[0]!r}, of which something is believed; "
+            "use `write_belief` for a new graph",
+            code="room-unknown",
+            where=path,
+        )
+    return annotate(
+        document,
+        belief,
+        rooms=[rooms[room.name] for room in belief.partial.rooms],
+        objects=[objects.get(obj.name) for obj in belief.partial.objects],
+    )
 
 
-def read_hydra_belief(path: AnyPath) -> BeliefGraph:
-    """Read the belief graph that `annotate_hydra` or `write_hydra` wrote into a Spark-DSG graph.
+def _write_new(belief: BeliefGraph, path: Path) -> None:
+    _write(_annotated(_encode_graph(belief.partial), belief, path), path)
 
-    Raises:
-        HydraError: if there is none.
-        BeliefFileError: if it is damaged.
-    """
-    path = Path(path)
-    document = find_document(_open(path).document)
+
+def _read(path: Path) -> BeliefGraph:
+    document = find_document(_require_hydra(open_graph_file(path)))
     if document is None:
         raise HydraError(
-            f"{path}: expected a belief graph that `annotate_hydra` or `write_hydra` wrote, found "
-            "a Spark-DSG file without one; `read_hydra` reads what was seen",
+            f"{path}: expected a belief graph that `annotate_hydra` or `write_belief` wrote, found "
+            "a Spark-DSG file without one; `read_graph` reads what was seen",
             code="belief-missing",
             where=path,
         )
@@ -267,59 +132,6 @@ def _write(document: Document, path: Path) -> None:
     write_json(document, path)
 
 
-def _name_scene(document: Document, path: Path) -> str:
-    """Return the building's id from the belief in a document; else the file's name."""
-    name = find_document(document)
-    for key in ("partial", "scene_id"):
-        name = name.get(key) if isinstance(name, dict) else None
-    return str(name or path.name.partition(".")[0] or path.name)
-
-
-def _describe_room(node: DSGNode, path: Path) -> dict[str, Any]:
-    """Return a room in the form of a robot's JSON; its metadata take precedence."""
-    called = node.label_name or node.name
-    return {
-        "id": node.symbol,
-        "label": called,
-        "room_type": label_of("spark-dsg", called),
-        "position": node.position,
-        "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **_read_said(node.said, ROOM_WORDS, of=f"{path}: room {node.symbol!r}"),
-    }
-
-
-def _describe_object(
-    node: DSGNode, rooms: list[str], labels: LabelSpace | None, path: Path
-) -> dict[str, Any]:
-    return {
-        "id": node.symbol,
-        "room": None if node.room is None else rooms[node.room],
-        "category": name_object(node, labels),
-        "position": node.position,
-        **_read_said(node.said, OBJECT_WORDS, of=f"{path}: object {node.symbol!r}"),
-    }
-
-
-def _read_said(said: Any, keys: Collection[str], *, of: str) -> dict[str, Any]:
-    """Return the keys of a robot's JSON in metadata; others are the user's, unless misspelt."""
-    said = said if isinstance(said, dict) else {}
-    for key in said:
-        telling = [one for one in keys if len(one) >= _TELLING]
-        if key not in keys and key not in _OURS and (hint := ask_if_meant(key, telling)):
-            raise RobotGraphError(
-                f"{of}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=of
-            )
-    return _select(said, keys)
-
-
-def _select(said: dict[str, Any], keys: Collection[str]) -> dict[str, Any]:
-    return {key: said[key] for key in keys if key in said}
-
-
-def _count(objects: int) -> str:
-    return "1 object" if objects == 1 else f"{objects:,} objects"
-
-
 def _encode_graph(partial: PartialGraph) -> Document:
     """Return a partial graph that no Hydra wrote as the document of a Spark-DSG graph.
 
@@ -327,16 +139,17 @@ def _encode_graph(partial: PartialGraph) -> Document:
     the origin.
     """
     said, origin = encode_robot_graph(partial), (0.0, 0.0, 0.0)
-    building = {"name": "building", "position": origin}
-    nodes, edges = [_encode_node("BUILDINGS", 0, building, {})], []
+    nodes, edges = [_encode_node("BUILDINGS", 0, "building", origin, {})], []
     for number, (room, facts) in enumerate(zip(partial.rooms, said["rooms"], strict=True)):
-        shown = {"name": room.label or room.name, "position": room.position or origin}
-        nodes.append(_encode_node("ROOMS", number, shown, _select(facts, ROOM_WORDS)))
+        named = room.label or room.name
+        held = {key: facts[key] for key in ROOM_WORDS if key in facts}
+        nodes.append(_encode_node("ROOMS", number, named, room.position or origin, held))
         edges.append(("BUILDINGS", 0, "ROOMS", number))
     for number, (obj, facts) in enumerate(zip(partial.objects, said["objects"], strict=True)):
         around = partial.rooms[obj.room_index - 1].position if obj.room_index else None
-        shown = {"name": obj.raw_category, "position": obj.position or around or origin}
-        nodes.append(_encode_node("OBJECTS", number, shown, _select(facts, OBJECT_WORDS)))
+        position = obj.position or around or origin
+        held = {key: facts[key] for key in OBJECT_WORDS}
+        nodes.append(_encode_node("OBJECTS", number, obj.raw_category, position, held))
         above = ("ROOMS", obj.room_index - 1) if obj.room_index else ("BUILDINGS", 0)
         edges.append((*above, "OBJECTS", number))
     edges += [("ROOMS", a - 1, "ROOMS", b - 1) for a, b in partial.adjacency]
@@ -352,7 +165,7 @@ def _encode_graph(partial: PartialGraph) -> Document:
         "layer_ids": list(_LAYERS.values()),
         "layer_keys": list(keys.values()),
         "layer_names": keys,
-        "metadata": {"bsg": {"partial": _select(said, GRAPH_WORDS)}},
+        "metadata": {"bsg": {"partial": {key: said[key] for key in GRAPH_WORDS}}},
         "nodes": nodes,
         "edges": [
             {"source": _symbol(layer, a), "target": _symbol(other, b), "info": info}
@@ -361,12 +174,13 @@ def _encode_graph(partial: PartialGraph) -> Document:
     }
 
 
-def _encode_node(layer: str, number: int, shown: Document, said: Document) -> Document:
+def _encode_node(layer: str, number: int, name: str, position: Any, said: Document) -> Document:
     red, green, blue = _COLOURS[layer]
     attributes = {
         **_OF_LAYER[layer],
         **BARE_NODE,
-        **shown,
+        "name": name,
+        "position": position,
         "color": {"r": red, "g": green, "b": blue, "a": 255},
         "semantic_feature": {"rows": 0, "cols": 0, "data": None},
         "metadata": {"bsg": said} if said else {},
@@ -379,4 +193,4 @@ def _symbol(layer: str, number: int) -> int:
     return ord(layer[0]) << 56 | number
 
 
-SPARK_DSG = FormatRow("spark-dsg", (".dsg.json",), write=write_hydra, read=read_hydra_belief)
+SPARK_DSG = FormatRow("spark-dsg", (".dsg.json",), write=_write_new, read=_read)

@@ -25,7 +25,7 @@ _CODE = (
 )
 
 
-def convert(path: Path) -> str:
+def convert(path: Path) -> bytes:
     """Return the JSON of a binary graph, as spark_dsg makes it."""
     if importlib.util.find_spec("spark_dsg") is None:
         raise HydraError(
@@ -34,8 +34,6 @@ def convert(path: Path) -> str:
             code="library-missing",
             where=path,
         )
-    if not path.is_file():
-        raise HydraError(f"{path}: cannot be read (no such file)", code="unreadable", where=path)
     with tempfile.TemporaryDirectory() as folder:  # the writer chooses names, and fails silently
         written = Path(folder, "graph.json")
         # Isolated: never import modules from the working directory.
@@ -44,8 +42,8 @@ def convert(path: Path) -> str:
             subprocess.run(  # noqa: S603
                 command, check=True, capture_output=True, timeout=2 * _SECONDS, cwd=folder
             )
-            return written.read_text("utf-8")
-        except (subprocess.SubprocessError, OSError, UnicodeDecodeError) as error:
+            return written.read_bytes()
+        except (subprocess.SubprocessError, OSError) as error:
             raise HydraError(
                 f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
                 f"{_MEMORY // 2**30} GiB and {_SECONDS} s; save the graph as .json",

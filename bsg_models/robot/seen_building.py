@@ -44,7 +44,7 @@ from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.graph_file import GraphFile, open_graph_file, use_class_map
+from bsg_models.belief.graph_file import GraphFile, open_graph_file
 from bsg_models.robot.rooms import find_room, set_hidden_shares
 from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning
@@ -115,7 +115,7 @@ def open_graph(
         file = open_graph_file(Path(graph), labels=labels)
     known = set_hidden_shares(file.graph, every=hidden_share, rooms=hidden_shares)
     predictor = Predictor(model)
-    return SeenBuilding(use_class_map(known, predictor.class_map), predictor, notes=file.notes)
+    return SeenBuilding(reclassify(known, predictor.class_map), predictor, notes=file.notes)
 
 
 _P = ParamSpec("_P")

@@ -12,14 +12,14 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
-from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.partial_graph import PartialGraph, reclassify
 from bsg_data.recipes import MaskRecipe
 from bsg_data.results import UNFINISHED, refuse_datasets, refuse_file, refuse_other_results
 from bsg_data.scene.class_map import ClassMap
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
-from bsg_models.belief.graph_file import GraphFile, use_class_map
+from bsg_models.belief.graph_file import GraphFile
 from bsg_models.belief.hydra import annotate_hydra
 from bsg_models.belief.tables import NODES
 from bsg_models.inputs.folds import scenes_of
@@ -150,7 +150,7 @@ def _list_graphs(
 ) -> Iterator[tuple[PartialGraph, Counts | None, Sequence[int]]]:
     """Yield the graphs with their truth, if known, and the classes that their mask withholds."""
     for file in request.graphs:
-        yield use_class_map(file.graph, class_map), None, ()
+        yield reclassify(file.graph, class_map), None, ()
     if request.scenes:
         mask = request.scenes.mask
         for graph, truth in mask_dataset(request.scenes.dataset, wanted, mask):
@@ -223,10 +223,10 @@ def _refuse_replacing(row: FormatRow, path: Path, *, force: bool) -> None:
 
 def _write(row: FormatRow, path: Path, request: BeliefRequest, views: Sequence[View]) -> None:
     """Write a result that is not streamed; beliefs go into Hydra's own graph."""
-    original = request.graphs[0].hydra if len(request.graphs) == 1 else None
+    original = request.graphs[0] if len(request.graphs) == 1 else None
     if row.name == "html":
         write_explorer(views, path)
-    elif row.name == "spark-dsg" and original is not None:
+    elif row.name == "spark-dsg" and original is not None and original.document is not None:
         annotate_hydra(views[0].belief, original, path)
     else:
         write_beliefs([view.belief for view in views], path, row)

@@ -17,7 +17,6 @@ from dsg_files import write_graph
 from bsg_cli.belief import main
 from bsg_models.belief.annotation import strip_annotation
 from bsg_models.belief.formats import read_belief
-from bsg_models.belief.hydra import read_hydra_belief
 
 
 def call(*words: object) -> Result:
@@ -34,7 +33,7 @@ def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "B: shared kitchen" in done.output
     belief = read_belief(out)
-    assert belief == read_hydra_belief(hydra)
+    assert belief == read_belief(hydra, "spark-dsg")
     nodes = pd.read_parquet(tmp_path / "tables" / "nodes.parquet")
     assert (nodes.kind == "blind").sum() == len(belief.blind)
     assert page.read_text("utf-8").startswith("<!doctype html>")

@@ -87,11 +87,10 @@ def blind(**changes: Any) -> Any:
     ("change", "code"),
     [
         (lambda d: d.pop("expected"), "belief-malformed"),
-        (lambda d: d.update(version=9), "version-foreign"),
+        (lambda d: d.update(version=9), "belief-malformed"),
         (lambda d: d["expected"].pop(), "belief-inconsistent"),
         (lambda d: d["presence"][1].pop(), "belief-inconsistent"),
         (blind(**{"class": "ufo"}), "belief-inconsistent"),
-        (blind(room=9), "belief-inconsistent"),
         (blind(presence=2), "belief-malformed"),
         (lambda d: d["expected"][1].__setitem__(0, -5), "belief-malformed"),
         (lambda d: d.update(expected=[[0.0] * 45 for _ in d["expected"]]), "belief-inconsistent"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import json
 from pathlib import Path
 from typing import Any
@@ -16,28 +17,22 @@ from hypothesis import strategies as st
 from random_beliefs import CLASS_SPACE, make_belief
 from refusals import refuses
 
+from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.sources.label_space import load_label_space
-from bsg_models.belief.annotation import find_document, strip_annotation
+from bsg_data.observation.robot_json import RobotGraphError, read_robot_graph
+from bsg_models.belief.annotation import strip_annotation
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
 from bsg_models.belief.expectation import from_hidden_counts
-from bsg_models.belief.hydra import (
-    HydraFile,
-    annotate_hydra,
-    read_hydra,
-    read_hydra_belief,
-    strip_hydra,
-    write_hydra,
-)
+from bsg_models.belief.formats import read_belief, write_belief
+from bsg_models.belief.graph_file import open_graph_file, read_graph
+from bsg_models.belief.hydra import annotate_hydra, strip_hydra
 from bsg_models.errors import HydraError
 
+OFFICE = REPOSITORY / "docs" / "office.json"
 SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
-
-
-def open_document(document: Any) -> HydraFile:
-    return HydraFile.of(document, path=Path("flat.json"))
+IN_FOLDER = [HealthCheck.function_scoped_fixture]
 
 
 def believe_something(graph: PartialGraph, seed: int = 0, *, most: float = 3.0) -> BeliefGraph:
@@ -47,15 +42,44 @@ def believe_something(graph: PartialGraph, seed: int = 0, *, most: float = 3.0) 
     return believe(graph, from_hidden_counts(inputs, hidden), model=f"random {seed}")
 
 
-@settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+def annotate(folder: Path, graph: Graph, **how: Any) -> tuple[BeliefGraph, Graph]:
+    """Return random beliefs about a graph, and the graph with them."""
+    path = write_graph(folder / "flat.json", graph)
+    belief = believe_something(read_graph(path), **how)
+    annotate_hydra(belief, path, folder / "out.json")
+    return belief, json.loads((folder / "out.json").read_text("utf-8"))
+
+
+def test_the_kind_of_a_graph_is_known_by_its_content(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert read_graph(OFFICE) == read_robot_graph(OFFICE)
+    with refuses(RecipeError, "labels-unused", OFFICE):
+        read_graph(OFFICE, labels="ade20k")
+    broken = tmp_path / "broken.json"
+    for text in ("{", '{"scene_id": "a", "scene_id": "b", "rooms": []}'):
+        broken.write_text(text)
+        with refuses(RobotGraphError, "json-malformed", broken):
+            read_graph(broken)
+    packed = tmp_path / "flat.json.gz"
+    packed.write_bytes(gzip.compress(json.dumps(robot_graph()).encode()))
+    file = open_graph_file(packed)
+    assert file.document == robot_graph()
+
+    class Standard:
+        buffer = io.BytesIO(json.dumps(robot_graph()).encode())
+
+    monkeypatch.setattr("sys.stdin", Standard())
+    assert open_graph_file(Path("-")).graph.rooms == file.graph.rooms
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=IN_FOLDER)
 @given(seed=st.integers(0, 2**32 - 1), mode=st.sampled_from(["complete", "unseen"]))
 def test_a_belief_graph_is_read_back(tmp_path: Path, seed: int, mode: str) -> None:
     belief = make_belief(seed, mode=mode)
-    write_hydra(belief, tmp_path / "hydra.json")
-    assert read_hydra_belief(tmp_path / "hydra.json") == belief
-    assert read_hydra(tmp_path / "hydra.json") == belief.partial, "a robot would go on from it"
+    write_belief(belief, tmp_path / "b.dsg.json")
+    assert read_belief(tmp_path / "b.dsg.json") == belief
+    assert read_graph(tmp_path / "b.dsg.json") == belief.partial, "a robot would go on from it"
 
 
 def newer(graph: Graph) -> None:
@@ -87,35 +111,32 @@ def spoken(graph: Graph) -> None:
     graph["nodes"][2]["attributes"]["metadata"] = {"mine": 3, "bsg": {}}
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=60, suppress_health_check=IN_FOLDER)
 @given(
     form=st.sampled_from([lambda graph: None, newer, older, spoken]),
     sort=st.booleans(),
-    seeds=st.tuples(st.integers(0, 99), st.integers(0, 99)),
+    seed=st.integers(0, 99),
     most=st.sampled_from([0.0, 1.0, 5.0]),
 )
-def test_what_is_put_in_is_taken_out(form: Any, sort: bool, seeds: Any, most: float) -> None:
-    """Every key, value and order comes back; annotating leaves the document that was read."""
+def test_what_is_put_in_is_taken_out(
+    tmp_path: Path, form: Any, sort: bool, seed: int, most: float
+) -> None:
+    """Every key, value and order comes back, and a second annotation replaces the first."""
     graph = robot_graph()
     form(graph)
     text = json.dumps(graph, sort_keys=sort)
-    file = open_document(json.loads(text))
-    first, second = (believe_something(file.partial(), seed, most=most) for seed in seeds)
-    once = file.annotated(first)
-    assert json.dumps(file.document) == text
+    belief, once = annotate(tmp_path, json.loads(text), seed=seed, most=most)
     assert json.dumps(strip_annotation(once)) == text
-    again = open_document(json.loads(json.dumps(once)))
-    assert again.partial() == file.partial(), "what was seen is not what is believed"
-    assert again.annotated(first) == once
-    assert again.annotated(second) == file.annotated(second), "the second replaces the first"
+    assert read_graph(tmp_path / "out.json") == belief.partial, "seen is not what is believed"
+    again = tmp_path / "again.json"
+    annotate_hydra(believe_something(belief.partial, 100), tmp_path / "out.json", again)
+    annotate_hydra(belief, again, again)
+    assert again.read_bytes() == (tmp_path / "out.json").read_bytes()
 
 
-def test_an_annotation_by_hand() -> None:
-    file = open_document(robot_graph())
-    belief = believe_something(file.partial())
-    read = file.annotated(belief)
-    number = len(robot_graph()["nodes"])
-    room, blind = read["nodes"][1], read["nodes"][number:]
+def test_an_annotation_by_hand(tmp_path: Path) -> None:
+    belief, read = annotate(tmp_path, robot_graph())
+    room, blind = read["nodes"][1], read["nodes"][len(robot_graph()["nodes"]) :]
     said = room["attributes"]["metadata"]["bsg"]["belief"]
     assert said["expected"].keys() == set(belief.partial.class_space.classes)
     assert len(blind) == len(belief.blind) > 0
@@ -123,57 +144,44 @@ def test_an_annotation_by_hand() -> None:
     assert {one["layer"] for one in blind} == {0}, "below the rooms, and free"
     assert all(one["attributes"]["is_predicted"] for one in blind)
     assert [edge["target"] for edge in read["edges"][-len(blind) :]] == [one["id"] for one in blind]
-    assert find_document(read) == encode_belief(belief)
-    assert find_document(robot_graph()) is None
+    document = read["metadata"]["bsg"]["belief"]["document"]
+    assert document == json.loads(json.dumps(encode_belief(belief)))
 
 
-def test_what_others_added_since_stays() -> None:
-    file = open_document(robot_graph())
-    read = json.loads(json.dumps(file.annotated(believe_something(file.partial()))))
-    room = read["nodes"][1]["attributes"]["metadata"]
-    assert room["bsg"]["belief"]["added"] == "metadata"
-    room["bsg"]["hidden_share"] = 0.1
+def test_what_others_added_since_stays(tmp_path: Path) -> None:
+    _, read = annotate(tmp_path, robot_graph())
+    read["nodes"][1]["attributes"]["metadata"]["bsg"]["hidden_share"] = 0.1
     read["nodes"][2]["attributes"]["metadata"]["other"] = 1
     read["nodes"].append(node("O", 77, 2))
     read["layer_ids"] = [2, 0]
     left = strip_annotation(read)
     assert left["nodes"][1]["attributes"]["metadata"] == {"bsg": {"hidden_share": 0.1}}
     assert left["nodes"][2]["attributes"]["metadata"] == {"other": 1}
-    assert left["nodes"][-1] == node("O", 77, 2)
+    assert left["nodes"][len(robot_graph()["nodes"]) :] == [node("O", 77, 2)]
     assert left["layer_ids"] == [2]
     assert left["metadata"] == robot_graph()["metadata"]
-    assert len(left["nodes"]) == len(robot_graph()["nodes"]) + 1
 
 
-def test_a_taken_layer_or_letter_is_left_alone() -> None:
+def test_a_taken_layer_or_letter_is_left_alone(tmp_path: Path) -> None:
     graph = robot_graph()
     graph["nodes"].append(node("x", 0, 0))
-    file = open_document(graph)
-    blind = file.annotated(believe_something(file.partial()))["nodes"][len(graph["nodes"]) :]
+    blind = annotate(tmp_path, graph)[1]["nodes"][len(graph["nodes"]) :]
     assert {(chr(one["id"] >> 56), one["layer"]) for one in blind} == {("y", 1)}
     graph["layer_ids"] = [0, 1, 2, 3]
     with refuses(HydraError, "layers-taken"):
-        file.annotated(believe_something(file.partial()))
+        annotate(tmp_path, graph)
 
 
-@pytest.mark.parametrize("metadata", [None, 3, {"bsg": []}, {"bsg": {"belief": "yes"}}])
-def test_what_stands_in_the_way_is_named(metadata: Any) -> None:
+@pytest.mark.parametrize("metadata", [3, {"bsg": []}, {"bsg": {"belief": "yes"}}])
+def test_what_stands_in_the_way_is_named(tmp_path: Path, metadata: Any) -> None:
     graph = robot_graph()
     graph["nodes"][1]["attributes"]["metadata"] = metadata
-    file = open_document(graph)
     with refuses(HydraError, "metadata-taken", "node R(0)"):
-        file.annotated(believe_something(file.partial()))
-
-
-def bare_graph() -> Graph:
-    """Return the graph without names for its labels."""
-    graph = robot_graph()
-    del graph["metadata"]
-    return graph
+        annotate(tmp_path, graph)
 
 
 def test_a_graph_by_hand(tmp_path: Path) -> None:
-    graph = read_hydra(write_graph(tmp_path / "flat.json"))
+    graph = read_graph(write_graph(tmp_path / "flat.json"))
     assert (graph.scene_id, graph.adjacency, graph.hidden_share) == ("flat", ((1, 2),), 0.5)
     kitchen, other = graph.rooms
     assert (kitchen.name, kitchen.label, kitchen.room_type) == ("R(0)", "kitchen", "kitchen")
@@ -197,17 +205,17 @@ def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
     graph["nodes"][1]["attributes"]["metadata"] = {"bsg": said}
     graph["nodes"][2]["attributes"]["metadata"] = {"bsg": {"visited": False}}
     graph["nodes"][5]["attributes"]["metadata"] = {"bsg": {"id": "7", "category": "armchair"}}
-    found = read_hydra(write_graph(tmp_path / "x.json", graph))
+    found = read_graph(write_graph(tmp_path / "x.json", graph))
     assert (found.scene_id, found.building_kind, found.hidden_share) == ("home", "home", 0.75)
     room, other = found.rooms
     assert (room.name, room.hidden_share) == ("galley", 0.25)
     assert (room.room_type, room.floor_area) == (None, 8.5)
     assert (other.visited, other.hidden_share) == (False, 1)
     assert (found.objects[0].name, found.objects[0].category) == ("7", "armchair")
-    assert found.objects[0].room_index == 1
-    said["hidden_share"] = 7
-    with pytest.raises(HydraError):
-        read_hydra(write_graph(tmp_path / "x.json", graph))
+    for place, said in ((1, {"hidden_share": 7}), (1, {"hiden_share": 0.5}), (5, {"categry": "a"})):
+        graph["nodes"][place]["attributes"]["metadata"] = {"bsg": said}
+        with pytest.raises(RobotGraphError):
+            read_graph(write_graph(tmp_path / "x.json", graph))
 
 
 @pytest.mark.parametrize(
@@ -215,40 +223,20 @@ def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
     [
         (None, ["label 7", "label 10"], 2),
         ("mpcat40", ["cabinet", "couch"], 3),
-        ("ade20k", ["bed", "cabinet"], 2),
         ("own.csv", ["oven", "label 10"], 3),
     ],
 )
 def test_labels_without_names(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    labels: str | None,
-    expected: list[str],
-    notes: int,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, labels: Any, expected: list[str], notes: int
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("own.csv").write_text("label,name\n7,oven\n")
-    space = None if labels is None else load_label_space(labels)
-    file = open_document(bare_graph())
-    found = [obj.raw_category for obj in file.partial(labels=space).objects]
-    assert found[:3] == [*expected, "chair"], "a name of one's own comes before a number's"
-    assert len(list(file.notes(space))) == notes
-
-
-@pytest.mark.parametrize(
-    ("place", "said"),
-    [(1, {"hiden_share": 0.5}), (5, {"categry": "bed"}), (None, {"partial": {"buildng_kind": ""}})],
-)
-def test_a_misspelt_key_in_metadata_is_refused(
-    tmp_path: Path, place: int | None, said: dict[str, Any]
-) -> None:
     graph = robot_graph()
-    held = graph if place is None else graph["nodes"][place]["attributes"]
-    held["metadata"] = {"bsg": said}
-    with refuses(HydraError, "key-unknown"):
-        read_hydra(write_graph(tmp_path / "a.json", graph))
-    held["metadata"] = {"bsg": {"mine": 1}}
-    assert read_hydra(write_graph(tmp_path / "a.json", graph)).rooms, "keys of one's own stay"
+    del graph["metadata"]
+    file = open_graph_file(write_graph(tmp_path / "flat.json", graph), labels=labels)
+    found = [obj.raw_category for obj in file.graph.objects]
+    assert found[:3] == [*expected, "chair"], "a name of one's own comes before a number's"
+    assert len(file.notes) == notes
 
 
 def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:
@@ -256,9 +244,11 @@ def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:
     with refuses(HydraError, "room-unknown", path):
         annotate_hydra(make_belief(1), path, tmp_path / "out.json")
     with refuses(HydraError, "suffix-unknown", tmp_path / "out.json.gz"):
-        annotate_hydra(believe_something(read_hydra(path)), path, tmp_path / "out.json.gz")
+        annotate_hydra(believe_something(read_graph(path)), path, tmp_path / "out.json.gz")
     with refuses(HydraError, "belief-missing", path):
-        read_hydra_belief(path)
+        read_belief(path, "spark-dsg")
+    with refuses(HydraError, "dsg-malformed", OFFICE):
+        strip_hydra(OFFICE, tmp_path / "out.json")
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -299,7 +289,7 @@ def test_spark_dsg_finds_its_own_graph_again(tmp_path: Path) -> None:
     path, out = tmp_path / "dsg.json", tmp_path / "out.json"
     write_like_hydra(path)
     spark_dsg = pytest.importorskip("spark_dsg")
-    belief = believe_something(read_hydra(path))
+    belief = believe_something(read_graph(path))
     annotate_hydra(belief, path, out)
     load = spark_dsg.DynamicSceneGraph.load
     before, after = load(str(path)), load(str(out))
@@ -316,9 +306,9 @@ def test_spark_dsg_finds_its_own_graph_again(tmp_path: Path) -> None:
     assert after.metadata.get()["run"] == {"seconds": 0.1}
     np.testing.assert_array_equal(after.mesh.get_vertices(), before.mesh.get_vertices())
     # Back without loss, also when spark_dsg has written it again.
-    assert read_hydra_belief(out) == belief
+    assert read_belief(out, "spark-dsg") == belief
     after.save(str(tmp_path / "again.json"))
-    assert read_hydra_belief(tmp_path / "again.json") == belief
+    assert read_belief(tmp_path / "again.json", "spark-dsg") == belief
     strip_hydra(out, tmp_path / "bare.json")
     bare = json.loads((tmp_path / "bare.json").read_text("utf-8"))
     assert json.dumps(bare) == json.dumps(json.loads(path.read_text("utf-8")))
@@ -328,13 +318,13 @@ def test_a_binary_graph_is_converted(tmp_path: Path) -> None:
     path, binary = tmp_path / "dsg.json", tmp_path / "dsg.sparkdsg"
     write_like_hydra(path)
     pytest.importorskip("spark_dsg").DynamicSceneGraph.load(str(path)).save(str(binary))
-    graph = read_hydra(binary, labels="mpcat40")
-    assert graph == read_hydra(path, labels="mpcat40")
+    graph = read_graph(binary, labels="mpcat40")
+    assert graph == read_graph(path, labels="mpcat40")
     annotate_hydra(believe_something(graph), binary, tmp_path / "out.json")
-    assert read_hydra_belief(tmp_path / "out.json") == believe_something(graph)
+    assert read_belief(tmp_path / "out.json", "spark-dsg") == believe_something(graph)
     binary.write_bytes(b"no graph")
     with refuses(HydraError, "binary-unloadable", binary):
-        read_hydra(binary)
+        read_graph(binary)
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="no sample here")
@@ -343,13 +333,13 @@ def test_the_recorded_apartment_comes_back_as_it_was(tmp_path: Path) -> None:
     (tmp_path / "labels.yaml").write_text(
         "label_names: [{label: 5, name: chair}, {label: 11, name: lamp}, {label: 16, name: table}]"
     )
-    graph = read_hydra(SAMPLE, labels=str(tmp_path / "labels.yaml"))
+    graph = read_graph(SAMPLE, labels=str(tmp_path / "labels.yaml"))
     assert [(obj.room_index, obj.raw_category) for obj in graph.objects] == [
         *((0, "chair"), (1, "lamp"), (0, "table"), (0, "table")),
         *((0, "chair"), (1, "chair"), (1, "lamp")),
     ]
     belief, out = believe_something(graph), tmp_path / "out.json"
     annotate_hydra(belief, SAMPLE, out)
-    assert read_hydra_belief(out) == belief
+    assert read_belief(out, "spark-dsg") == belief
     stripped = strip_annotation(json.loads(out.read_text("utf-8")))
     assert json.dumps(stripped) == json.dumps(json.loads(original))
