@@ -17,7 +17,6 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json
 from bsg_data.results import write_results
 from bsg_models.belief.belief_graph import BeliefGraph
@@ -56,7 +55,6 @@ _SCHEMAS = {
         }
     ),
 }
-FILES = tuple(f"{name}.parquet" for name in _SCHEMAS)
 
 
 def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
@@ -66,65 +64,52 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
         BeliefFileError: if two belief graphs have the same building.
         DatasetError: if they cannot be written.
     """
-    folder = Path(folder)
-    try:
-        with write_results(folder, report=NODES) as staged, ExitStack() as stack:
-            writers = {
-                name: stack.enter_context(
-                    pq.ParquetWriter(staged / f"{name}.parquet", schema, compression="zstd")
-                )
-                for name, schema in _SCHEMAS.items()
-            }
-            header: dict[str, Any] = {}
-            for rows in _group_rows(_list_documents(beliefs, header, folder)):
-                for name, writer in writers.items():
-                    writer.write_table(pa.Table.from_pylist(rows[name], schema=_SCHEMAS[name]))
-            writers["nodes"].add_key_value_metadata({"bsg.beliefs": encode_json(header)})
-    except OSError as error:
-        raise DatasetError(
-            f"{folder}: cannot be written ({error.strerror or error})",
-            code="unwritable",
-            where=folder,
-        ) from error
-
-
-def _list_documents(
-    beliefs: Iterable[BeliefGraph], header: dict[str, Any], folder: Path
-) -> Iterator[tuple[BeliefGraph, dict[str, Any]]]:
-    """Yield belief graphs with their documents; put what they share in `header`."""
-    scenes = set()
-    for belief in beliefs:
-        scene, document = belief.partial.scene_id, encode_belief(belief)
-        if scene in scenes:
-            raise BeliefFileError(
-                f"{folder}: two belief graphs of {scene}", code="scene-twice", where=folder
+    folder, scenes = Path(folder), set()
+    header: dict[str, Any] = {}
+    waiting: dict[str, list[dict[str, Any]]] = {name: [] for name in _SCHEMAS}
+    with write_results(folder, report=NODES) as staged, ExitStack() as stack:
+        writers = {
+            name: stack.enter_context(
+                pq.ParquetWriter(staged / f"{name}.parquet", schema, compression="zstd")
             )
-        scenes.add(scene)
-        header.update({key: document[key] for key in ("model", "mode", "class_space")})
-        yield belief, document
+            for name, schema in _SCHEMAS.items()
+        }
+
+        def write() -> None:
+            for name, rows in waiting.items():
+                writers[name].write_table(pa.Table.from_pylist(rows, schema=_SCHEMAS[name]))
+                rows.clear()
+
+        for belief in beliefs:
+            scene, document = belief.partial.scene_id, encode_belief(belief)
+            if scene in scenes:
+                raise BeliefFileError(
+                    f"{folder}: two belief graphs of {scene}", code="scene-twice", where=folder
+                )
+            scenes.add(scene)
+            header = {key: document[key] for key in ("model", "mode", "class_space")}
+            for name, rows in _list_rows(document, belief).items():
+                waiting[name] += ({"scene_id": scene, **row} for row in rows)
+            if len(waiting["nodes"]) >= _ROWS_PER_GROUP:
+                write()
+        write()
+        writers["nodes"].add_key_value_metadata({"bsg.beliefs": encode_json(header)})
 
 
-def _group_rows(
-    documents: Iterable[tuple[BeliefGraph, dict[str, Any]]],
-) -> Iterator[dict[str, list[dict[str, Any]]]]:
-    """Yield the rows of the tables, one row group at a time, and the last one even if empty."""
-    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in _SCHEMAS}
-    for belief, document in documents:
-        scene = {"scene_id": belief.partial.scene_id}
-        rows["nodes"] += ({**scene, **row} for row in _list_node_rows(document))
-        rows["edges"] += (
-            {**scene, "source": a, "target": b, "kind": kind}
-            for a, b, kind in sorted(list_edges(document))
-        )
-        histograms = (belief.partial.histograms().tolist(), belief.expected, belief.presence)
-        rows["histograms"] += (
-            {**scene, "node": node, "input": seen, "expected": expected, "presence": presence}
+def _list_rows(
+    document: dict[str, Any], belief: BeliefGraph
+) -> dict[str, Iterable[dict[str, Any]]]:
+    histograms = (belief.inputs.tolist(), belief.expected, belief.presence)
+    return {
+        "nodes": _list_node_rows(document),
+        "edges": (
+            {"source": a, "target": b, "kind": kind} for a, b, kind in sorted(list_edges(document))
+        ),
+        "histograms": (
+            {"node": node, "input": seen, "expected": expected, "presence": presence}
             for node, (seen, expected, presence) in enumerate(zip(*histograms, strict=True))
-        )
-        if len(rows["nodes"]) >= _ROWS_PER_GROUP:
-            yield rows
-            rows = {name: [] for name in _SCHEMAS}
-    yield rows
+        ),
+    }
 
 
 def _list_node_rows(document: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -67,12 +67,10 @@ class FindProbability:
         self._sizes = dict(sizes or {})
         self._words = dict(words or {})
         self._otherwise = otherwise
-        self._robots: set[str] = set()  # robots that have asked
         self._searched: set[str] = set()
         self._found: dict[str, str] = {}  # thing → the location where it was found
-        self._graph: PartialGraph | None = None  # the graph that the cached values belong to
+        self._graph: PartialGraph | None = None  # the graph that the cached places belong to
         self._places: dict[str, dict[str | None, Place] | None] = {}  # thing → room → place
-        self._known: dict[tuple[str, str], float] = {}
         if otherwise is not None and not 0 <= otherwise <= 1:
             raise RecipeError(
                 f"otherwise: expected 0 to 1, found {otherwise}", code="no-probability"
@@ -92,34 +90,27 @@ class FindProbability:
     def add(self, location: str, room: str | None) -> None:
         """Add a location in a room, by id or label, or one that holds nothing (None)."""
         self._rooms[location] = None if room is None else find_room(self.seen.graph, room)
-        self._graph = None
 
     def __call__(self, robot: str, location: str, thing: str) -> float:
         """Return P(a search of the location finds the thing).
 
         Args:
-            robot: its name. All robots share one knowledge. A robot's position during a move
-                (`robot1_loc`) holds nothing.
-            location: one of the planner's.
+            robot: its name, which changes nothing: all robots share one knowledge.
+            location: one of the planner's. A robot's position during a move (`robot1_loc`) holds
+                nothing.
             thing: any word, with or without a number.
 
         Raises:
             RecipeError: if the location is unknown, or no model has a class for the thing.
         """
         if self._graph is not self.seen.graph:
-            self._graph, self._places, self._known = self.seen.graph, {}, {}
+            self._graph, self._places = self.seen.graph, {}
             rooms = {obj.name: obj.room_index for obj in self._graph.objects}
-            was_moved = {
-                one for one, at in self._found.items() if rooms.get(one) != self._rooms[at]
-            }
-            self._found = {one: at for one, at in self._found.items() if one not in was_moved}
-        known = self._known.get((location, thing))
-        if known is None:
-            self._robots.add(robot)
-            if location not in self._rooms and location.removesuffix(_ON_ITS_WAY) in self._robots:
-                return 0.0
-            known = self._known[location, thing] = self._find(location, thing)
-        return known
+            found = self._found.items()  # without what was moved
+            self._found = {one: at for one, at in found if rooms.get(one) == self._rooms[at]}
+        if location not in self._rooms and location.endswith(_ON_ITS_WAY):
+            return 0.0
+        return self._find(location, thing)
 
     def searched(self, location: str, found: Iterable[str] = ()) -> None:
         """Report that everything at a location was seen.
@@ -151,7 +142,6 @@ class FindProbability:
             left = self._unsearched(node) / before
             share = self.seen.graph.rooms[node - 1].share
             self.seen.entered(room, hidden_share=ShareBelief(share.mean * left, share.sd * left))
-        self._graph = None
 
     def _find(self, location: str, thing: str) -> float:
         node = self._require(location)
@@ -200,10 +190,8 @@ class FindProbability:
     def _require(self, location: str) -> int | None:
         """Return the room of a location, 1..R; None for one that holds nothing."""
         if location not in self._rooms:
-            names = list(self._rooms)
-            more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
             raise RecipeError(
-                f"no location {location!r}: known are {', '.join(names[:_LISTED])}{more}; `add` "
+                f"no location {location!r}: known are {', '.join([*self._rooms][:_LISTED])}; `add` "
                 "adds a location with its room",
                 code="location-unknown",
                 where=location,

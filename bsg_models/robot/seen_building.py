@@ -15,7 +15,7 @@ from itertools import count
 from pathlib import Path
 from threading import RLock
 from types import MappingProxyType
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -77,12 +77,8 @@ class ExpectedClass:
     seen: int  # number that was seen there
 
 
-class _Answer(NamedTuple):
-    """What is known of one thing, for each node."""
-
-    seen: list[tuple[str, ...]]  # ids
-    presence: Floats  # [N] P(at least one unseen)
-    hidden: Floats  # [N] expected number of unseen ones
+# Of one thing, for each node: ids of those seen, P(at least one unseen), expected unseen number.
+_Answer: TypeAlias = tuple[list[tuple[str, ...]], Floats, Floats]
 
 
 def open_graph(
@@ -168,7 +164,6 @@ class SeenBuilding:
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
         self._beliefs: dict[int, tuple[PartialGraph, Expectation]] = {}
-        self._meanings: dict[str, Meaning] = {}
 
     @property
     def graph(self) -> PartialGraph:
@@ -406,8 +401,8 @@ class SeenBuilding:
         answers = [self._look_up(one) for one in ([things] if isinstance(things, str) else things)]
         if not answers:
             raise RecipeError("things: expected one word or more, found none", code="things-none")
-        seen = np.array([[bool(ids) for ids in one.seen] for one in answers]).T
-        presence = np.where(seen, 1.0, np.stack([one.presence for one in answers], axis=1))
+        seen = np.array([[bool(ids) for ids in every] for every, _, _ in answers]).T
+        presence = np.where(seen, 1.0, np.stack([one for _, one, _ in answers], axis=1))
         explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
         explored &= ~seen.any(axis=1)
         explored[0] = True  # node 0 holds objects of no room, and nobody can go there
@@ -452,10 +447,8 @@ class SeenBuilding:
         `universal-wide` with its 170 classes answers. It does not if everybody may use the
         building's model: `universal-wide` is for research.
         """
-        if thing not in self._meanings:
-            own = self._models[0].class_map.version not in list_class_maps()
-            self._meanings[thing] = find_meaning(thing, self._class_maps(), prefer_exact=not own)
-        return self._meanings[thing]
+        own = self._models[0].class_map.version not in list_class_maps()
+        return find_meaning(thing, self._class_maps(), prefer_exact=not own)
 
     def ways(self, costs: Costs | None = None) -> Ways:
         """Return the costs of going from room to room, at most 2,000 rooms.
@@ -486,7 +479,7 @@ class SeenBuilding:
             if obj.class_index == column:
                 seen[obj.room_index].append(obj.name)
         ids = [tuple(names) for names in seen]
-        return _Answer(ids, belief.presence[:, column], belief.hidden[:, column])
+        return ids, belief.presence[:, column], belief.hidden[:, column]
 
     def _believe(self, model: int) -> tuple[PartialGraph, Expectation]:
         """Return the graph as a model reads it, and what it believes; 0 is the building's own."""

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree, shortest_path
+from scipy.sparse.csgraph import minimum_spanning_tree, shortest_path
 from scipy.spatial.distance import cdist
 
 from bsg_data.arrays import Bools, Floats
@@ -93,40 +93,31 @@ def _find_cheapest(edges: Floats) -> Floats:
 
 def _straight_lines(graph: PartialGraph) -> Floats:
     """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
-    places = np.full((len(graph.rooms) + 1, 3), np.nan)
-    for number, room in enumerate(graph.rooms, 1):
-        places[number] = _place_of(room)
+    nowhere = (np.nan, np.nan, np.nan)
+    places = np.array([nowhere, *(_place_of(room) or nowhere for room in graph.rooms)])
     lines = cdist(places, places)
     return np.where(np.isnan(lines), np.inf, lines)
 
 
-def _place_of(room: KnownRoom) -> tuple[float, ...]:
-    if room.position is not None:
+def _place_of(room: KnownRoom) -> tuple[float, ...] | None:
+    if room.position is not None or room.box is None:
         return room.position
-    if room.box is None:
-        return (np.nan, np.nan, np.nan)
     return tuple((np.add(room.box.minimum, room.box.maximum) / 2).tolist())
 
 
 def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
-    """Join the parts of a graph between their nearest rooms: a minimum spanning tree of parts.
+    """Join the parts of a graph between their nearest rooms, by a minimum spanning tree.
 
     A part of which no place is known is joined to the first room.
     """
-    number, part = connected_components(np.isfinite(edges[1:, 1:]), directed=False)
-    order = np.argsort(part, kind="stable")
-    starts = np.searchsorted(part[order], np.arange(number))
-    least = lines[1:, 1:][np.ix_(order, order)]  # then the least between parts, [parts, parts]
-    for axis in (0, 1):
-        least = np.minimum.reduceat(least, starts, axis=axis)
-    last = np.max(least, where=np.isfinite(least), initial=0) + np.arange(1.0, least.size + 1)
-    weights = np.where(np.isfinite(least), least + 1, last.reshape(least.shape) + 1)
-    for one, other in np.argwhere(minimum_spanning_tree(np.triu(weights, k=1)).toarray()):
-        a, b = (np.flatnonzero(part == which) + 1 for which in (one, other))
-        near = lines[np.ix_(a, b)]
-        i, j = np.unravel_index(near.argmin(), near.shape)
-        length = near[i, j] if np.isfinite(near[i, j]) else 2 * usual
-        edges[a[i], b[j]] = edges[b[j], a[i]] = length
+    there, known = np.isfinite(edges), np.isfinite(lines)
+    last = np.max(lines, where=known, initial=0) + np.arange(1.0, lines.size + 1)
+    weights = np.where(known, lines, last.reshape(lines.shape)) + 1
+    weights[there] = 0.5  # an edge that is there comes first
+    tree = minimum_spanning_tree(np.triu(weights[1:, 1:], k=1))
+    for a, b in np.transpose(tree.nonzero()) + 1:
+        if not there[a, b]:
+            edges[a, b] = edges[b, a] = lines[a, b] if known[a, b] else 2 * usual
 
 
 def choose_destination(

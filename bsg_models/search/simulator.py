@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from bsg_models.search.orders import plan_tours
 from bsg_models.search.planners import ask_planner
 
 _Key = TypeVar("_Key", bound=Hashable)
-Answer = tuple[Floats, Floats | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +44,11 @@ class Episodes:
         return np.asarray(self.instances.any(axis=2).sum(axis=1) / (self.rooms.sum() - 1))
 
 
-class Beliefs(Protocol):
-    """What is believed about the artifacts of E searches."""
-
-    def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
-        """Return presence and share of the artifacts.
-
-        Args:
-            rows: `[M]` numbers of the searches.
-            explored: `[M, N]` rooms that each has entered.
-            shares: whether the share is needed.
-
-        Returns:
-            Both `[M, N, A]`, of unexplored rooms; the second may be None without `shares`.
-        """
+# What is believed about the artifacts of E searches: a function of the numbers of some searches,
+# `[M]`, and the rooms that each has entered, `[M, N]`. It returns the presence and the share of the
+# artifacts in unexplored rooms, both `[M, N, A]`; the share may be None with `shares=False`.
+Answer: TypeAlias = tuple[Floats, Floats | None]
+Beliefs: TypeAlias = Callable[..., Answer]
 
 
 @dataclass(frozen=True, slots=True)
