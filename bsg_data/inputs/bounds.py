@@ -49,6 +49,15 @@ PROCTHOR = Bound("houses of ProcTHOR, a JSON array", 512 * MIB, _HOUSES)
 PROCTHOR_LINES = Bound(
     "houses of ProcTHOR, JSON lines", 16 * GIB, f"{_HOUSES}; packed {MAX_RATIO} to 1 at most"
 )
+MAX_SHEET_ROWS = 1_000_000  # of a sheet of a spreadsheet
+MAX_SHEET_COLUMNS = 64
+MAX_CELLS = 10_000_000  # of a sheet, that are not empty
+COBIE = Bound(
+    "COBie spreadsheet, `.xlsx`",
+    256 * MIB,
+    f"{MAX_SHEET_ROWS:,} rows, {MAX_SHEET_COLUMNS} columns and {MAX_CELLS:,} cells of a sheet",
+)
+S3DIS = Bound("list of labels of S3DIS, JSON", 64 * MIB, _NESTED)
 BEHAVIOR = Bound("list of BEHAVIOR's rooms, JSON", 64 * MIB, _NESTED)
 TABLE = Bound(
     "table of objects, CSV or parquet",

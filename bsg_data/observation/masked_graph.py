@@ -20,7 +20,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace, find_wholes
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.room_label import known_label, list_room_labels
 from bsg_data.scene.scene_graph import Room, SceneGraph
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 
@@ -92,7 +92,7 @@ def _know(room: Room, view: View, row: int) -> KnownRoom:
         footprint=room.footprint,
         floor_index=room.floor_index,
         floor_area=room.floor_area if is_floor_area(room.floor_area) else None,
-        room_type=room.label if room.label in list_room_labels() else None,
+        room_type=room.label if known_label(room.label or "") in list_room_labels() else None,
     )
 
 

@@ -1,8 +1,9 @@
 """Room labels: common words for kinds of rooms, and what the words of sources and robots mean.
 
-`mappings/room-labels-v1.csv` has `source,source_label,label`. Rows of the source `any` hold
+`mappings/room-labels-v2.csv` has `source,source_label,label`. Rows of the source `any` hold
 everyday words and count for every source. A row without a label marks a word that names no kind of
-room.
+room. Models were trained with the labels of `list_room_labels`; a row of the source `nearest` has
+the one of these by which they read another, such as an infirmary for an examination room.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
 NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
-_FILE = "room-labels-v1.csv"
+_FILE = "room-labels-v2.csv"
 _ANY_SOURCE = "any"
+_NEAREST = "nearest"
 _NUMBER = re.compile(r"[\s#]*[0-9]+$")
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
 _MOST_LABELS = 1000  # of one room
@@ -52,8 +54,18 @@ def label_of(source: str, source_label: str | None) -> str | None:
 
 @cache
 def list_room_labels() -> tuple[str, ...]:
-    """Return the common room labels, sorted."""
-    return tuple(sorted({label for label in _read_labels().values() if label is not None}))
+    """Return the common room labels that models read, sorted."""
+    labels = {label for label in _read_labels().values() if label is not None}
+    return tuple(sorted(label for label in labels if known_label(label) == label))
+
+
+def known_label(label: str) -> str:
+    """Return the label by which models read a common label: itself, or the nearest they know.
+
+    >>> known_label("kitchen"), known_label("examination room")
+    ('kitchen', 'infirmary')
+    """
+    return _read_labels().get((_NEAREST, label)) or label
 
 
 def normalise_room(name: str) -> str:
@@ -109,10 +121,10 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     labels = list_room_labels()
     row = np.zeros(len(labels))
     if isinstance(known, str):
-        row[labels.index(known)] = 1
+        row[labels.index(known_label(known))] = 1
     elif known is not None:
         for label, share in known.items():
-            row[labels.index(label)] = share
+            row[labels.index(known_label(label))] += share
         row += max(0.0, 1 - row.sum()) / len(row)
         row /= row.sum()
     return row.astype(np.float32)

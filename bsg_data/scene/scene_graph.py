@@ -129,7 +129,7 @@ class Room:
         floor_z: height of its floor, metres; None without geometry.
         footprint: corners (x, y) of the convex hull of its objects from above, against the clock,
             metres; None without geometry.
-        label: the common label of `source_label` (mappings/room-labels-v1.csv); None if unknown.
+        label: the common label of `source_label` (mappings/room-labels-v2.csv); None if unknown.
         floor_area: square metres; None if unknown.
     """
 

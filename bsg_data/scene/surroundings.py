@@ -17,7 +17,13 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
-from bsg_data.scene.room_label import NO_KIND, list_room_labels, normalise_room, spread_labels
+from bsg_data.scene.room_label import (
+    NO_KIND,
+    known_label,
+    list_room_labels,
+    normalise_room,
+    spread_labels,
+)
 from bsg_data.scene.scene_graph import Box
 from bsg_data.spelling import SHOWN
 
@@ -211,7 +217,8 @@ def _measure_rooms(rooms: pa.Table) -> Values:
 def _mark_labels(rooms: pa.Table) -> Values:
     """Return 1 at the label of every room `[R, L]`; all 0 for a label that this version lacks."""
     places = {label: place for place, label in enumerate(list_room_labels())}
-    found = [places.get(label, len(places)) for label in rooms["label"].to_pylist()]
+    labels = rooms["label"].to_pylist()
+    found = [places.get(label and known_label(label), len(places)) for label in labels]
     return np.eye(len(places) + 1, len(places))[found]
 
 

@@ -24,6 +24,8 @@ SOURCES = Registry(
         "procthor": "bsg_data.sources.procthor:ROW",
         "table": "bsg_data.sources.table:ROW",
         "mp3d": "bsg_data.sources.mp3d:ROW",
+        "cobie": "bsg_data.sources.cobie:ROW",
+        "s3dis": "bsg_data.sources.s3dis:ROW",
         "spark-dsg": "bsg_data.sources.spark_dsg:ROW",
         "synthetic": "bsg_data.sources.hm3d:SYNTHETIC_ROW",
     },

@@ -42,6 +42,8 @@ PUBLISHED = {
     "procthor45-v1": "8b08e6192018fd398f17b226c14bae13f6301fb968a8e47c4afd42deeff161b5",
     "mp3d45-v1": "f7d414db16fc3dcbca2043da327be4f5b003870ad2f701c2fc353b217cda8d88",
     "hm3d-wide-v1": "8c3e3acd5b560f2b651cf3429041ac3f343e6b33b340e0b73f8ad9fd648ff083",
+    "cobie45-v1": "e095c02455cee270c908fd3328d2859514ddcb332b3ed2e278e3d2ac60378bcf",
+    "s3dis45-v1": "17bfdf406f7f9f2106c27018221add0bdcc5312b7c3e369d95a1ca96c6dde5ad",
 }
 
 

@@ -1,0 +1,295 @@
+"""COBie: the spreadsheet of spaces and equipment that the owner of a building gets at handover.
+
+The sheets are tables of text that refer to one another by names: a `Component` has a `TypeName` and
+a `Space`, a `Space` a `FloorName`. An empty cell and `n/a` say nothing. COBie is defined in the
+National BIM Standard – United States, version 3, chapter 4.2.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import re
+import warnings
+import zipfile
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from bsg_data.errors import SourceError
+from bsg_data.inputs.bounds import COBIE, MAX_CELLS, MAX_SHEET_COLUMNS, MAX_SHEET_ROWS
+from bsg_data.scene.class_map import UNKNOWN, ClassMap
+from bsg_data.scene.room_label import label_of
+from bsg_data.scene.scene_graph import Room, SceneObject
+from bsg_data.scene.surroundings import BUILDING_KINDS
+from bsg_data.sources.annotation_files import find_files, read_listed
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow
+
+_Row = Mapping[str, str]  # column, in small letters → text; without columns that say nothing
+_Sheets = Mapping[str, list[_Row]]
+_SHEETS = ("facility", "floor", "space", "type", "component")
+_SILENT = frozenset({"", "n/a", "na", "#n/a"})
+_CODE = re.compile(r"[\w. -]*[0-9][\w. -]*:\s*(?=\S)")  # `13-41 11 14 21: `, `SL_35_80_89: `
+_FEET = re.compile(r"f(oo|ee)?t")
+_METRES = re.compile(r"met(er|re)|m2|m²|sqm|^m$")
+_SQUARE_FOOT = 0.3048**2  # m²
+# Families of Revit put these before the name of the thing: `M_Chair-Executive: 600 x 900`.
+_PREFIXES = frozenset({"", "m", "equip", "equipment", "fixture", "furniture", "generic"})
+_ENDS = re.compile(r"[-_:;,/()]|\s(?=[0-9])")
+# Words of the kind of a facility, for kinds that models know under another word.
+_FACILITIES = {
+    **dict.fromkeys(("residence", "residential", "apartment", "dwelling", "house"), "home"),
+    **dict.fromkeys(("university", "college", "classroom", "kindergarten"), "school"),
+    **dict.fromkeys(("retail", "store", "market"), "shop"),
+    **dict.fromkeys(("clinic", "hospital", "medical", "healthcare"), "clinic"),
+    **{kind: kind for kind in BUILDING_KINDS},
+}
+
+
+@dataclass(frozen=True)
+class CobieSheets:
+    """A folder with COBie spreadsheets (`.xlsx`) anywhere below it, or one of them.
+
+    A spreadsheet is a building, a space a room, and a component an object, which has the first name
+    that the class map knows of: the description of its type, the type's name, the title of its
+    category. A door between two spaces connects them; anything else in several is in the first.
+    """
+
+    path: Path
+
+    kind = "cobie"
+    options: ClassVar[dict[str, int | str]] = {}
+
+    def find(self) -> FoundScenes:
+        """Find every `.xlsx`."""
+        expected = "no COBie spreadsheet found; expected files named <building>.xlsx"
+        return find_files(self.path, ".xlsx", bound=COBIE, expected=expected, is_path=True)
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read one building; what refers to nothing is counted in the reading's `left_out`."""
+        path = self.path if self.path.is_file() else self.path / ref.location
+        data = read_listed(path, COBIE, expected=ref.fingerprint)
+        sheets = _read_sheets(data, path)
+        if not _index(sheets["space"]):
+            raise SourceError(
+                f"{path}: expected a sheet Space with a column Name and a row for each room",
+                code="sheet-missing",
+                where=path,
+            )
+        notes: Counter[str] = Counter()
+        rooms = _list_rooms(sheets, notes)
+        places = {name: number for number, name in enumerate(_index(sheets["space"]))}
+        objects, doors = _place_components(sheets, places, class_map, notes)
+        empty = len(rooms) - len({obj.room_index for obj in objects} - {-1})
+        notes["spaces hold no component: they are rooms without objects"] += empty
+        graph = assemble(
+            objects,
+            ref=ref,
+            kind=self.kind,
+            sha256=hashlib.sha256(data).hexdigest(),
+            class_map=class_map,
+            rooms=rooms,
+            doors=doors,
+            method="door",
+            building_kind=_find_facility_kind(sheets["facility"]),
+        )
+        return Reading(graph, left_out=tuple(_report(notes, ref)))
+
+
+def _report(notes: Mapping[str, int], ref: SceneRef) -> Iterator[SkippedScene]:
+    for what, number in notes.items():
+        if number:
+            yield SkippedScene(ref.scene_id, ref.location, f"{number:,} {what}")
+
+
+def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
+    """Return the rows of each sheet that is read; a sheet that is not there has none."""
+    import openpyxl  # Imported here because few read a spreadsheet.
+
+    sheets: dict[str, list[_Row]] = {name: [] for name in _SHEETS}
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+        if unpacked > COBIE.bytes:
+            raise ValueError(f"it unpacks to {unpacked:,} bytes; at most {COBIE.bytes:,} are read")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what cells look like
+            book = openpyxl.load_workbook(
+                io.BytesIO(data), read_only=True, data_only=True, keep_links=False
+            )
+            for sheet in book.worksheets:
+                if (name := _key(sheet.title)) in sheets:
+                    sheets[name] += _read_rows(sheet)
+    except Exception as error:  # openpyxl raises whatever its parsers do
+        raise SourceError(
+            f"{path}: no readable spreadsheet ({error})", code="spreadsheet-malformed", where=path
+        ) from error
+    return sheets
+
+
+def _read_rows(sheet: Any) -> Iterator[_Row]:
+    """Yield the rows below the header, which is the first that is not empty, which say anything."""
+    header: list[str] = []
+    cells = 0
+    bounds = {"max_row": MAX_SHEET_ROWS, "max_col": MAX_SHEET_COLUMNS}
+    for values in sheet.iter_rows(values_only=True, **bounds):
+        row = [_text(value) for value in values]
+        cells += sum(map(bool, row))
+        if cells > MAX_CELLS:
+            raise ValueError(f"sheet {sheet.title}: more than {MAX_CELLS:,} cells")
+        if not header:
+            header = [_key(name) for name in row] if any(row) else []
+            continue
+        said = {
+            column: text
+            for column, text in zip(header, row, strict=True)
+            if column and text.casefold() not in _SILENT
+        }
+        if said:
+            yield said
+
+
+def _text(value: object) -> str:
+    """Return a cell as text: a room 101 may be a number."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return "" if value is None else " ".join(str(value).split())
+
+
+def _key(name: str) -> str:
+    """Return the form by which names refer to one another: case and spaces do not matter."""
+    return "".join(name.casefold().split())
+
+
+def _index(rows: Iterable[_Row]) -> dict[str, _Row]:
+    """Return the rows of a sheet by name; of several with one name, the first."""
+    found: dict[str, _Row] = {}
+    for row in rows:
+        if "name" in row:
+            found.setdefault(_key(row["name"]), row)
+    return found
+
+
+def _list_rooms(sheets: _Sheets, notes: Counter[str]) -> list[Room]:
+    spaces = _index(sheets["space"])
+    lost = len(sheets["space"]) - len(spaces)
+    notes["spaces have no name or that of an earlier one: they are left out"] += lost
+    levels, unit = _rank_floors(sheets, spaces.values()), _find_unit(sheets["facility"])
+    is_unit_said = "areaunits" in _first(sheets["facility"])
+    rooms = []
+    for number, row in enumerate(spaces.values()):
+        label, common = _name_room(row)
+        floor = levels.get(_key(row.get("floorname", "")))
+        area = _number(row.get("netarea")) or _number(row.get("grossarea"))
+        if floor is None:
+            notes["spaces are on a floor without an elevation: their level is not known"] += 1
+        if area and not unit:
+            notes["spaces have an area in an unknown unit: it is left out"] += 1
+        elif area and not is_unit_said:
+            notes["spaces have an area without a unit: it is read as m²"] += 1
+        area = area * unit if area and unit else None
+        rooms.append(Room(0, number, label, floor_index=floor, label=common, floor_area=area))
+    return rooms
+
+
+def _name_room(space: _Row) -> tuple[str, str | None]:
+    """Return the first of kind, description and name that says what a room is, and its label."""
+    kind = _CODE.sub("", space.get("category", ""), count=1)
+    words = [word for word in (kind, space.get("description", ""), space["name"]) if word]
+    found = ((word, label_of("cobie", word)) for word in words)
+    return next(((word, label) for word, label in found if label), (words[0], None))
+
+
+def _rank_floors(sheets: _Sheets, spaces: Iterable[_Row]) -> dict[str, int]:
+    """Return floor → level from 0 at the bottom, of the floors that have spaces and elevations."""
+    used = {_key(row.get("floorname", "")) for row in spaces}
+    floors = _index(sheets["floor"])
+    heights = {name: _number(row.get("elevation")) for name, row in floors.items()}
+    known = {name: z for name, z in heights.items() if z is not None and name in used}
+    ranks = {z: level for level, z in enumerate(sorted(set(known.values())))}
+    return {name: ranks[z] for name, z in known.items()}
+
+
+def _find_unit(facilities: list[_Row]) -> float | None:
+    """Return the unit of areas in m²; None if it is neither of feet nor of metres."""
+    unit = _key(_first(facilities).get("areaunits", "m2"))
+    if _FEET.search(unit):
+        return _SQUARE_FOOT
+    return 1.0 if _METRES.search(unit) else None
+
+
+def _find_facility_kind(facilities: list[_Row]) -> str | None:
+    words = re.findall(r"[a-z]+", _first(facilities).get("category", "").casefold())
+    singular = (word.removesuffix("s") for word in words)
+    return next((_FACILITIES[word] for word in singular if word in _FACILITIES), None)
+
+
+def _first(rows: list[_Row]) -> _Row:
+    return rows[0] if rows else {}
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        value = float(text or "nan")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _place_components(
+    sheets: _Sheets,
+    places: Mapping[str, int],
+    class_map: ClassMap,
+    notes: Counter[str],
+) -> tuple[list[SceneObject], list[tuple[int, int]]]:
+    """Return the objects in their rooms, and the pairs of rooms that doors are in."""
+    types = _index(sheets["type"])
+    words = {name: _name_type(row, class_map) for name, row in types.items()}
+    objects, doors = [], []
+    for number, row in enumerate(sheets["component"], start=1):
+        word = words.get(_key(row.get("typename", "")))
+        if word is None:
+            notes["components have no type in the sheet Type: their own words name them"] += 1
+            word = _name_type(row, class_map)
+        rooms = _find_rooms(row.get("space", ""), places, notes)
+        if class_map.classify(word).category == "door" and len(rooms) == 2:
+            doors.append((rooms[0], rooms[1]))
+        objects.append(SceneObject(0, number, rooms[0] if rooms else -1, word))
+    return objects, doors
+
+
+def _find_rooms(said: str, places: Mapping[str, int], notes: Counter[str]) -> list[int]:
+    """Return the rooms that a component lists, once each; commas or semicolons part them."""
+    names = [said] if _key(said) in places else [part for part in re.split("[,;]", said) if part]
+    known = [places[_key(name)] for name in names if _key(name) in places]
+    if not names:
+        notes["components name no space: they belong to the building"] += 1
+    notes["names of spaces of components are not in the sheet Space"] += len(names) - len(known)
+    return list(dict.fromkeys(known))
+
+
+def _name_type(row: _Row, class_map: ClassMap) -> str:
+    """Return the first word for a type that the class map knows; else its description or name."""
+    title = _CODE.sub("", row.get("category", ""), count=1)
+    said = [row.get("description", ""), row.get("name", ""), title]
+    words = (word for text in said for word in (text, _find_noun(text)) if word)
+    known = (word for word in words if class_map.classify(word).category not in (None, UNKNOWN))
+    return next(known, said[0] or said[1])
+
+
+def _find_noun(text: str) -> str:
+    """Return what a name says first: `Cabinet` of `Cabinet-915 x 610`, `Chair` of `M_Chair-A`."""
+    parts = (part.strip() for part in _ENDS.split(text))
+    return next((part for part in parts if part.casefold() not in _PREFIXES), "")
+
+
+ROW = SourceRow(
+    summary="COBie spreadsheets of buildings: spaces, their kinds and areas, and equipment",
+    open=CobieSheets,
+    terms=None,  # a spreadsheet belongs to the owner of its building
+    class_map="cobie45-v1",
+)

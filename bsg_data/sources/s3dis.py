@@ -1,0 +1,113 @@
+"""S3DIS and 2D-3D-S: the list of labels of Stanford's scans of campus offices.
+
+`assets/semantic_labels.json` of alexsax/2D-3D-Semantics is a list of instances, each
+`category_number_room_number_area`: `chair_1_conferenceRoom_1_3`. It says nothing of places.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import ClassVar
+
+from pydantic import RootModel
+
+from bsg_data.errors import SourceError
+from bsg_data.inputs.bounds import S3DIS
+from bsg_data.inputs.documents import read_json
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.scene_graph import Room, SceneObject
+from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
+
+_INSTANCE = re.compile(r"([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)")
+_UNLABELLED = "<UNK>_0_<UNK>_0_0"  # the first of the list, for pixels without a label
+_Area = tuple[tuple[str, str], ...]  # (room, category) of every instance, sorted
+
+
+@dataclass(frozen=True)
+class S3DISAreas:
+    """The list of labels of S3DIS; a scene is an area, a part of a building."""
+
+    path: Path  # semantic_labels.json
+
+    kind = "s3dis"
+    options: ClassVar[dict[str, int | str]] = {}
+
+    def find(self) -> FoundScenes:
+        """List the areas."""
+        areas = _read_areas(self.path, *state_of(self.path))
+        refs = [SceneRef(name, name, _digest(content)) for name, content in sorted(areas.items())]
+        return FoundScenes(tuple(refs))
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read one area."""
+        area = fetch_listed(
+            ref,
+            self.path,
+            lambda: _read_areas(self.path, *state_of(self.path))[ref.scene_id],
+            _digest,
+        )
+        regions = {room: region for region, room in enumerate(sorted({room for room, _ in area}))}
+        graph = assemble(
+            [SceneObject(0, n, regions[room], name) for n, (room, name) in enumerate(area, 1)],
+            ref=ref,
+            kind=self.kind,
+            sha256=ref.fingerprint,
+            class_map=class_map,
+            rooms=[Room(0, n, room.rpartition("_")[0]) for room, n in regions.items()],
+            building_kind="office",
+        )
+        return Reading(graph)
+
+
+@lru_cache(maxsize=2)
+def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
+    """Read the list, once for each state of the file."""
+    expected = "a list of category_number_room_number_area, such as chair_1_office_3_1"
+    names = validate(
+        RootModel[list[str]],
+        read_json(path, S3DIS),
+        where=path,
+        expected=expected,
+        code="listing-malformed",
+    ).root
+    areas: dict[str, list[tuple[str, str]]] = {}
+    for name in names:
+        if name == _UNLABELLED:
+            continue
+        match = _INSTANCE.fullmatch(name)
+        if match is None:
+            raise SourceError(
+                f"{path}: expected {expected}; found {name[:80]!r}",
+                code="listing-malformed",
+                where=path,
+            )
+        areas.setdefault(f"area_{match[5]}", []).append((f"{match[3]}_{match[4]}", match[1]))
+    return {area: tuple(sorted(content)) for area, content in areas.items()}
+
+
+def _digest(area: _Area) -> str:
+    return hashlib.sha256(repr(area).encode()).hexdigest()
+
+
+ROW = SourceRow(
+    summary="the list of labels of S3DIS and 2D-3D-S, a JSON file: rooms of campus offices",
+    open=S3DISAreas,
+    terms=Terms(
+        licence="LicenseRef-2D-3D-S",
+        licence_url="http://buildingparser.stanford.edu/dataset.html",
+        homepage="https://github.com/alexsax/2D-3D-Semantics",
+        citation=(
+            "Armeni et al., Joint 2D-3D-Semantic Data for Indoor Scene Understanding, 2017, "
+            "arXiv:1702.01105"
+        ),
+        sentence="What is derived from S3DIS is under Stanford's terms, to be signed for the data.",
+    ),
+    class_map="s3dis45-v1",
+)

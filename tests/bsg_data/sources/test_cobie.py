@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import SHARED
+from refusals import refuses
+
+from bsg_data.errors import SourceError
+from bsg_data.inputs.bounds import COBIE
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.sources.cobie import CobieSheets
+from bsg_data.sources.source import Reading
+from bsg_data.testing import SourceContract
+
+openpyxl = pytest.importorskip("openpyxl")
+SAMPLE = SHARED.parent / "sources" / "clinic_cobie.xlsx"
+SHEETS: dict[str, list[list[Any]]] = {
+    "Facility": [["Name", "Category", "AreaUnits"], ["F", "11-13 24 14: Clinic", "square feet"]],
+    "Floor": [["Name", "Elevation"], ["Upper", 3.5], ["Ground", 0], ["Roof", 9]],
+    "Space": [
+        ["NAME", "Category", "Floor Name", "Description", "Net Area", "GrossArea"],
+        [101, "13-41 11 14 21: Restroom", "Ground", "W. TOILET", 100, "n/a"],
+        ["102", "13-41 41 99: Other Healing Spaces", "upper", "EXAM ROOM 2", "n/a", 200],
+        ["A, B", "n/a", "Attic", "N/A", None, None],
+        [None] * 6,
+        ["102", "13-85 11 11: Corridor", "Ground", "twice", 1, 1],
+    ],
+    "Type": [
+        ["Name", "Description", "Category"],
+        ["Equip-1", "Chair with Arms", "n/a"],
+        ["M_Toilet-Domestic-3D: 610", "n/a", "n/a"],
+        ["C18", "0600x1200", "23-80 70: General Luminaries, Non Directional"],
+        ["Door A", "Flush wood - 0915 x 2134mm", "23-30 10: Doors"],
+        ["X9", "gizmo", "n/a"],
+    ],
+    "Component": [
+        ["Name", "TypeName", "Space", "Description"],
+        ["c1", "Equip-1", 101, None],
+        ["c2", "M_Toilet-Domestic-3D: 610", "101", None],
+        ["c3", "C18", "A, B", None],
+        ["c4", "Door A", "101, 102", None],
+        ["c5", "X9", "999", None],
+        ["c6", "nothing", "n/a", "Mirror 600mm x 900mm"],
+    ],
+}
+
+
+def write_book(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]] = SHEETS) -> Path:
+    book = openpyxl.Workbook()
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(row)
+    book.save(path)
+    return path
+
+
+def read(path: Path) -> Reading:
+    source = CobieSheets(path)
+    (ref,) = source.find().scenes
+    return source.read(ref, load_class_map("cobie45-v1"))
+
+
+class TestCobie(SourceContract):
+    name = "cobie"
+
+    def write_example(self, folder: Path) -> Path:
+        write_book(folder / "clinic.xlsx")
+        write_book(folder / "office.xlsx", {"Space": [["Name"], ["1"]]})
+        return folder
+
+
+def test_a_building_with_its_rooms_and_their_equipment(tmp_path: Path) -> None:
+    reading = read(write_book(tmp_path / "clinic.xlsx"))
+    graph = reading.graph
+    foot = 0.3048**2
+    assert graph.building_kind == "clinic"
+    assert [
+        (r.source_label, r.label, r.floor_index, r.floor_area and round(r.floor_area / foot))
+        for r in graph.rooms
+    ] == [
+        ("Restroom", "toilet", 0, 100),
+        ("EXAM ROOM 2", "examination room", 1, 200),
+        ("A, B", None, None, None),
+    ]
+    assert [(o.room_index, o.raw_category, o.category, o.role) for o in graph.objects] == [
+        (1, "Chair with Arms", "chair", "classified"),
+        (1, "Toilet", "toilet", "classified"),
+        (3, "General Luminaries, Non Directional", "light fixture", "classified"),
+        (1, "Doors", "door", "structure"),
+        (0, "gizmo", None, "unmapped"),
+        (0, "Mirror", "mirror", "classified"),
+    ]
+    assert [(edge.source, edge.target, edge.method) for edge in graph.adjacency] == [(1, 2, "door")]
+
+
+def test_what_refers_to_nothing_is_counted(tmp_path: Path) -> None:
+    reading = read(write_book(tmp_path / "clinic.xlsx"))
+    assert [skip.reason for skip in reading.left_out] == [
+        "1 spaces have no name or that of an earlier one: they are left out",
+        "1 spaces are on a floor without an elevation: their level is not known",
+        "1 names of spaces of components are not in the sheet Space",
+        "1 components have no type in the sheet Type: their own words name them",
+        "1 components name no space: they belong to the building",
+        "1 spaces hold no component: they are rooms without objects",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("unit", "area"),
+    [("squaremeters", 100), ("Square Metres", 100), ("sq ft", 9.290304), ("tatami", None)],
+)
+def test_units_of_area(tmp_path: Path, unit: str, area: float | None) -> None:
+    facility = [["Name", "AreaUnits"], ["F", unit]]
+    reading = read(write_book(tmp_path / "b.xlsx", {**SHEETS, "Facility": facility}))
+    assert reading.graph.rooms[0].floor_area == (area if area is None else pytest.approx(area))
+    assert any("unknown unit" in skip.reason for skip in reading.left_out) is (area is None)
+
+
+def test_sheets_that_are_missing_or_empty(tmp_path: Path) -> None:
+    reading = read(write_book(tmp_path / "b.xlsx", {"space ": SHEETS["Space"], "Type": []}))
+    assert (len(reading.graph.rooms), reading.graph.objects) == (3, ())
+    assert reading.graph.rooms[0].floor_area == 100
+    assert any("it is read as m²" in skip.reason for skip in reading.left_out)
+    with refuses(SourceError, "sheet-missing"):
+        read(write_book(tmp_path / "b.xlsx", {"Component": SHEETS["Component"]}))
+
+
+def test_a_spreadsheet_that_is_none_or_unpacks_beyond_its_bound(tmp_path: Path) -> None:
+    path = tmp_path / "b.xlsx"
+    path.write_bytes(b"PK no zip")
+    with refuses(SourceError, "spreadsheet-malformed", path):
+        read(path)
+    bomb = io.BytesIO()
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for number in range(COBIE.bytes // 2**25 + 1):
+            archive.writestr(f"xl/{number}.xml", bytes(2**25))
+    path.write_bytes(bomb.getvalue())
+    with refuses(SourceError, "spreadsheet-malformed", path):
+        read(path)
+
+
+@pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
+def test_the_real_clinic() -> None:
+    reading = read(SAMPLE)
+    graph = reading.graph
+    assert (len(graph.rooms), len(graph.objects), len(graph.adjacency)) == (269, 5_071, 223)
+    assert {obj.role for obj in graph.objects} == {"classified", "left-out", "structure"}
+    assert sum(room.label is not None for room in graph.rooms) > 220
+    assert [skip.reason[:8] for skip in reading.left_out] == ["6 spaces"]

@@ -1,0 +1,66 @@
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from conftest import SHARED
+from refusals import refuses
+
+from bsg_data.errors import SourceError
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.sources.s3dis import S3DISAreas
+from bsg_data.testing import SourceContract
+
+SAMPLE = SHARED.parent / "sources" / "s3dis_semantic_labels.json"
+LABELS = [
+    "<UNK>_0_<UNK>_0_0",
+    "chair_1_conferenceRoom_1_1",
+    "chair_2_conferenceRoom_1_1",
+    "clutter_9_office_10_1",
+    "wall_1_office_2_1",
+    "sofa_1_lounge_1_5a",
+]
+
+
+class TestS3DIS(SourceContract):
+    name = "s3dis"
+
+    def write_example(self, folder: Path) -> Path:
+        path = folder / "semantic_labels.json"
+        path.write_text(json.dumps(LABELS), "utf-8")
+        return path
+
+
+def test_a_scene_is_an_area(tmp_path: Path) -> None:
+    source = S3DISAreas(TestS3DIS().write_example(tmp_path))
+    one, five = source.find().scenes
+    class_map = load_class_map("s3dis45-v1")
+    graph = source.read(one, class_map).graph
+    assert (one.scene_id, five.scene_id, graph.building_kind) == ("area_1", "area_5a", "office")
+    assert [room.label for room in graph.rooms] == ["meeting room", "office", "office"]
+    assert Counter((obj.room_index, obj.category, obj.role) for obj in graph.objects) == {
+        (1, "chair", "classified"): 2,
+        (2, "unknown", "nameless"): 1,
+        (3, "wall", "structure"): 1,
+    }
+
+
+@pytest.mark.parametrize("text", ['{"a": 1}', '["chair_1_office"]', "[1]"])
+def test_a_malformed_list_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "semantic_labels.json"
+    path.write_text(text, "utf-8")
+    with refuses(SourceError, "listing-malformed"):
+        S3DISAreas(path).find()
+
+
+@pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
+def test_the_real_list() -> None:
+    source, class_map = S3DISAreas(SAMPLE), load_class_map("s3dis45-v1")
+    graphs = [source.read(ref, class_map).graph for ref in source.find().scenes]
+    assert [len(graph.rooms) for graph in graphs] == [44, 40, 23, 49, 48]
+    objects = Counter(obj.raw_category for graph in graphs for obj in graph.objects)
+    assert sum(objects.values()) == 7_468
+    assert set(objects) == set(class_map.entries)
+    assert all(room.label for graph in graphs for room in graph.rooms)
