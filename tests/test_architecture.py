@@ -47,6 +47,7 @@ THIRD_PARTY = {
         "filelock",
         "matplotlib",
         "numpy",
+        "openpyxl",
         "pandas",
         "pyarrow",
         "pydantic",
