@@ -207,9 +207,9 @@ def _note_graph(
 
 
 def _note_names(graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap) -> Iterator[str]:
-    """Yield which names and sources are not known, and which were read by a rule."""
+    """Yield which names, room types and sources are not known, and which were read by a rule."""
     from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
-    from bsg_data.observation.robot_json import list_unmapped
+    from bsg_data.observation.robot_json import list_unmapped, note_room_types
 
     unmapped = [
         f"{name.name[:SHOWN]!r} ({name.instances:,}"
@@ -223,6 +223,7 @@ def _note_names(graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap) -> I
     made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
     if made:
         yield f"names read by rule, for they are not in the class map: {_list(made)}"
+    yield from note_room_types(graph)
     if graph.source is not None and graph.source not in extend.KNOWN_SOURCES:
         known = ", ".join(extend.KNOWN_SOURCES)
         yield f"source {graph.source!r} is read as unknown; models know {known}"

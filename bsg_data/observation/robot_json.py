@@ -50,10 +50,11 @@ from bsg_data.observation.partial_graph import (
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
+from bsg_data.scene.room_label import explain_room_type
 from bsg_data.scene.surroundings import area_of, check_building_kind
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
-_MOST_ROOMS = 5  # named in an error
+_MOST_ROOMS = 5  # named in an error or a note
 _ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacency"}
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
@@ -362,3 +363,15 @@ def _check(kind: Any, said: dict[str, Any], what: str) -> Any:
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:
     """Return category → number of objects, for categories that are not in the class map."""
     return dict(Counter(obj.raw_category for obj in graph.objects if obj.category is None))
+
+
+def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
+    """Return a sentence on the room types that models do not know; nothing if they know all."""
+    words: dict[str, str] = {}
+    for room in graph.rooms:
+        words.update(explain_room_type(room.room_type))
+    if not words:
+        return ()
+    shown = [f"{word[:SHOWN]!r} as {read}" for word, read in words.items()][:_MOST_ROOMS]
+    more = f", and {len(words) - _MOST_ROOMS:,} more" if len(words) > _MOST_ROOMS else ""
+    return (f"room types that models do not know are read: {', '.join(shown)}{more}",)

@@ -20,7 +20,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.recipes import read_number
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.spelling import nearest_names, show_value
 
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
@@ -80,11 +80,13 @@ def normalise_room(name: str) -> str:
 def check_room_type(said: RoomType | None) -> RoomType | None:
     """Return the type of a room in common labels; probabilities of equal labels are summed.
 
+    A word that no label is known for stays, and counts as unknown; see `explain_room_type`.
+
     >>> check_room_type("Hallway"), check_room_type({"hall": 0.5, "corridor": 0.25})
     ('corridor', {'corridor': 0.75})
 
     Raises:
-        RecipeError: for an unknown label, an impossible probability or a sum above 1.
+        RecipeError: for an impossible probability or a sum above 1.
     """
     if said is None or isinstance(said, str):
         return None if said is None else _find_label(said)
@@ -109,8 +111,28 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
     return next(iter(found)) if list(found.values()) == [1.0] else found or None
 
 
+def explain_room_type(said: RoomType | None) -> dict[str, str]:
+    """Return word → how models read it, of the words of a type that they do not know.
+
+    >>> explain_room_type({"Küche": 0.5, "patient room": 0.25, "hall": 0.25})
+    {'Küche': 'unknown (nearest: kitchen)', 'patient room': 'infirmary'}
+    """
+    known = check_room_type(said)
+    words = () if known is None else (known,) if isinstance(known, str) else tuple(known)
+    return {
+        word: read if read in list_room_labels() else _name_nearest(word)
+        for word in words
+        if (read := known_label(word)) != word or read not in list_room_labels()
+    }
+
+
+def _name_nearest(word: str) -> str:
+    near = nearest_names(normalise_room(word), list_room_labels())
+    return f"unknown (nearest: {', '.join(near)})" if near else "unknown"
+
+
 def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
-    """Return a type as a distribution over the labels `[L]`; all 0 for None.
+    """Return a type as a distribution over the labels `[L]`; all 0 if it says nothing.
 
     What its probabilities leave is spread evenly over all labels.
 
@@ -118,29 +140,22 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
         RecipeError: as `check_room_type`.
     """
     known = check_room_type(said)
-    labels = list_room_labels()
-    row = np.zeros(len(labels))
-    if isinstance(known, str):
-        row[labels.index(known_label(known))] = 1
-    elif known is not None:
-        for label, share in known.items():
-            row[labels.index(known_label(label))] += share
+    places = {label: place for place, label in enumerate(list_room_labels())}
+    row = np.zeros(len(places))
+    for label, share in ({known: 1.0} if isinstance(known, str) else known or {}).items():
+        if (read := known_label(label)) in places:
+            row[places[read]] += share
+    if row.any():
         row += max(0.0, 1 - row.sum()) / len(row)
         row /= row.sum()
     return row.astype(np.float32)
 
 
 def _find_label(word: str) -> str | None:
-    """Return the common label of a word; None if the word means unknown."""
-    spoken = normalise_room(word)
-    if spoken in NO_KIND:
+    """Return the common label of a word; the word itself if none is known; None if it says none."""
+    if normalise_room(word) in NO_KIND:
         return None
-    label = label_of(_ANY_SOURCE, word)
-    if label is None:
-        asked = ask_if_meant(spoken, list_room_labels(), most=3)
-        hint = asked or "leave it out, or say `other`"
-        raise RecipeError(f"expected a room label, found {word[:SHOWN]!r}; {hint}")
-    return label
+    return label_of(_ANY_SOURCE, word) or word
 
 
 @cache

@@ -37,6 +37,7 @@ from bsg_data.observation.robot_json import (
     check_object,
     check_room,
     list_unmapped,
+    note_room_types,
     parse_robot_graph,
 )
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
@@ -159,7 +160,7 @@ class SeenBuilding:
         Raises:
             CheckpointError: if there is no such model.
         """
-        self.notes = notes
+        self._notes = notes
         self._lock = RLock()
         self._graph = graph
         self._models = [model if isinstance(model, Predictor) else Predictor(model)]
@@ -169,6 +170,11 @@ class SeenBuilding:
     def graph(self) -> PartialGraph:
         """What was seen so far."""
         return self._graph
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know about how the graph is read, a sentence each."""
+        return (*self._notes, *note_room_types(self._graph))
 
     @property
     def model(self) -> str:
@@ -189,7 +195,7 @@ class SeenBuilding:
     @_alone
     def copy(self) -> SeenBuilding:
         """Return an independent copy; reports to it do not change this object."""
-        other = SeenBuilding(self._graph, self._models[0], notes=self.notes)
+        other = SeenBuilding(self._graph, self._models[0], notes=self._notes)
         other._models, other._beliefs = self._models, dict(self._beliefs)
         return other
 

@@ -96,6 +96,14 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
         seen.entered("kitchen", floor_in_view=0.75, hidden_share=0.5)
 
 
+def test_a_room_type_that_models_do_not_know_is_a_note(seen: SeenBuilding) -> None:
+    assert seen.notes == ()
+    seen.discovered("galley", room_type="Küche")
+    (note,) = seen.notes
+    assert "'Küche' as unknown (nearest: kitchen)" in note
+    assert len(seen.where("stove")) == len(seen.rooms)
+
+
 @pytest.mark.parametrize(
     "tell",
     [
@@ -106,7 +114,7 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
         lambda seen: seen.discovered(""),
         lambda seen: seen.discovered("attic", floor_area=-5.0),
         lambda seen: seen.discovered("attic", beside="cellar"),
-        lambda seen: seen.discovered("attic", room_type="zzqx"),
+        lambda seen: seen.discovered("attic", room_type={"kitchen": 2}),
         lambda seen: seen.entered("kitchen", hidden_share="x"),
         lambda seen: seen.entered("kitchen", floor_in_view="x"),
     ],
