@@ -21,10 +21,9 @@ from pydantic import Field, ValidationError
 
 from bsg_data.build_shards import ShardReport, is_reported, make_shard, read_report, skip_entry
 from bsg_data.dataset.commit import BUILD, PLAN, growing, name_growing, put_in_place, require_place
-from bsg_data.dataset.kept_maps import keep_class_map, name_kept
+from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.manifest import (
     MANIFEST,
-    ClassMapEntry,
     Manifest,
     ScenesPerShard,
     SourceEntry,
@@ -48,6 +47,7 @@ from bsg_data.scene.class_map import (
     load_class_map,
     parse_own_map,
     read_own_map,
+    write_own_map,
 )
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.sources.catalogue import SOURCES, find_terms
@@ -129,10 +129,10 @@ class _Job:
         progress: Callable[[int, int], None] | None,
     ) -> list[ShardReport]:
         """Build the shards with some numbers, and return their reports."""
+        size, entry = self.plan.scenes_per_shard, self.plan.source.class_map
         if self.own_map is not None:
-            keep_class_map(self.own_map, self.plan.source.class_map, folder)
-        size = self.plan.scenes_per_shard
-        chosen = name_kept(self.plan.source.class_map, folder)
+            write_own_map(self.own_map, folder / entry.folder)
+        chosen = entry.name_in(folder)
         tasks = [
             (self.source, self.scenes[n * size : (n + 1) * size], folder, n, chosen, self.strict)
             for n in shards
@@ -312,7 +312,7 @@ def _describe_source(source: Source, listing: FoundScenes, class_map: ClassMap) 
 def _finish(plan: _BuildPlan, reports: list[ShardReport], out: Path, *, where: Path) -> Manifest:
     """Put a dataset in place after all its shards are built."""
     folder = name_growing(out)
-    manifest = _summarise(plan, reports, load_class_map(name_kept(plan.source.class_map, folder)))
+    manifest = _summarise(plan, reports, load_class_map(plan.source.class_map.name_in(folder)))
     if not manifest.totals.scenes:
         reasons = "\n  ".join(f"{skip.location}: {skip.reason}" for skip in manifest.skipped[:5])
         shutil.rmtree(folder)

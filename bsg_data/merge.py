@@ -12,7 +12,6 @@ from pathlib import Path
 
 from bsg_data.build import SCENES_PER_SHARD
 from bsg_data.dataset.commit import growing, put_in_place, require_place
-from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
@@ -100,7 +99,8 @@ def merge_datasets(
         if done:
             return read_manifest(out)
         for part in parts:
-            copy_class_maps(part.dataset, part.manifest, folder)
+            for entry in part.manifest.class_maps:
+                entry.copy_map(part.dataset, folder)
         files = _write_scenes(parts, folder, merged, progress)
         merged = merged.model_copy(update={"files": files})
         put_in_place(out, merged)

@@ -19,7 +19,7 @@ from bsg_data.checks.part import Fault, FileReader, Part
 from bsg_data.checks.scenes import Census, check_scenes, check_splits
 from bsg_data.dataset.commit import is_own, list_strays
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.kept_maps import KEPT, read_class_maps
+from bsg_data.dataset.kept_maps import KEPT
 from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
@@ -147,7 +147,7 @@ def _check_classes(manifest: Manifest) -> Iterator[Fault]:
     try:
         if space.name in list_class_spaces() and space != load_class_space(space.name):
             yield Fault(MANIFEST, f"class space {space.name} is not the published one")
-        for ours in {source.class_map for source in manifest.sources}:
+        for ours in manifest.class_maps:
             if ours.version in published_maps():
                 published = load_class_map(ours.version).sha256
                 if published != ours.sha256:
@@ -163,7 +163,8 @@ def _check_classes(manifest: Manifest) -> Iterator[Fault]:
 def _check_kept_maps(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     """Compare the class maps that the dataset keeps with their hashes."""
     try:
-        read_class_maps(dataset, manifest)
+        for entry in manifest.class_maps:
+            entry.read(dataset)
     except ClassMapError as error:
         yield Fault(KEPT, str(error))
 

@@ -148,11 +148,8 @@ def _describe_terms(manifest: Manifest) -> list[str]:
 
 def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
     """Return the schema of every table that the dataset holds."""
-    every = {
-        **TABLES,
-        "splits": SPLITS,
-        "pairs": pairs_schema(len(manifest.class_space.classes)),
-    }
+    pairs = pairs_schema(len(manifest.class_space.classes))
+    every = {**TABLES, "splits": SPLITS, "pairs": pairs}
     return {table: schema for table, schema in every.items() if manifest.files_of(table)}
 
 
@@ -210,9 +207,8 @@ def _name_licence(manifest: Manifest) -> dict[str, Any]:
 
 
 def _recipe_lines(manifest: Manifest) -> list[str]:
-    lines = []
-    if manifest.split is not None:
-        split = manifest.split
+    lines, split = [], manifest.split
+    if split is not None:
         ratios = " / ".join(f"{ratio:g}" for ratio in split.ratios or ())
         what = f"{split.folds} folds" if split.folds else f"{split.method} {ratios}"
         lines += [f"Split by building: {what}, seed {split.seed}.", ""]
@@ -240,41 +236,22 @@ def _record_set(table: str, schema: pa.Schema) -> dict[str, Any]:
 
 
 # The context that Croissant 1.0 asks every description to carry.
+_TERMS = (
+    "citeAs column conformsTo cr data dataType equivalentProperty dct examples extract field "
+    "fileObject fileProperty fileSet format includes isLiveDataset jsonPath key md5 parentField "
+    "path rai recordSet references regex repeated replace samplingRate sc separator source "
+    "subField transform"
+)
 _CONTEXT = {
     "@language": "en",
     "@vocab": "https://schema.org/",
-    "citeAs": "cr:citeAs",
-    "column": "cr:column",
+    **{term: f"cr:{term}" for term in _TERMS.split()},
     "conformsTo": "dct:conformsTo",
     "cr": "http://mlcommons.org/croissant/",
     "data": {"@id": "cr:data", "@type": "@json"},
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
-    "equivalentProperty": "cr:equivalentProperty",
     "dct": "http://purl.org/dc/terms/",
     "examples": {"@id": "cr:examples", "@type": "@json"},
-    "extract": "cr:extract",
-    "field": "cr:field",
-    "fileObject": "cr:fileObject",
-    "fileProperty": "cr:fileProperty",
-    "fileSet": "cr:fileSet",
-    "format": "cr:format",
-    "includes": "cr:includes",
-    "isLiveDataset": "cr:isLiveDataset",
-    "jsonPath": "cr:jsonPath",
-    "key": "cr:key",
-    "md5": "cr:md5",
-    "parentField": "cr:parentField",
-    "path": "cr:path",
     "rai": "http://mlcommons.org/croissant/RAI/",
-    "recordSet": "cr:recordSet",
-    "references": "cr:references",
-    "regex": "cr:regex",
-    "repeated": "cr:repeated",
-    "replace": "cr:replace",
-    "samplingRate": "cr:samplingRate",
     "sc": "https://schema.org/",
-    "separator": "cr:separator",
-    "source": "cr:source",
-    "subField": "cr:subField",
-    "transform": "cr:transform",
 }

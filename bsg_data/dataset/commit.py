@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.dataset.card import write_card, write_croissant
-from bsg_data.dataset.kept_maps import KEPT, list_kept
+from bsg_data.dataset.kept_maps import KEPT
 from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
@@ -42,8 +42,8 @@ from bsg_data.recipes import Record
 
 BUILD = ".build"  # of a dataset that is not in its place yet, or replaced another just now
 PLAN = f"{BUILD}/plan.json"
+_ASIDE = ".{}.replaced"  # name of a dataset while another takes its place
 SECONDS_TO_JOIN = 60.0  # a part waits so long while another one makes the folder
-_MAX_NAME = 255 - len("..replaced")  # bytes of a name, in usual file systems
 _OURS = re.compile(
     rf"{FILE_PATH.pattern}|{MANIFEST}|{CARD}|{re.escape(CROISSANT)}"
     rf"|(?:{re.escape(BUILD)}|{re.escape(STAGED)})/.*|{KEPT}/[0-9a-f]{{12}}/[^/]+\.csv"
@@ -59,12 +59,6 @@ def name_growing(out: Path) -> Path:
 
 def require_place(out: Path, *, force: bool) -> None:
     """Refuse a path where no dataset can be put."""
-    if not out.name or len(os.fsencode(out.name)) > _MAX_NAME:
-        raise DatasetError(
-            f"{out}: expected a folder with a name of at most {_MAX_NAME} bytes; choose another",
-            code="name-too-long",
-            where=out,
-        )
     with suppress(FileNotFoundError):  # the working folder was removed
         if out in (Path.cwd(), *Path.cwd().parents):
             raise DatasetError(
@@ -114,7 +108,7 @@ def _list_paths(folder: Path) -> list[str]:
 def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
     """Return the sorted files in a dataset's folder that its manifest does not name."""
     known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
-    known |= set(list_kept(manifest))
+    known |= {path for entry in manifest.class_maps for path in entry.paths}
     return [path for path in _list_paths(dataset) if path not in known]
 
 
@@ -133,7 +127,7 @@ def growing(
     Yields:
         The folder; whether the same dataset is in its place already.
     """
-    _make_folder(out.parent)
+    out.parent.mkdir(parents=True, exist_ok=True)
     folder = name_growing(out)
     if shared and _read(folder / PLAN) == _encode(plan):
         yield folder, False
@@ -201,7 +195,7 @@ def _settle(out: Path) -> bytes | None:
     Returns:
         The plan of the dataset, if it was put in place by a command that did not come to its end.
     """
-    folder, aside = name_growing(out), _name_aside(out)
+    folder, aside = name_growing(out), out.with_name(_ASIDE.format(out.name))
     if aside.is_dir() and not out.exists():  # killed between two renames
         (folder if (folder / MANIFEST).is_file() else aside).rename(out)
     if not (out / BUILD).is_dir():
@@ -304,20 +298,8 @@ def _exchange(new: Path, old: Path) -> None:
         paths = os.fsencode(new), os.fsencode(old)
         if rename(_AT_FDCWD, paths[0], _AT_FDCWD, paths[1], _RENAME_EXCHANGE) == 0:
             return
-    old.rename(_name_aside(old))
+    old.rename(old.with_name(_ASIDE.format(old.name)))
     new.rename(old)
-
-
-def _name_aside(out: Path) -> Path:
-    return out.with_name(f".{out.name}.replaced")
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        message = f"{folder}: cannot be made ({error.strerror})"
-        raise DatasetError(message, code="not-written", where=folder) from error
 
 
 def _encode(plan: Record) -> bytes:

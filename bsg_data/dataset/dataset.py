@@ -7,15 +7,17 @@ does not grow.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from bsg_data.arrays import Counts, Ints
-from bsg_data.dataset.histograms import OtherObjects
+from bsg_data.dataset.histograms import NO_CATEGORY, OtherObjects, count_cells
 from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
@@ -23,16 +25,18 @@ from bsg_data.dataset.manifest import (
     read_hashed_manifest,
     read_manifest,
 )
-from bsg_data.dataset.part import DatasetPart
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import read_table
+from bsg_data.dataset.shards import read_file, read_table
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
+from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.surroundings import Surroundings
+from bsg_data.scene.surroundings import EVIDENCE, Surroundings
 
 HELD_BYTES = 256 * 2**20  # bound of the parts in memory
+_NODE_BYTES = 250  # about what is held of a node besides its cells
+_OBJECT_BYTES = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +57,7 @@ class Dataset:
     def open(cls, path: AnyPath) -> Dataset:
         """Open a dataset; an unchanged dataset is returned from memory.
 
-        This checks that the files exist with the right sizes. Hashes are compared when a file is
-        read.
+        A file is compared with its hash when it is read.
 
         Raises:
             DatasetError: if the dataset is missing, unfinished or damaged.
@@ -94,14 +97,10 @@ class Dataset:
             if len(some):
                 yield tuple(self.scene_ids[number] for number in some)
 
-    def parts(self) -> Iterator[DatasetPart]:
-        """Yield the parts of the tables in order."""
-        return (self._part(number) for number in range(len(self._files)))
-
     def cells(self, scene_id: str) -> Counts:
         """Return the classified objects of a scene, `[1 + R, C]`, row 0 the null region."""
         part, place = self._find(scene_id)
-        return part.cells(place)
+        return part.cells[part.rows_of(place)]
 
     def others(self, scene_id: str) -> OtherObjects:
         """Return the objects of a scene outside the classes, by category."""
@@ -111,7 +110,8 @@ class Dataset:
     def connections(self, scene_id: str) -> Connections:
         """Return the known connections between rooms of a scene, in the order of the table."""
         part, place = self._find(scene_id)
-        return part.connections(place)
+        starts, every = part.connections
+        return every.take(np.s_[starts[place] : starts[place + 1]])
 
     def surroundings(self, scene_id: str) -> Surroundings:
         """Return what is known of a scene and its rooms besides their objects.
@@ -119,18 +119,23 @@ class Dataset:
         Impossible values, and labels that this version does not list, count as unknown.
         """
         part, place = self._find(scene_id)
-        return part.surroundings(place)
+        return part.surroundings.take(part.rows_of(place), buildings=slice(place, place + 1))
 
     @cached_property
     def connection_methods(self) -> frozenset[str]:
         """The methods by which connections of this dataset are known (`ADJACENCY_METHODS`)."""
-        return frozenset().union(*(part.connection_methods for part in self.parts()))
+        every = (part.connections[1].methods for part in self._parts())
+        return frozenset().union(*(np.unique(methods).tolist() for methods in every))
 
     def count_unconnected(self) -> int:
         """Return the number of scenes without known connections."""
-        return sum(part.count_unconnected() for part in self.parts())
+        every = (part.connections[0] for part in self._parts())
+        return sum(int((np.diff(starts) == 0).sum()) for starts in every)
 
-    def _find(self, scene_id: str) -> tuple[DatasetPart, int]:
+    def _parts(self) -> Iterator[_Part]:
+        return map(self._part, range(len(self._files)))
+
+    def _find(self, scene_id: str) -> tuple[_Part, int]:
         """Return the part of a scene, and its index there."""
         number = self._number_of(scene_id)
         part = int(np.searchsorted(self._ends, number, side="right"))
@@ -154,50 +159,138 @@ class Dataset:
     @cached_property
     def _files(self) -> tuple[dict[str, FileEntry], ...]:
         """The file of every table of each part."""
-        tables = {name: self.manifest.files_of(name) for name in TABLES}
-        if len({len(files) for files in tables.values()}) != 1:
-            raise DatasetError(
-                f"{self.path}: its tables differ in their number of parts; run `bsg-data check` "
-                "for details"
-            )
-        return tuple(
-            dict(zip(tables, files, strict=True)) for files in zip(*tables.values(), strict=True)
-        )
-
-    def _part(self, number: int) -> DatasetPart:
-        return self._kept(number)
+        files = zip(*map(self.manifest.files_of, TABLES), strict=True)
+        return tuple(dict(zip(TABLES, some, strict=True)) for some in files)
 
     @cached_property
-    def _kept(self) -> Callable[[int], DatasetPart]:
+    def _part(self) -> Callable[[int], _Part]:
         """A function that returns a part by its number and keeps the last ones."""
-        parts = [DatasetPart(self.path, self.manifest, files) for files in self._files]
-        largest = max((part.weight for part in parts), default=1)
-        return lru_cache(maxsize=max(2, HELD_BYTES // largest))(
-            lambda number: DatasetPart(self.path, self.manifest, self._files[number])
+        width = 8 * len(self.manifest.class_space.classes) + _NODE_BYTES
+        weights = (
+            (files["scenes"].rows + files["rooms"].rows) * width
+            + files["objects"].rows * _OBJECT_BYTES
+            for files in self._files
+        )
+        return lru_cache(maxsize=max(2, HELD_BYTES // max(weights, default=1)))(
+            lambda number: _Part(self.path, self.manifest, self._files[number])
         )
 
 
 @lru_cache(maxsize=8)
 def _open_once(path: Path, sha256: str) -> Dataset:
     manifest, found = read_hashed_manifest(path)
-    if found != sha256:  # replaced meanwhile
-        return _open_once(path, found)
-    for entry in (entry for name in TABLES for entry in manifest.files_of(name)):
-        try:
-            size = (path / entry.path).stat().st_size
-        except OSError as error:
-            raise DatasetError(
-                f"{path / entry.path}: is in the manifest but missing; build the dataset again"
-            ) from error
-        if size != entry.bytes:
-            raise DatasetError(
-                f"{path / entry.path}: is not what the manifest says: expected {entry.bytes} "
-                f"bytes, found {size}; run `bsg-data check` for details"
-            )
-    return Dataset(path, manifest, sha256)
+    # another hash: replaced meanwhile
+    return Dataset(path, manifest, sha256) if found == sha256 else _open_once(path, found)
 
 
 def read_cells(dataset: AnyPath) -> dict[str, Counts]:
     """Return scene id → cells `[1 + R, C]` for all scenes, in the order of the tables."""
     data = Dataset.open(dataset)
     return {scene_id: data.cells(scene_id) for scene_id in data.scene_ids}
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of every table: B buildings with N nodes and O objects in all.
+
+    Each table is read on first use, as one array for all buildings with an offset for each.
+    """
+
+    dataset: Path  # folder of the dataset
+    manifest: Manifest  # its manifest
+    files: Mapping[str, FileEntry]  # table → file of this part
+
+    def rows_of(self, place: int) -> slice:
+        """Return the rows of the nodes of the scene with an index in the part."""
+        return slice(int(self._starts[place]), int(self._starts[place + 1]))
+
+    @cached_property
+    def cells(self) -> Counts:
+        """The cells of all scenes in order, `[N, C]`."""
+        nodes, classes, _ = self._objects
+        shape = int(self._starts[-1]), len(self.manifest.class_space.classes)
+        classified = classes.is_valid().to_numpy()
+        cells = count_cells(nodes[classified], classes.drop_null().to_numpy(), shape=shape)
+        cells.setflags(write=False)  # all readers of this dataset share it
+        return cells
+
+    def others(self, place: int) -> OtherObjects:
+        """Return the objects of a scene outside the classes, by category."""
+        nodes, kinds, counts, names = self._others
+        rows = self.rows_of(place)
+        first, last = np.searchsorted(nodes, [rows.start, rows.stop])
+        there, columns = np.unique(kinds[first:last], return_inverse=True)
+        cells = np.zeros((rows.stop - rows.start, len(there)), dtype=np.int64)
+        cells[nodes[first:last] - rows.start, columns] = counts[first:last]
+        return OtherObjects(tuple(names[kind] for kind in there), cells)
+
+    @cached_property
+    def connections(self) -> tuple[Ints, Connections]:
+        """Offsets of the scenes `[B + 1]`, and the connections of all of them."""
+        columns = ["scene_id", "source_index", "target_index", "kind", "method", "distance_m"]
+        table = self._read("edges", columns)
+        table = table.filter(pc.equal(table["kind"], "adjacent"))
+        pairs = np.stack([table[f"{end}_index"].to_numpy() for end in ("source", "target")], axis=1)
+        every = Connections(
+            pairs.astype(np.int64),
+            np.array(table["method"].to_pylist(), dtype=str),
+            pc.fill_null(table["distance_m"], np.nan).to_numpy(),
+        )
+        numbers = np.arange(len(self._scenes) + 1)
+        return np.searchsorted(self._number_scenes(table), numbers), every
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """What is known of all scenes, one after another."""
+        columns = [n for kind in EVIDENCE.values() if not kind.of_building for n in kind.columns]
+        rooms = self._read("rooms", ["scene_id", "room_index", *columns])
+        nodes = int(self._starts[-1])
+        return Surroundings.of_tables(
+            self._scenes, rooms, rows=self._find_nodes(rooms), nodes=nodes
+        )
+
+    def _read(self, table: str, columns: list[str]) -> pa.Table:
+        return read_file(self.dataset, self.files[table], manifest=self.manifest, columns=columns)
+
+    @cached_property
+    def _scenes(self) -> pa.Table:
+        columns = [n for kind in EVIDENCE.values() if kind.of_building for n in kind.columns]
+        return self._read("scenes", ["scene_id", "num_rooms", *columns])
+
+    @cached_property
+    def _starts(self) -> Ints:
+        """Row of the first node of every scene, and the end, `[B + 1]`."""
+        return np.cumsum([0, *(self._scenes["num_rooms"].to_numpy() + 1)])
+
+    @cached_property
+    def _objects(self) -> tuple[Ints, pa.ChunkedArray, pa.ChunkedArray]:
+        """Row of the node, class and category of every object, each `[O]`."""
+        table = self._read("objects", ["scene_id", "room_index", "class_index", "category"])
+        return self._find_nodes(table), table["class_index"], table["category"]
+
+    @cached_property
+    def _others(self) -> tuple[Ints, Ints, Ints, list[str]]:
+        """Row of the node, category and number of all other objects, and the categories' names.
+
+        Sorted by node, then by name.
+        """
+        nodes, classes, categories = self._objects
+        outside = classes.is_null()
+        encoded = pc.fill_null(categories.filter(outside), NO_CATEGORY)
+        encoded = encoded.combine_chunks().dictionary_encode()
+        given = [NO_CATEGORY if is_nameless(one) else one for one in encoded.dictionary.to_pylist()]
+        names, kinds = np.unique(np.array(given, dtype=str), return_inverse=True)
+        width = max(len(names), 1)
+        key = nodes[outside.to_numpy()] * width + kinds[encoded.indices.to_numpy()]
+        pairs, counts = np.unique(key, return_counts=True)
+        return *np.divmod(pairs, width), counts, names.tolist()
+
+    def _find_nodes(self, table: pa.Table) -> Ints:
+        """Return the row of the node that every row of a table is in or is."""
+        rows: Ints = self._starts[self._number_scenes(table)] + table["room_index"].to_numpy()
+        return rows
+
+    def _number_scenes(self, table: pa.Table) -> Ints:
+        """Return the place of the scene of every row of a table."""
+        places = pc.index_in(table["scene_id"], value_set=self._scenes["scene_id"])
+        return np.asarray(places.to_numpy(), dtype=np.int64)

@@ -7,7 +7,6 @@ holds no date, path or machine name: the same inputs give the same bytes.
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -15,8 +14,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
+from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
-from bsg_data.errors import DatasetError, MismatchError, RecipeError, SourceError
+from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
@@ -53,21 +53,6 @@ class FileEntry(Record):
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
 
-class ClassMapEntry(Record):
-    """The class map that the names of a source were read with.
-
-    Its version is the stem of a file where a dataset keeps the map, so that none leads elsewhere.
-    """
-
-    version: str = Field(pattern=r"^[^/\\\x00-\x1f]+$", max_length=250)
-    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
-
-    @classmethod
-    def of(cls, class_map: ClassMap) -> ClassMapEntry:
-        """Describe a loaded map."""
-        return cls(version=class_map.version, sha256=class_map.sha256)
-
-
 COMPARED = 10  # unmapped names of one graph that are compared with every known spelling
 
 
@@ -89,10 +74,13 @@ def describe_unmapped(
         class_map: the map.
         near: number of names to look up the nearest known names for; None: all.
     """
-    ordered = sorted(names.items(), key=lambda item: (-item[1], item[0]))
-    for place, (name, instances) in enumerate(ordered):
+    for place, (name, instances) in enumerate(_rank(names)):
         nearest = class_map.nearest(name) if near is None or place < near else ()
         yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
+
+
+def _rank(names: Mapping[str, int]) -> list[tuple[str, int]]:
+    return sorted(names.items(), key=lambda item: (-item[1], item[0]))
 
 
 class ResolvedEntry(Record):
@@ -107,7 +95,7 @@ class ResolvedEntry(Record):
 
 def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
     """Yield the names that rules resolve, most frequent first."""
-    for name, instances in sorted(names.items(), key=lambda item: (-item[1], item[0])):
+    for name, instances in _rank(names):
         known = class_map.classify(name)
         if known.rule is not None and known.category is not None:
             index = known.class_index
@@ -182,9 +170,14 @@ class Manifest(Record):
     pairs: PairsRecipe | None = None
 
     @property
+    def class_maps(self) -> tuple[ClassMapEntry, ...]:
+        """The class maps of its sources, each once."""
+        return tuple(dict.fromkeys(source.class_map for source in self.sources))
+
+    @property
     def class_map_names(self) -> str:
         """The class maps of its sources, as text."""
-        return ", ".join(sorted({source.class_map.version for source in self.sources}))
+        return ", ".join(sorted({entry.version for entry in self.class_maps}))
 
     def files_of(self, table: str) -> tuple[FileEntry, ...]:
         """Return the files of one table (`scenes`, `pairs`, ...) in order."""
@@ -197,13 +190,9 @@ class Manifest(Record):
         files = sorted((*kept, *entries), key=lambda entry: entry.path)
         return self.model_copy(update={"files": tuple(files), **update})
 
-    def without_pairs(self) -> Manifest:
-        """Return the manifest of the same dataset without pairs."""
-        return self.with_table("pairs", (), pairs=None)
-
     def without_split(self) -> Manifest:
         """Return the manifest without the split, and without the pairs that follow from it."""
-        return self.without_pairs().with_table("splits", (), split=None)
+        return self.with_table("pairs", (), pairs=None).with_table("splits", (), split=None)
 
 
 def read_manifest(dataset: AnyPath) -> Manifest:
@@ -221,62 +210,68 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
     """Return the manifest of a finished dataset, and the sha256 of the bytes read."""
     path = dataset / MANIFEST
     if not path.is_file():
-        if not dataset.is_dir():
-            what = (
-                "is a file; expected the folder of a dataset"
-                if dataset.is_file()
-                else (f"no such folder{_hint_growing(dataset)}")
-            )
-            message = f"{dataset}: {what}"
-            raise DatasetError(message, code="dataset-missing", where=dataset)
+        raise _missing(dataset)
+    data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
+    try:
+        said = parse_json(data, once=False)
+        found = said.get("format_version")
+    except (ValueError, AttributeError) as error:
+        raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
+    if found != FORMAT_VERSION:
+        raise MismatchError(
+            f"{path}: expected format version {FORMAT_VERSION}, found {found}; build the dataset "
+            "again, or use the program that made it",
+            code="format-version",
+            where=path,
+        )
+    covered, _, end = data.rpartition(_OWN_HASH)
+    if end != _end_seal(covered):
         raise DatasetError(
+            f"{path}: is damaged: its sha256 differs from the last one in it; take another copy of "
+            "the dataset, or build it again"
+        )
+    del said[SEAL]
+    try:
+        return Manifest.model_validate(said), hashlib.sha256(data).hexdigest()
+    except ValidationError as error:
+        raise DatasetError(
+            f"{path}: {name_fault(error)}; another version wrote it: build the dataset again"
+        ) from error
+
+
+def _missing(dataset: Path) -> DatasetError:
+    """Return the error for a folder without a manifest; it names an unfinished dataset beside."""
+    if dataset.is_dir():
+        return DatasetError(
             f"{dataset}: has no {MANIFEST}, so it is no finished dataset; make one with "
             "`bsg-data build --out DATASET`",
             code="no-dataset",
             where=dataset,
         )
-    data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
-    try:
-        said = parse_json(data)
-        found = said.get("format_version")
-        if found != FORMAT_VERSION:
-            raise MismatchError(
-                f"{path}: expected format version {FORMAT_VERSION}, found {found}; build the "
-                "dataset again, or use the program that made it",
-                code="format-version",
-                where=path,
-            )
-        _require_seal(path, data.decode())
-        del said[SEAL]
-        # Strict about types, as JSON is: a list is a tuple there, and nothing else is guessed.
-        text = json.dumps(said)  # noqa: TID251
-        return Manifest.model_validate_json(text), hashlib.sha256(data).hexdigest()
-    except ValidationError as error:
-        raise DatasetError(
-            f"{path}: {name_fault(error)} ({error.error_count()} faults in all); "
-            "the manifest was changed by hand or by another version: build the dataset again"
-        ) from error
-    except SourceError as error:
-        raise DatasetError(f"{path}: the terms of a source: {error}") from error
-    except (ValueError, TypeError, AttributeError, LookupError) as error:
-        raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
-
-
-def _hint_growing(dataset: Path) -> str:
-    """Return a hint about an unfinished dataset beside a missing one; empty without."""
-    place = resolve_links(dataset) if dataset.is_symlink() else dataset
-    growing = place.with_name(f"{place.name}.partial") if place.name else place
-    if not growing.is_dir():
-        return ""
-    return (
-        f"; {growing} beside it belongs to a running or interrupted command: run that command "
-        "again to continue, or `bsg-data finalise` if it was built in parts"
-    )
+    message = f"{dataset}: no such folder"
+    place = resolve_links(dataset)
+    growing = place.with_name(f"{place.name}.partial")
+    if dataset.is_file():
+        message = f"{dataset}: is a file; expected the folder of a dataset"
+    elif growing.is_dir():
+        message += (
+            f"; {growing} beside it belongs to a running or interrupted command: run that command "
+            "again to continue, or `bsg-data finalise` if it was built in parts"
+        )
+    return DatasetError(message, code="dataset-missing", where=dataset)
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
     """Return the bytes of `dataset.json`."""
     return (manifest.model_dump_json(indent=1, exclude_none=False) + "\n").encode()
+
+
+_OWN_HASH = f'"{MANIFEST}": "'.encode()  # after it is the hash of all before it
+
+
+def _end_seal(covered: bytes) -> bytes:
+    """Return what follows `_OWN_HASH`, the end of the file."""
+    return f'{hashlib.sha256(covered).hexdigest()}"}}\n}}\n'.encode()
 
 
 def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
@@ -288,25 +283,13 @@ def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
     """
     hashes = [f'"{name}": "{hashlib.sha256(card).hexdigest()}", ' for name, card in cards.items()]
     covered = text.removesuffix(b"\n}\n") + f',\n "{SEAL}": {{{"".join(hashes)}'.encode()
-    sha256 = hashlib.sha256(covered).hexdigest()
-    return covered + f'"{MANIFEST}": "{sha256}"}}\n}}\n'.encode()
+    return covered + _OWN_HASH + _end_seal(covered)
 
 
 def read_card_hashes(dataset: Path) -> dict[str, str]:
     """Return file → sha256 of the cards beside a manifest."""
-    read_manifest(dataset)
-    hashes = read_json(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError).get(SEAL, {})
+    hashes = read_json(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError)[SEAL]
     return {name: sha256 for name, sha256 in hashes.items() if name != MANIFEST}
-
-
-def _require_seal(path: Path, text: str) -> None:
-    """Refuse a manifest if any byte changed since it was written."""
-    covered, _, end = text.rpartition(f'"{MANIFEST}": "')
-    if end != f'{hashlib.sha256(covered.encode()).hexdigest()}"}}\n}}\n':
-        raise DatasetError(
-            f"{path}: is damaged: its sha256 differs from the last one in it; take another copy of "
-            "the dataset, or build it again"
-        )
 
 
 def hash_manifest(dataset: Path) -> str:

@@ -10,7 +10,6 @@ from pathlib import Path
 import torch
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.errors import DatasetError
 from bsg_data.files import hold
 from bsg_data.inputs.bounded_file import hash_file, open_stream
@@ -245,7 +244,7 @@ def make_header(
     return CheckpointHeader(
         config=config,
         class_space=data.manifest.class_space,
-        class_maps=read_class_maps(data.path, data.manifest),
+        class_maps=tuple(entry.read(data.path) for entry in data.manifest.class_maps),
         vocabulary=vocabulary,
         dataset_sha256=data.sha256,
         epoch=epoch,

@@ -26,7 +26,6 @@ from pydantic import field_validator
 
 from bsg_data.dataset.commit import growing, name_growing, put_in_place
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.kept_maps import copy_class_maps
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
@@ -273,7 +272,8 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
                     f"{source / entry.path}: is not what the manifest says; `bsg-data check` says "
                     "more"
                 )
-        copy_class_maps(source, manifest, folder)
+        for class_map in manifest.class_maps:
+            class_map.copy_map(source, folder)
         put_in_place(copy, bare)
 
 

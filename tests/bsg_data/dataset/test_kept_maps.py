@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.kept_maps import KEPT, read_class_maps
-from bsg_data.dataset.manifest import ClassMapEntry, read_manifest
+from bsg_data.dataset.kept_maps import KEPT, ClassMapEntry
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import ClassMapError
 from bsg_data.merge import merge_datasets
@@ -44,19 +44,21 @@ def kept_map(dataset: Path) -> Path:
     return path
 
 
+def read_maps(dataset: Path) -> list[str | OwnMap]:
+    return [entry.read(dataset) for entry in read_manifest(dataset).class_maps]
+
+
 def test_a_dataset_keeps_a_map_of_ones_own_as_it_was(own: Path) -> None:
-    manifest = read_manifest(own)
-    (kept,) = read_class_maps(own, manifest)
+    (kept,) = read_maps(own)
     assert isinstance(kept, OwnMap)
     assert (kept.name, kept.spellings, kept.classes) == ("mine", SPELLINGS, CLASSES)
     assert kept.structure == b"category\nwall\n"
-    assert parse_own_map(kept).sha256 == manifest.sources[0].class_map.sha256
     assert load_class_map(str(kept_map(own))) == parse_own_map(kept)  # a user can name it, too
     assert check_dataset(own) == ()
 
 
 def test_a_published_map_is_named_and_not_kept(dataset: Path) -> None:
-    assert read_class_maps(dataset, read_manifest(dataset)) == ("hm3d45-v2",)
+    assert read_maps(dataset) == ["hm3d45-v2"]
     assert not (dataset / KEPT).exists()
 
 
@@ -78,8 +80,8 @@ def test_a_merged_dataset_keeps_the_maps_of_its_parts(own: Path, tmp_path: Path)
     list(write_synthetic(tmp_path / "made", scenes=3, seed=3))
     other = write_map(tmp_path / "other", spellings=SPELLINGS + b"sofa,sofa,rest\n")  # one name
     build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "synthetic", class_map=str(other))
-    merged = merge_datasets([own, tmp_path / "synthetic"], tmp_path / "merged")
-    kept = read_class_maps(tmp_path / "merged", merged)
+    merge_datasets([own, tmp_path / "synthetic"], tmp_path / "merged")
+    kept = read_maps(tmp_path / "merged")
     assert {one.spellings for one in kept if isinstance(one, OwnMap)} == {
         SPELLINGS,
         SPELLINGS + b"sofa,sofa,rest\n",
@@ -91,7 +93,7 @@ def test_a_kept_map_that_was_changed_is_a_fault(own: Path) -> None:
     path = kept_map(own)
     path.write_bytes(SPELLINGS + b"lamp,lamp,rest\n")
     with pytest.raises(ClassMapError, match=r"mine\.csv: differs from the class map .* built with"):
-        read_class_maps(own, read_manifest(own))
+        read_maps(own)
     assert "differs from the class map" in str(check_dataset(own)[0])
 
 

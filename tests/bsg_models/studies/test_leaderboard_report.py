@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bsg_data.dataset.manifest import ClassMapEntry, Manifest, SourceEntry, Totals
+from bsg_data.dataset.kept_maps import ClassMapEntry
+from bsg_data.dataset.manifest import Manifest, SourceEntry, Totals
 from bsg_data.errors import DatasetError
 from bsg_data.figure_file import FigureError
 from bsg_data.scene.class_map import load_class_map
