@@ -25,14 +25,23 @@ from .robot.seen_building import ExpectedClass, Place, SeenBuilding, open_graph
 from .robot.ways import Ways
 from .robot.words import Meaning
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
-from .runs.found_model import FoundModel, find_model, locate_run
+from .runs.found_model import (
+    DEFAULT_MODEL,
+    FoundModel,
+    download,
+    find_model,
+    locate_run,
+    shipped_names,
+)
 from .runs.hub import HubModel
-from .runs.hub_files import download
-from .runs.model_card import describe_model, summarise_model
-from .runs.model_facts import ModelSummary, list_shipped
+from .runs.model_summary import (
+    ModelSummary,
+    describe_model,
+    list_shipped,
+    summarise_model,
+)
 from .runs.predictor import Predictor
 from .runs.run_log import Begun, Ended, read_log
-from .runs.shipped import DEFAULT_MODEL, shipped_names
 from .search.catalogue import PLANNERS, Planner
 from .search.knowledge import Knowledge, Travel
 from .search.planners import next_room

@@ -35,8 +35,8 @@ from bsg_models.evaluation.measurement import Fold, measure_metrics
 from bsg_models.evaluation.metric_kinds import Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST, save_fitted
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_fitted
+from bsg_models.runs.run_folder import BEST
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Knowledge, Task, find_ways
 from bsg_models.search.planners import ask_planner

@@ -30,6 +30,7 @@ from bsg_data.dataset.manifest import (
     seal_manifest,
 )
 from bsg_data.extend import HM3DFolder
+from bsg_data.results import write_seal
 
 hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
 hypothesis.settings.load_profile("untimed")
@@ -209,21 +210,21 @@ def shipped(_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
     Both are the run of `gamma-poisson`.
     """
-    from bsg_models.runs import shipped
-    from bsg_models.runs.checkpoint import read_header
-    from bsg_models.runs.model_card import write_card
-    from bsg_models.runs.model_facts import ModelCard, TrainedOn
+    from bsg_models.runs import found_model
+    from bsg_models.runs.checkpoint_file import read_fields
+    from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
 
     folder = tmp_path / "weights"
     folder.mkdir()
-    header = read_header(_run / "best.safetensors")
+    fields = read_fields(_run / "best.safetensors")
     for name in ("universal", "other"):
         shutil.copy(_run / "best.safetensors", folder / f"{name}.safetensors")
         trained_on = (TrainedOn(source="synthetic", buildings=12, licence="Apache-2.0"),)
         card = ModelCard(name=name, purpose="For tests.", trained_on=trained_on)
-        (folder / f"{name}.md").write_text(write_card(card, header=header), "utf-8")
-    (folder / "SHA256SUMS").write_text(shipped.encode_sums(folder, ("universal", "other")))
-    monkeypatch.setattr(shipped, "weights_folder", lambda: folder)
+        (folder / f"{name}.md").write_text(write_card(card, fields=fields), "utf-8")
+    names = [f"{name}{end}" for name in ("universal", "other") for end in (".safetensors", ".md")]
+    write_seal(folder, names)
+    monkeypatch.setattr(found_model, "weights_folder", lambda: folder)
     return folder
 
 

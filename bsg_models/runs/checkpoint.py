@@ -10,33 +10,36 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 from pydantic import Field, ValidationError
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save
+from safetensors import SafetensorError
+from safetensors.torch import load, save
 
-from bsg_data.dataset.manifest import Manifest, require_class_space
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
-from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record, name_fault
+from bsg_data.results import read_seal
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.errors import CheckpointError, ConfigError
-from bsg_models.runs.checkpoint_file import require_safetensors
+from bsg_models.runs.checkpoint_file import (
+    AGAIN,
+    CHECKPOINT_VERSION,
+    open_checkpoint,
+    read_fields,
+    seal_header,
+)
+from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.model import BeliefModel
-
-CHECKPOINT_VERSION = 4
-_SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
-_AGAIN = "take another copy of it, or train again"
 
 
 class CheckpointHeader(Record):
@@ -80,12 +83,46 @@ class Checkpoint:
         return {k.removeprefix(prefix): v for k, v in self.tensors.items() if k.startswith(prefix)}
 
 
+def make_header(
+    config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...], **fields: Any
+) -> CheckpointHeader:
+    """Return the header for a checkpoint of a run; `fields` are its other fields."""
+    return CheckpointHeader(
+        config=config,
+        class_space=data.manifest.class_space,
+        class_maps=read_class_maps(data.path, data.manifest),
+        vocabulary=vocabulary,
+        dataset_sha256=data.sha256,
+        **fields,
+    )
+
+
+def name_tensors(part: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """Return a state dict under `part.`."""
+    return {f"{part}.{name}": tensor for name, tensor in state.items()}
+
+
 def save_checkpoint(path: Path, header: CheckpointHeader, tensors: dict[str, torch.Tensor]) -> None:
     """Write a checkpoint to a temporary file and rename it."""
     plain = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
-    sealed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
-    text = header.model_copy(update=sealed).model_dump_json().removesuffix("}")
-    write_bytes(path, save(plain, metadata={"bsg": f'{text}{_SEAL}{_hash_text(text)}"}}'}))
+    hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
+    text = header.model_copy(update=hashed).model_dump_json()
+    write_bytes(path, save(plain, metadata={"bsg": seal_header(text)}))
+
+
+def save_fitted(
+    model: BeliefModel,
+    config: RunConfig,
+    data: Dataset,
+    run: Path,
+    *,
+    calibrated: bool,
+    members: Mapping[str, RunConfig] | None = None,
+) -> None:
+    """Save a model that was fitted by counting, or made of members, as the best of its run."""
+    fields = {"calibrated": calibrated, "members": dict(members or {})}
+    header = make_header(config, data, vocabulary=model.vocabulary, **fields)
+    save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
 
 
 def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
@@ -101,8 +138,7 @@ def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
 
 def read_header(path: Path) -> CheckpointHeader:
     """Read the header of a checkpoint, without its tensors."""
-    with _open(path) as file:
-        return _parse_header(path, file)
+    return _validate(read_fields(path), path)
 
 
 def load_checkpoint(path: AnyPath) -> Checkpoint:
@@ -112,68 +148,27 @@ def load_checkpoint(path: AnyPath) -> Checkpoint:
         CheckpointError: if it is missing, damaged, or has another version.
     """
     path = Path(path)
-    with _open(path) as file:
-        header = _parse_header(path, file)
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    with open_checkpoint(path) as (file, fields):
+        header = _validate(fields, path)
+        file.seek(0)
+        try:
+            tensors = load(file.read())
+        except (SafetensorError, RuntimeError) as error:  # torch raises the last
+            raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
     if header.tensors_sha256 != hash_tensors(tensors):
         raise CheckpointError(
-            f"{path}: is damaged: the sha256 of its tensors is not the one in its header; {_AGAIN}"
+            f"{path}: is damaged: the sha256 of its tensors is not the one in its header; {AGAIN}"
         )
     return Checkpoint(header, tensors)
 
 
-@contextmanager
-def _open(path: Path) -> Iterator[Any]:
-    require_safetensors(path)
+def _validate(fields: dict[str, Any], path: Path) -> CheckpointHeader:
     try:
-        with safe_open(path, framework="pt") as file:
-            _require_plain_end(path)
-            yield file
-    except (SafetensorError, OSError, RuntimeError) as error:  # torch raises the last
-        raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
-
-
-def _require_plain_end(path: Path) -> None:
-    """Refuse characters after the JSON other than the spaces of safetensors.
-
-    They have no meaning, and no hash covers them.
-    """
-    with path.open("rb") as file:
-        text = file.read(int.from_bytes(file.read(8), "little"))
-    if not text.rstrip(b" ").endswith(b"}"):
-        raise CheckpointError(f"{path}: is damaged: its header has a wrong end; {_AGAIN}")
-
-
-def _parse_header(path: Path, file: Any) -> CheckpointHeader:
-    text = str((file.metadata() or {}).get("bsg", "null"))
-    try:
-        fields = parse_json(text)
-        version = fields["checkpoint_version"]
-        if version != CHECKPOINT_VERSION:
-            raise CheckpointError(
-                f"{path}: checkpoint version {version!r:.20}, this program reads "
-                f"{CHECKPOINT_VERSION}; train again"
-            )
-        covered, _, seal = text.rpartition(_SEAL)
-        if seal != f'{_hash_text(covered)}"}}':
-            raise CheckpointError(
-                f"{path}: is damaged: its header does not match its sha256; {_AGAIN}"
-            )
-        del fields["sha256"]
-        header = CheckpointHeader.model_validate(fields)
+        return CheckpointHeader.model_validate(fields)
     except ValidationError as error:  # also raised if a model's package is not installed
         raise CheckpointError(
             f"{path}: its header is not a checkpoint's of this project: {name_fault(error)}"
         ) from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise CheckpointError(
-            f"{path}: its header is not a checkpoint's of this project"
-        ) from error
-    return header
-
-
-def _hash_text(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
@@ -182,7 +177,6 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
     Raises:
         CheckpointError: if a tensor is missing, unknown or has another shape.
     """
-    path = Path(path)
     header, stored = checkpoint.header, checkpoint.state_of("model")
     try:
         model = make_model(
@@ -192,23 +186,24 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
             members=header.members,
         )
         model.resize_buffers(stored)
-    except (ConfigError, CheckpointError) as error:
+        model.load_state_dict(stored)
+    except (ConfigError, CheckpointError, RuntimeError) as error:
         raise CheckpointError(f"{path}: {error}") from error
-    expected = model.state_dict()
-    for name in sorted(expected.keys() | stored.keys()):
-        ours = tuple(expected[name].shape) if name in expected else "no such tensor"
-        theirs = tuple(stored[name].shape) if name in stored else "no such tensor"
-        if ours != theirs:
-            raise CheckpointError(
-                f"{path}: {name}: its configuration needs {ours}, the file has {theirs}"
-            )
-        if name in stored and not torch.isfinite(stored[name]).all():
-            raise CheckpointError(f"{path}: {name} has values that are not finite")
-    model.load_state_dict(stored)
     model.origin = str(path)
     return model.eval()
 
 
-def require_dataset(path: Path, header: CheckpointHeader, manifest: Manifest) -> None:
-    """Refuse a dataset whose class space differs from the checkpoint's."""
-    require_class_space(manifest, header.class_space, what=f"checkpoint {path}")
+def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
+    """Return whether a run is complete and of this configuration and dataset."""
+    if read_seal(run) is None:
+        return False
+    try:
+        header = read_header(run / BEST)
+        last = read_header(run / LAST).epoch if (run / LAST).is_file() else None
+    except CheckpointError:
+        return False
+    if header.config != config or header.dataset_sha256 != data.sha256:
+        return False
+    if header.calibrated != getattr(config.model, "calibrate", False):
+        return False
+    return header.epoch == 0 or last == config.training.epochs

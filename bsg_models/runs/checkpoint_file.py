@@ -1,55 +1,83 @@
-"""Check the first bytes of a checkpoint, and read its header, before anything slow is imported."""
+"""Read the header of a checkpoint, before anything slow is imported."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
 from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
 
+CHECKPOINT_VERSION = 4
+AGAIN = "take another copy of it, or train again"
 _LENGTH = 8  # bytes that hold the length of the header
+_SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it
 
 
-def require_safetensors(path: Path) -> None:
-    """Refuse a file that is not safetensors, or is larger than any model of this project."""
+def seal_header(text: str) -> str:
+    """Return the JSON of a header with its own sha256 as the last field."""
+    covered = text.removesuffix("}")
+    return f'{covered}{_SEAL}{_hash_text(covered)}"}}'
+
+
+def read_fields(path: Path) -> dict[str, Any]:
+    """Return the fields of a checkpoint's header, without its tensors.
+
+    Raises:
+        CheckpointError: if it is missing, no checkpoint, too large, damaged, or of another version.
+    """
+    with open_checkpoint(path) as (_, fields):
+        return fields
+
+
+@contextmanager
+def open_checkpoint(path: Path) -> Iterator[tuple[BinaryIO, dict[str, Any]]]:
+    """Open a checkpoint, and yield it with the fields of its header."""
     try:
         with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            header = int.from_bytes(file.read(_LENGTH), "little")
+            yield file, _parse(_read_header(file, path), path)
     except FileNotFoundError as error:
         raise CheckpointError(f"{path}: no checkpoint there; train one with `bsg-train`") from error
     except OSError as error:
         raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
-    if not path.is_file():
-        raise CheckpointError(f"{path}: not a readable checkpoint (it is not a regular file)")
-    if size > CHECKPOINT.bytes:
-        raise _refuse(path, size, "", CHECKPOINT.bytes)
-    if header > size - _LENGTH:
+
+
+def _read_header(file: BinaryIO, path: Path) -> bytes:
+    """Return the JSON of a safetensors file, which begins with its length."""
+    size, length = os.fstat(file.fileno()).st_size, int.from_bytes(file.read(_LENGTH), "little")
+    if size > CHECKPOINT.bytes or length > min(size - _LENGTH, CHECKPOINT_HEADER.bytes):
         raise CheckpointError(
-            f"{path}: not a readable checkpoint (it is cut off, or not safetensors: such a file "
-            "begins with the length of its header)"
+            f"{path}: not a readable checkpoint (it is cut off, too large, or not safetensors)"
         )
-    if header > CHECKPOINT_HEADER.bytes:
-        raise _refuse(path, header, " in its header", CHECKPOINT_HEADER.bytes)
+    return file.read(length)
 
 
-def read_plain_header(path: Path) -> dict[str, Any]:
-    """Return the header of a checkpoint as it stands; only for a file whose hash is known."""
-    require_safetensors(path)
-    with path.open("rb") as file:
-        text = file.read(int.from_bytes(file.read(_LENGTH), "little"))
+def _parse(header: bytes, path: Path) -> dict[str, Any]:
     try:
-        return dict(parse_json(parse_json(text)["__metadata__"]["bsg"]))
+        text = parse_json(header)["__metadata__"]["bsg"]
+        fields = dict(parse_json(text))
+        version = fields["checkpoint_version"]
     except (ValueError, KeyError, TypeError) as error:
         raise CheckpointError(
             f"{path}: its header is not a checkpoint's of this project"
         ) from error
+    if version != CHECKPOINT_VERSION:
+        raise CheckpointError(
+            f"{path}: checkpoint version {version!r:.20}, this program reads "
+            f"{CHECKPOINT_VERSION}; train again"
+        )
+    covered, _, seal = text.rpartition(_SEAL)
+    # The JSON ends in spaces alone: other white space has no meaning, and no hash covers it.
+    if seal != f'{_hash_text(covered)}"}}' or not header.rstrip(b" ").endswith(b"}"):
+        raise CheckpointError(f"{path}: is damaged: its header does not match its sha256; {AGAIN}")
+    del fields["sha256"]
+    return fields
 
 
-def _refuse(path: Path, found: int, where: str, most: int) -> CheckpointError:
-    return CheckpointError(
-        f"{path}: not a readable checkpoint ({found:,} bytes{where}; expected at most {most:,})"
-    )
+def _hash_text(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -1,30 +1,37 @@
 """Find the checkpoint that a user means: a folder, a file, a shipped name, or a hub model.
 
-Nothing here uses the network. A hub model is found only if it is on this machine already;
-`bsg-models download` fetches it.
+Shipped models are files of the package `bsg_weights`; its `SHA256SUMS` lists them, and a file whose
+hash differs is refused. Only `download` uses the network: a hub model is found only if it is on
+this machine already.
 """
 
 from __future__ import annotations
 
 import os
+import re
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
+from typing import Any, Literal
 
-from bsg_data.errors import RecipeError
+from bsg_data.errors import RecipeError, ask_to_install
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.spelling import SHOWN, show_value
+from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.registry import require_known
+from bsg_data.results import read_seal
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import CheckpointError
-from bsg_models.runs.checkpoint import CheckpointHeader
-from bsg_models.runs.hub_files import HUB_ID, HUB_WEIGHTS, find_downloaded
+from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.run_folder import BEST
-from bsg_models.runs.shipped import (
-    SUFFIX,
-    Kind,
-    describe_shipped,
-    find_shipped,
-    shipped_names,
-    suggest_shipped,
-)
+
+DEFAULT_MODEL = "universal"
+WIDE_MODEL = "universal-wide"  # answers for words for which the default model has no class
+WIDE_MAP = "hm3d-wide-v1"
+SUFFIX = ".safetensors"
+HUB_WEIGHTS, HUB_CONFIG, HUB_CARD = "model.safetensors", "config.json", "README.md"
+Kind = Literal["run", "file", "hub folder", "shipped", "hub"]  # how a model was found
+_HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,32 +64,43 @@ def find_model(model: AnyPath) -> FoundModel:
     if not isinstance(model, (str, os.PathLike)):
         raise RecipeError(
             f"model: expected a path or the name of a model, found {show_value(model)}; "
-            f"{describe_shipped()}"
+            f"{_describe_shipped()}"
         )
     try:
-        return _find(model if isinstance(model, str) else Path(model))
+        return _find_name(model) if isinstance(model, str) else _find_path(Path(model))
     except (OSError, ValueError) as error:  # no file system takes such a name
         said = getattr(error, "strerror", None) or error
         raise CheckpointError(
-            f"no model {os.fspath(model)[:SHOWN]!r}: {said}; {describe_shipped()}"
+            f"no model {os.fspath(model)[:SHOWN]!r}: {said}; {_describe_shipped()}"
         ) from error
 
 
-def _find(model: Path | str) -> FoundModel:
-    if isinstance(model, Path):
-        return _find_path(model)
+def _find_name(model: str) -> FoundModel:
     path = Path(model)
-    if _looks_like_path(model):
-        if path.exists() or not HUB_ID.fullmatch(model):
-            return _find_path(path)
-        return _find_hub(model)
+    if "/" in model or os.sep in model or model.startswith(".") or model.endswith(SUFFIX):
+        is_hub = _HUB_ID.fullmatch(model) and not path.exists()
+        return _find_downloaded(model) if is_hub else _find_path(path)
     if model in shipped_names():
         return FoundModel(find_shipped(model), model, "shipped")
     if model and path.is_dir():
         return _find_path(path)
+    hint = f"{ask_if_meant(model, shipped_names())} {_describe_shipped()}".lstrip()
     raise CheckpointError(
-        f"no model {model[:SHOWN]!r}: no folder here and no shipped model has this name; "
-        f"{suggest_shipped(model)}"
+        f"no model {model[:SHOWN]!r}: no folder here and no shipped model has this name; {hint}"
+    )
+
+
+def _find_path(path: Path) -> FoundModel:
+    if path.is_file():
+        return FoundModel(path, path.stem, "file")
+    name = path.name or resolve_links(path).name
+    kinds: tuple[tuple[str, Kind], ...] = ((BEST, "run"), (HUB_WEIGHTS, "hub folder"))
+    for file, kind in kinds:
+        if (path / file).exists():
+            return FoundModel(path / file, name, kind)
+    raise CheckpointError(
+        f"{path}: no checkpoint there: expected a file, or a folder with {BEST}, which `bsg-train` "
+        f"writes, or {HUB_WEIGHTS} of a hub model; {_describe_shipped()}"
     )
 
 
@@ -96,40 +114,87 @@ def locate_run(model: AnyPath) -> Path:
     return found.path.parent if found.kind == "run" else found.path
 
 
-def name_model(found: FoundModel, header: CheckpointHeader) -> str:
-    """Return the name of a model for people: a shipped one's own name, else that in the zoo."""
-    return found.name if found.kind == "shipped" else header.config.name
+def name_run(run: Path) -> str:
+    """Return the name of a run for people: a shipped model's name, else the path."""
+    is_shipped = run.parent == weights_folder() and run.suffix == SUFFIX
+    return run.stem if is_shipped else str(run)
 
 
-def _looks_like_path(text: str) -> bool:
-    return os.sep in text or "/" in text or text.startswith(".") or text.endswith(SUFFIX)
+def weights_folder() -> Path:
+    """Return the folder of the package `bsg_weights`."""
+    return Path(str(files("bsg_weights")))
 
 
-def _find_path(path: Path) -> FoundModel:
-    if path.is_dir():
-        name = path.name or resolve_links(path).name
-        if (path / BEST).exists():
-            return FoundModel(path / BEST, name, "run")
-        if (path / HUB_WEIGHTS).exists():
-            return FoundModel(path / HUB_WEIGHTS, name, "hub folder")
-        raise CheckpointError(
-            f"{path}: no checkpoint there: expected {BEST}, which `bsg-train` writes, or "
-            f"{HUB_WEIGHTS} of a hub model; {describe_shipped()}"
-        )
-    if path.is_file():
-        return FoundModel(path, path.stem, "file")
-    raise CheckpointError(
-        f"{path}: no checkpoint there: no such folder or file; train one with `bsg-train`, or "
-        f"name a model: {describe_shipped()}"
-    )
+def shipped_names() -> tuple[str, ...]:
+    """Return the names of the shipped models, in the order of `SHA256SUMS`.
+
+    Raises:
+        DatasetError: if the list is damaged.
+    """
+    names = (name for name in read_seal(weights_folder()) or () if name.endswith(SUFFIX))
+    return tuple(name.removesuffix(SUFFIX) for name in names)
 
 
-def _find_hub(name: str) -> FoundModel:
+def find_shipped(name: str, *, suffix: str = SUFFIX) -> Path:
+    """Return a file of a shipped model, its checkpoint or its card, after checking its hash."""
+    require_known("shipped model", [name], shipped_names())
+    path = weights_folder() / f"{name}{suffix}"
+    if not path.is_file() or hash_file(path) != (read_seal(path.parent) or {}).get(path.name):
+        raise CheckpointError(f"{path}: is not what was shipped; install the package again")
+    return path
+
+
+def read_shipped_card(name: str) -> str:
+    """Return the card of a shipped model."""
+    return find_shipped(name, suffix=".md").read_text("utf-8")
+
+
+def _describe_shipped() -> str:
+    """Return which models are shipped, as the end of an error message."""
+    names = ", ".join(shipped_names())
+    return f"shipped models are {names}" if names else "no models are shipped with this build"
+
+
+def download(name: str, **options: Any) -> Path:
+    """Return the checkpoint of a hub model; download it and its card if they are not here.
+
+    Args:
+        name: `OWNER/NAME`.
+        options: of `hf_hub_download`, such as `revision`, `cache_dir` and `local_files_only`.
+
+    Raises:
+        CheckpointError: if it cannot be downloaded, or is no checkpoint.
+    """
+    if not _HUB_ID.fullmatch(name):
+        raise CheckpointError(f"{name!r} is no OWNER/NAME of a model of the hub")
+    path = _fetch(name, HUB_WEIGHTS, **options)
+    with suppress(CheckpointError):  # the card is optional
+        _fetch(name, HUB_CARD, **options)
+    read_fields(path)
+    return path
+
+
+def _find_downloaded(name: str) -> FoundModel:
     """Return a hub model that was downloaded before."""
-    path = find_downloaded(name)
-    if path is None:
+    try:
+        return FoundModel(_fetch(name, HUB_WEIGHTS, local_files_only=True), name, "hub")
+    except CheckpointError as error:
         raise CheckpointError(
             f"{name}: neither a folder nor a downloaded hub model; fetch one with `bsg-models "
-            f"download {name}`. On this machine, {describe_shipped()}"
-        )
-    return FoundModel(path, name, "hub")
+            f"download {name}`. On this machine, {_describe_shipped()} ({error})"
+        ) from error
+
+
+def _fetch(name: str, file: str, **options: Any) -> Path:
+    """Return a file of a hub model, as `hf_hub_download` finds it."""
+    try:
+        import huggingface_hub as hub
+    except ImportError as error:
+        raise CheckpointError(
+            f"{name}: a model of the hub needs huggingface-hub: {ask_to_install('hub')}"
+        ) from error
+    try:
+        return Path(hub.hf_hub_download(name, file, **options))
+    except (hub.errors.HFValidationError, hub.errors.HfHubHTTPError, OSError) as error:
+        why = " ".join(str(error).split())[:300]
+        raise CheckpointError(f"{name}: cannot be had from the hub ({why})") from error

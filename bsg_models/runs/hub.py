@@ -14,10 +14,10 @@ from typing import Any
 from huggingface_hub import ModelHubMixin
 
 from bsg_data.files import AnyPath, encode_json, write_bytes
-from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.found_model import find_model
-from bsg_models.runs.hub_files import HUB_CARD, HUB_CONFIG, HUB_WEIGHTS, download
-from bsg_models.runs.model_card import LIBRARY, PAPER, TAGS, card_text
+from bsg_models.runs.checkpoint_file import read_fields
+from bsg_models.runs.found_model import HUB_CARD, HUB_CONFIG, HUB_WEIGHTS, download, find_model
+from bsg_models.runs.model_card import LIBRARY, PAPER, TAGS
+from bsg_models.runs.model_summary import write_model_card
 from bsg_models.runs.predictor import Predictor
 
 
@@ -50,16 +50,15 @@ class HubModel(
 
     def _save_pretrained(self, save_directory: Path) -> None:
         """Write the three files; copy the checkpoint byte for byte, so its seal stays valid."""
-        header = read_header(self._found.path)
-        card = card_text(self._found, header)
+        fields = read_fields(self._found.path)
         said = {
-            "checkpoint_version": header.checkpoint_version,
-            "class_space": header.class_space.model_dump(mode="json"),
-            "run": header.config.model_dump(mode="json"),
+            "checkpoint_version": fields["checkpoint_version"],
+            "class_space": fields["class_space"],
+            "run": fields["config"],
         }
         shutil.copyfile(self._found.path, save_directory / HUB_WEIGHTS)
         write_bytes(save_directory / HUB_CONFIG, (encode_json(said, indent=1) + "\n").encode())
-        write_bytes(save_directory / HUB_CARD, card.encode())
+        write_bytes(save_directory / HUB_CARD, write_model_card(self._found, fields).encode())
 
     @classmethod
     def from_pretrained(cls, pretrained_model_name_or_path: AnyPath, **options: Any) -> HubModel:

@@ -1,32 +1,26 @@
-"""Write model cards, and summarise any model: training data, terms, accuracy and limits.
+"""Write and read model cards: training data, terms, accuracy and limits.
 
 The front matter is what the Hugging Face hub reads. Its key `bsg` holds the facts that commands
-show; `model_facts.py` reads them back.
+show.
 """
 
 from __future__ import annotations
 
 import shlex
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
+from pydantic import Field, ValidationError
 
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import read_table
-from bsg_data.files import AnyPath
-from bsg_data.inputs.bounded_file import hash_file, read_bytes
-from bsg_data.inputs.bounds import CARD
+from bsg_data.inputs.documents import parse_yaml
+from bsg_data.recipes import Record, name_fault
 from bsg_data.sources.source import LICENCE_REF, is_address
 from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code
 from bsg_models.errors import CheckpointError
-from bsg_models.runs.checkpoint import CheckpointHeader, read_header
-from bsg_models.runs.found_model import FoundModel, find_model
-from bsg_models.runs.hub_files import HUB_CARD
-from bsg_models.runs.model_facts import UNKNOWN, ModelCard, ModelSummary, TrainedOn, read_card
-from bsg_models.runs.shipped import DEFAULT_MODEL, read_shipped_card
+from bsg_models.zoo.settings import DataConfig
 
+UNKNOWN = "unknown"
 LIBRARY = "belief-scene-graphs"
 PAPER = "https://arxiv.org/abs/2402.03840"
 TAGS = ("belief-scene-graphs", "object-search", "robotics", "scene-graph")
@@ -43,32 +37,73 @@ _CANNOT = (
 )
 
 
-def describe_training(data: Dataset) -> tuple[TrainedOn, ...]:
-    """Return the sources of a dataset, with the number of buildings of each."""
-    table = read_table(data.path, "scenes", columns=["source"], manifest=data.manifest)
-    numbers = Counter(table["source"].to_pylist())
-    described = []
-    for entry in {entry.kind: entry for entry in data.manifest.sources}.values():
-        terms = entry.terms
-        said = (
-            {}
-            if terms is None
-            else {
-                "licence": terms.licence,
-                "licence_url": terms.licence_url,
-                "sentence": terms.sentence,
-                "citation": terms.citation,
-            }
-        )
-        buildings = numbers[entry.kind]
-        described.append(TrainedOn(source=entry.kind, buildings=buildings, **said))
-    return tuple(described)
+class TrainedOn(Record):
+    """One source of a model's training data."""
+
+    source: str  # its kind, e.g. `hm3d`.
+    buildings: int = Field(ge=0)  # number used for training or validation
+    licence: str = UNKNOWN  # SPDX, or `unknown`
+    licence_url: str = ""  # link to the licence; empty if unknown
+    sentence: str = ""  # what a user must know of the terms
+    citation: str = ""  # of the source
+
+
+class ModelCard(Record):
+    """The facts of a card."""
+
+    name: str  # of the model
+    purpose: str  # what it is for, in one line
+    trained_on: tuple[TrainedOn, ...] = ()  # the sources, in the order of the dataset
+
+    @property
+    def licences(self) -> tuple[tuple[str, str], ...]:
+        """Licence and link of the weights: those of the most restrictive sources.
+
+        Licences that SPDX does not list, and unknown terms, count as more restrictive.
+        """
+        every = dict.fromkeys((one.licence, one.licence_url) for one in self.trained_on)
+        strict = [one for one in every if one[0].startswith(LICENCE_REF) or one[0] == UNKNOWN]
+        return tuple(strict or every) or ((UNKNOWN, ""),)
+
+    @property
+    def is_restricted(self) -> bool:
+        """Whether the weights have terms of their own, or unknown ones; not if SPDX lists them."""
+        return any(name.startswith(LICENCE_REF) or name == UNKNOWN for name, _ in self.licences)
+
+    @property
+    def licence(self) -> str:
+        """The licences of the weights, as a phrase."""
+        return ", ".join(name for name, _ in self.licences)
+
+    @property
+    def data(self) -> str:
+        """The training data, as a phrase: `145 buildings of hm3d and 37 of behavior`."""
+        parts = [f"{one.buildings} of {one.source}" for one in self.trained_on]
+        if not parts:
+            return "buildings that nobody named"
+        parts[0] = parts[0].replace(" of", " buildings of", 1)
+        return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
+
+
+def read_card(text: str, *, origin: str) -> ModelCard:
+    """Return the facts of a card.
+
+    Raises:
+        CheckpointError: if the text is no card of a model.
+    """
+    try:
+        _, front, _ = text.split("---\n", 2)
+        return ModelCard.model_validate(parse_yaml(front.encode())["bsg"])
+    except ValidationError as error:
+        raise CheckpointError(f"{origin}: not a card of a model: {name_fault(error)}") from error
+    except (ValueError, LookupError, TypeError) as error:
+        raise CheckpointError(f"{origin}: not a card of a model: {error}") from error
 
 
 def write_card(
     card: ModelCard,
     *,
-    header: CheckpointHeader,
+    fields: Mapping[str, Any],
     figures: Sequence[Mapping[str, _MEASURED]] = (),
     measured: Sequence[str] = (),
 ) -> str:
@@ -76,18 +111,18 @@ def write_card(
 
     Args:
         card: its facts.
-        header: of its checkpoint.
+        fields: of the header of its checkpoint.
         figures: rows of a table of measured values, each with the same keys.
         measured: sentences on what the weights tell of their training data.
     """
-    space = header.class_space
+    classes = len(fields["class_space"]["classes"])
     lines = [
         f"---\n{yaml.safe_dump(_front_matter(card), sort_keys=False, allow_unicode=True)}---",
         f"# {escape_markdown(card.name)}",
         "",
         f"{escape_markdown(card.purpose)} The model predicts what a robot has not seen of a "
-        f"building: for every room, how many hidden objects of each of {len(space.classes)} "
-        f"classes there are, as probabilities. It is a model of Belief Scene Graphs "
+        f"building: for every room, how many hidden objects of each of {classes} classes there "
+        f"are, as probabilities. It is a model of Belief Scene Graphs "
         f"([paper]({PAPER})).",
         "",
         "```sh",
@@ -99,7 +134,7 @@ def write_card(
         *_describe_sources(card),
         "## Facts",
         "",
-        *format_markdown(_list_facts(header), header=("fact", "value")),
+        *format_markdown(_list_facts(fields), header=("fact", "value")),
         "",
     ]
     if figures:
@@ -110,61 +145,6 @@ def write_card(
         lines += ["## Training data in the weights", "", *(f"{one}\n" for one in measured)]
     lines += ["## Limits", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
     return "\n".join(lines)
-
-
-def card_text(found: FoundModel, header: CheckpointHeader) -> str:
-    """Return the card beside a model, or a card made from its checkpoint."""
-    beside = found.path.with_name(HUB_CARD)
-    if found.kind == "shipped":
-        return read_shipped_card(found.name)
-    if found.kind in ("hub", "hub folder") and beside.is_file():
-        data = read_bytes(beside, CARD, error=CheckpointError)
-        return data.decode("utf-8", errors="replace")
-    purpose = f"A trained {header.config.name}."
-    return write_card(ModelCard(name=found.name, purpose=purpose), header=header)
-
-
-def summarise_model(model: AnyPath | FoundModel = DEFAULT_MODEL) -> ModelSummary:
-    """Return the facts of a model, without loading its weights.
-
-    Args:
-        model: what `find_model` takes, or what it returned.
-
-    Raises:
-        CheckpointError: if there is no such model, or its header or card is damaged.
-    """
-    found = model if isinstance(model, FoundModel) else find_model(model)
-    header = read_header(found.path)
-    text = card_text(found, header)
-    card = read_card(text, origin=f"the card of {found.name}")
-    return ModelSummary(
-        name=found.name,
-        kind=found.kind,
-        zoo_name=header.config.name,
-        class_space=header.class_space.name,
-        class_space_sha256=header.class_space.sha256,
-        classes=len(header.class_space.classes),
-        dataset_sha256=header.dataset_sha256,
-        config=header.config.model_dump(mode="json"),
-        bytes=found.path.stat().st_size,
-        sha256=hash_file(found.path),
-        data=card.data,
-        licence=card.licence,
-        purpose=card.purpose,
-        card=text,
-    )
-
-
-def describe_model(model: AnyPath = DEFAULT_MODEL) -> str:
-    """Return which model is used: `universal (shipped; trained on 145 buildings of hm3d)`.
-
-    Raises:
-        CheckpointError: if there is no such model.
-    """
-    found = find_model(model)
-    if found.kind == "shipped":
-        return f"{found.name} (shipped; trained on {summarise_model(found).data})"
-    return f"{found.name} ({found.kind}, {found.path})"
 
 
 def _front_matter(card: ModelCard) -> dict[str, Any]:
@@ -226,22 +206,19 @@ def _quote(name: str) -> str:
     return shlex.quote(" ".join(make_plain(name).split()))
 
 
-def _list_facts(header: CheckpointHeader) -> list[tuple[str, str]]:
-    config = header.config
+def _list_facts(fields: Mapping[str, Any]) -> list[tuple[str, str]]:
+    config, space = fields["config"], fields["class_space"]
     facts = [
-        ("model of the zoo", mark_code(config.name)),
-        (
-            "class space",
-            f"{mark_code(header.class_space.name)}, {len(header.class_space.classes)} classes",
-        ),
-        ("sha256 of the classes", f"`{header.class_space.sha256}`"),
-        ("other categories that it reads", f"{len(header.vocabulary):,}"),
-        ("training masks", str(config.data.fresh_mask)),
-        ("seed", str(config.seed)),
-        ("sha256 of the dataset", f"`{header.dataset_sha256}`"),
+        ("model of the zoo", mark_code(config["name"])),
+        ("class space", f"{mark_code(space['name'])}, {len(space['classes'])} classes"),
+        ("sha256 of the classes", f"`{space['sha256']}`"),
+        ("other categories that it reads", f"{len(fields['vocabulary']):,}"),
+        ("training masks", str(DataConfig.model_validate(config["data"]).fresh_mask)),
+        ("seed", str(config["seed"])),
+        ("sha256 of the dataset", f"`{fields['dataset_sha256']}`"),
     ]
-    if header.epoch:
-        facts.append(("best epoch", str(header.best_epoch)))
+    if fields["epoch"]:
+        facts.append(("best epoch", str(fields["best_epoch"])))
     return facts
 
 

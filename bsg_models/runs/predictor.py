@@ -10,9 +10,11 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import ClassMapError, MismatchError
 from bsg_data.files import AnyPath
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.results import read_seal
 from bsg_data.scene.class_map import (
     ClassMap,
     OwnMap,
@@ -26,10 +28,14 @@ from bsg_models.belief.expectation import Expectation, mix
 from bsg_models.errors import CheckpointError
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restore_model
-from bsg_models.runs.found_model import find_model, name_model
-from bsg_models.runs.model_facts import read_card
+from bsg_models.runs.found_model import (
+    DEFAULT_MODEL,
+    find_model,
+    read_shipped_card,
+    weights_folder,
+)
+from bsg_models.runs.model_card import read_card
 from bsg_models.runs.share_posterior import update_shares
-from bsg_models.runs.shipped import DEFAULT_MODEL, find_name_of_shipped, read_shipped_card
 
 
 class Predictor:
@@ -61,16 +67,15 @@ class Predictor:
         self._header = checkpoint.header
         self.class_space = self._header.class_space
         self._model = restore_model(path, checkpoint)
-        self.name = name_model(found, self._header)
+        self.name = found.name if found.kind == "shipped" else self._header.config.name
         self.classes = self.class_space.classes
 
     @property
     def is_free(self) -> bool:
         """Whether it is a shipped model that everybody may use for anything, as its card says."""
-        name = find_name_of_shipped(self._path)
-        if name is None:
-            return False
-        return not read_card(read_shipped_card(name), origin=name).is_restricted
+        sha256, shipped = hash_file(self._path), read_seal(weights_folder()) or {}
+        names = [Path(file).stem for file, listed in shipped.items() if listed == sha256]
+        return any(not read_card(read_shipped_card(n), origin=n).is_restricted for n in names)
 
     @property
     def class_map(self) -> ClassMap:

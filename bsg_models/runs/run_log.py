@@ -25,10 +25,9 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import RUN_RECORD
-from bsg_data.inputs.documents import decode
 from bsg_data.recipes import Record, name_fault
-from bsg_models.errors import CheckpointError, TrainingError
-from bsg_models.runs.checkpoint import read_header
+from bsg_models.errors import TrainingError
+from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.run_folder import CONFIG, LAST, LOG
 from bsg_models.zoo.config import RunConfig, write_toml
 
@@ -92,37 +91,33 @@ def keep_log(run: Path, config: RunConfig, data: Dataset) -> Iterator[list[str]]
         The notes of the training, a list that the block may extend.
     """
     began = time.perf_counter()
-    _add(
-        run,
-        Begun(
-            time=_now(),
-            seed=config.seed,
-            epochs=config.training.epochs,
-            from_epoch=_last_epoch(run),
-            dataset_sha256=data.sha256,
-            versions={name: version(name) for name in _PACKAGES}
-            | {"python": platform.python_version()},
-        ),
+    versions = {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
+    begun = Begun(
+        time=_now(),
+        seed=config.seed,
+        epochs=config.training.epochs,
+        from_epoch=_last_epoch(run),
+        dataset_sha256=data.sha256,
+        versions=versions,
     )
+    _add(run, begun)
     write_bytes(run / CONFIG, write_toml(config).encode())
-    how: Literal["finished", "stopped", "failed"] = "finished"
-    said = None
     notes: list[str] = []
+
+    def end(how: Literal["finished", "stopped", "failed"], error: str | None = None) -> None:
+        seconds, epoch = round(time.perf_counter() - began, 3), _last_epoch(run)
+        said = {"error": error, "notes": tuple(notes)}
+        _add(run, Ended(time=_now(), how=how, epoch=epoch, seconds=seconds, **said))
+
     try:
         yield notes
     except (KeyboardInterrupt, GeneratorExit):
-        how = "stopped"
+        end("stopped")
         raise
     except BaseException as error:
-        how, said = "failed", str(error) or repr(error)
+        end("failed", str(error) or repr(error))
         raise
-    finally:
-        seconds = round(time.perf_counter() - began, 3)
-        epoch = _last_epoch(run)
-        ended = Ended(
-            time=_now(), how=how, epoch=epoch, seconds=seconds, error=said, notes=tuple(notes)
-        )
-        _add(run, ended)
+    end("finished")
 
 
 def read_log(run: AnyPath) -> tuple[Begun | Ended, ...]:
@@ -131,18 +126,14 @@ def read_log(run: AnyPath) -> tuple[Begun | Ended, ...]:
     Raises:
         TrainingError: naming the faulty line.
     """
-    run = Path(run)
-    path = run / LOG
+    path = Path(run) / LOG
     if not path.is_file():
         return ()
-    try:
-        lines = decode(read_bytes(path, RUN_RECORD, error=TrainingError)).splitlines()
-    except ValueError as error:
-        raise TrainingError(f"{path}: cannot be read ({error})") from error
-    return tuple(_parse(line, where=f"{run / LOG}, line {n}") for n, line in enumerate(lines, 1))
+    lines = read_bytes(path, RUN_RECORD, error=TrainingError).splitlines()
+    return tuple(_parse(line, where=f"{path}, line {n}") for n, line in enumerate(lines, 1))
 
 
-def _parse(line: str, *, where: str) -> Begun | Ended:
+def _parse(line: bytes, *, where: str) -> Begun | Ended:
     try:
         return _LINE.validate_json(line)
     except ValidationError as error:
@@ -153,16 +144,12 @@ def _parse(line: str, *, where: str) -> Begun | Ended:
 
 def _add(run: Path, line: Begun | Ended) -> None:
     """Add a line in one write, so that a killed process leaves no half line."""
-    path = run / LOG
-    before = read_bytes(path, RUN_RECORD, error=TrainingError) if path.is_file() else b""
-    write_bytes(path, before + line.model_dump_json().encode() + b"\n")
+    with (run / LOG).open("ab", buffering=0) as log:
+        log.write(line.model_dump_json().encode() + b"\n")
 
 
 def _last_epoch(run: Path) -> int:
-    try:
-        return read_header(run / LAST).epoch
-    except CheckpointError:
-        return 0
+    return int(read_fields(run / LAST)["epoch"]) if (run / LAST).is_file() else 0
 
 
 def _now() -> str:

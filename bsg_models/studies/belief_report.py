@@ -25,9 +25,9 @@ from bsg_models.belief.tables import NODES
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.robot.seen_building import ExpectedClass
+from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
-from bsg_models.runs.shipped import DEFAULT_MODEL
 
 MOST_HELD = 200  # belief graphs kept in memory and put on a page; tables take any number
 

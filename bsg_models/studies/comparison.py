@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import require_class_space
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
@@ -38,10 +39,9 @@ from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
     read_header,
-    require_dataset,
     restore_model,
 )
-from bsg_models.runs.found_model import FoundModel, find_model, name_model
+from bsg_models.runs.found_model import FoundModel, find_model
 from bsg_models.runs.run_folder import LAST
 from bsg_models.studies.stored_pairs import (
     Folds,
@@ -230,7 +230,8 @@ def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Loaded]:
     checkpoints = [load_checkpoint(one.path) for one in found]
     names = name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
     for one, checkpoint in zip(found, checkpoints, strict=True):
-        require_dataset(one.path, checkpoint.header, data.manifest)
+        space = checkpoint.header.class_space
+        require_class_space(data.manifest, space, what=f"checkpoint {one.path}")
     return [_Loaded(*one) for one in zip(names, found, checkpoints, strict=True)]
 
 
@@ -240,7 +241,9 @@ def name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str,
     Runs of one model, and a run whose model is also a baseline, get their folder as well:
     `ceci-gcn (second)`. If that name is taken too, a number follows.
     """
-    models = [name_model(found, header) for found, header in runs]
+    models = [
+        found.name if found.kind == "shipped" else header.config.name for found, header in runs
+    ]
     times = Counter([*models, *BASELINES])
     names: list[str] = []
     for model, (found, _) in zip(models, runs, strict=True):

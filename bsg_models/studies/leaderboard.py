@@ -42,8 +42,8 @@ from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.runs.checkpoint import is_finished, load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST
 from bsg_models.runs.run_log import Ended, read_log
 from bsg_models.studies.stored_pairs import stream_batches
 from bsg_models.training.training import combine_runs, member_config, train_run

@@ -13,7 +13,7 @@ from bsg_data.results import require_seal
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.rendering.figures import plot_learning_curve
 from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, MEMBERS, METRICS, reseal
+from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, MEMBERS, METRICS, add_curve
 from bsg_models.runs.run_log import Begun, Ended, read_log
 from bsg_models.studies.sealed_results import list_of_other_weights
 from bsg_models.training.learning_curve import EpochReport, read_metrics
@@ -145,8 +145,8 @@ def plot_run(run: AnyPath) -> tuple[str, ...]:
     likelihood = getattr(config.model, "likelihood", "mse")
     loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
     title = f"{config.name}, seed {config.seed}"
-    with reseal(run), noting_failures(notes):
-        plot_learning_curve(reports, run / CURVE, title=title, loss=loss)
+    with add_curve(run) as curve, noting_failures(notes):
+        plot_learning_curve(reports, curve, title=title, loss=loss)
     return tuple(notes)
 
 

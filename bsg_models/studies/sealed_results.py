@@ -14,7 +14,7 @@ from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import RESULTS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.results import SEAL, require_seal
-from bsg_models.runs.checkpoint_file import require_safetensors
+from bsg_models.runs.checkpoint_file import read_fields
 
 _WEIGHTS, _NODES = ".safetensors", "nodes.parquet"
 _BEST = "best.safetensors"
@@ -87,7 +87,7 @@ def _load(path: Path) -> None:
 
     The import of the models takes seconds, so a file that is no checkpoint is refused before.
     """
-    require_safetensors(path)
+    read_fields(path)
     from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 
     restore_model(path, load_checkpoint(path))

@@ -24,8 +24,8 @@ from bsg_models.rendering.animation import write_animation
 from bsg_models.rendering.figures import plot_savings
 from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.found_model import name_run
 from bsg_models.runs.run_folder import checkpoint_of, refuse_run
-from bsg_models.runs.shipped import name_run
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.studies.kept_searches import KeepRequest
 from bsg_models.studies.replay import choose_replay, replay_search

@@ -16,10 +16,9 @@ from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.rendering.animation import require_suffix
 from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.found_model import locate_run
-from bsg_models.runs.model_card import describe_model
+from bsg_models.runs.found_model import DEFAULT_MODEL, locate_run, name_run, shipped_names
+from bsg_models.runs.model_summary import describe_model
 from bsg_models.runs.run_folder import checkpoint_of
-from bsg_models.runs.shipped import DEFAULT_MODEL, name_run, shipped_names
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,

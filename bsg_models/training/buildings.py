@@ -20,6 +20,7 @@ from bsg_data.observation.masked_buildings import (
     stack_masked,
     vary_fractions,
 )
+from bsg_data.recipes import MaskRecipe
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
@@ -36,26 +37,19 @@ class TrainingBuildings:
     """
 
     def __init__(
-        self,
-        config: RunConfig,
-        data: Dataset,
-        *,
-        vocabulary: tuple[str, ...],
-        ranks: Ranks | None = None,
+        self, config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...], ranks: Ranks
     ) -> None:
-        self._config, self._data, self._vocabulary = config, data, vocabulary
-        self._ranks = ranks or Ranks()
-        self._share = self._ranks.share_of(config.training.batch_size)
-        fold = config.data.fold
+        self._config, self._data, self._vocabulary, self._ranks = config, data, vocabulary, ranks
+        fold, self._stored = config.data.fold, None
         self._scenes = scenes_of(data, "train", fold=fold)
-        self._stored: MaskedBuildings | None = None
         if config.data.masks == "fixed":
             self._stored = read_split(data, "train", fold=fold, vocabulary=vocabulary)
         self._number = len(self._scenes if self._stored is None else self._stored)
-        if self._number < self._ranks.size:
+        if min(self._number, config.training.batch_size) < ranks.size:
             raise TrainingError(
-                f"{data.path}: {self._number} training buildings cannot be dealt to "
-                f"{self._ranks.size} processes; start fewer processes with torchrun"
+                f"{data.path}: {self._number} training buildings in batches of "
+                f"{config.training.batch_size} cannot be dealt to {ranks.size} processes; start "
+                "fewer processes with torchrun"
             )
 
     @property
@@ -63,27 +57,31 @@ class TrainingBuildings:
         """Number of steps of an epoch."""
         return -(-self._number // self._config.training.batch_size)
 
-    def batches(self, epoch: int) -> Iterator[MaskedBuildings]:
-        """Yield this process's share of every batch of an epoch, one or more buildings each.
+    def batches(self, epoch: int) -> Iterator[MaskedBuildings | None]:
+        """Yield this process's share of every batch of an epoch: every `ranks.size`-th building.
 
-        If the last batch has fewer buildings than there are processes, some processes get no share
-        of it.
+        It is None if the last batch has fewer buildings than there are processes, for some.
         """
-        choice, size = self._config.data, self._config.training.batch_size
+        order, size, choice = (
+            self._order(epoch),
+            self._config.training.batch_size,
+            self._config.data,
+        )
         recipes = vary_fractions(choice.fresh_mask, choice.fractions, epoch, len(self._scenes))
-        mine = self._order(epoch)[self._ranks.takes(np.arange(self._number), batch_size=size)]
-        for first in range(0, len(mine), self._share):
-            numbers = mine[first : first + self._share]
-            if self._stored is not None:
-                yield self._stored.take(numbers)
-                continue
-            yield sample_each(
-                self._data,
-                [self._scenes[number] for number in numbers],
-                [recipes[number] for number in numbers],
-                draw=epoch,
-                vocabulary=self._vocabulary,
-            )
+        for first in range(0, self._number, size):
+            mine = order[first : first + size][self._ranks.number :: self._ranks.size]
+            yield self._take(mine, recipes, epoch) if len(mine) else None
+
+    def _take(self, numbers: Ints, recipes: list[MaskRecipe], epoch: int) -> MaskedBuildings:
+        if self._stored is not None:
+            return self._stored.take(numbers)
+        return sample_each(
+            self._data,
+            [self._scenes[number] for number in numbers],
+            [recipes[number] for number in numbers],
+            draw=epoch,
+            vocabulary=self._vocabulary,
+        )
 
     def _order(self, epoch: int) -> Ints:
         order = torch.Generator().manual_seed(epoch_seed(self._config, epoch))
@@ -106,20 +104,10 @@ def validation_buildings(
     if not choice.needs_own_masks(pairs.mask if pairs else None):
         return read_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
     scenes = scenes_of(data, "val", fold=choice.fold)
-    recipes = [
-        vary_fractions(choice.fresh_mask, choice.fractions, draw, len(scenes))
-        for draw in range(_VAL_DRAWS)
-    ]
-    return stack_masked(
-        [
-            sample_each(
-                data,
-                scenes[first : first + BATCH],
-                own[first : first + BATCH],
-                draw=draw,
-                vocabulary=vocabulary,
-            )
-            for first in range(0, len(scenes), BATCH)
-            for draw, own in enumerate(recipes)
-        ]
-    )
+    drawn = []
+    for first in range(0, len(scenes), BATCH):
+        rows = slice(first, first + BATCH)
+        for draw in range(_VAL_DRAWS):
+            own = vary_fractions(choice.fresh_mask, choice.fractions, draw, len(scenes))[rows]
+            drawn.append(sample_each(data, scenes[rows], own, draw=draw, vocabulary=vocabulary))
+    return stack_masked(drawn)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import gc
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from traceback import clear_frames
@@ -22,22 +22,18 @@ from torch.nn.parallel import DistributedDataParallel
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
-from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
+    make_header,
+    name_tensors,
     read_header,
-    restore_model,
     save_checkpoint,
 )
-from bsg_models.runs.run_folder import BEST, LAST, METRICS, make_header, name_tensors
-from bsg_models.training.buildings import (
-    TrainingBuildings,
-    epoch_seed,
-    validation_buildings,
-)
+from bsg_models.runs.run_folder import BEST, LAST, METRICS
+from bsg_models.training.buildings import TrainingBuildings, epoch_seed
 from bsg_models.training.learning_curve import EpochReport, encode_metrics, read_metrics
 from bsg_models.training.optimiser import (
     learning_rate,
@@ -48,19 +44,6 @@ from bsg_models.training.optimiser import (
 from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import Network
-
-
-class Validation:
-    """The validation of a training; its nodes stay in memory."""
-
-    def __init__(self, model: Network, config: RunConfig, data: Dataset) -> None:
-        masked = validation_buildings(config, data, vocabulary=model.vocabulary)
-        self._nodes = [model.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
-
-    def loss(self, model: Network) -> float:
-        """Return a model's loss per (node, class) cell."""
-        parts = [model.validation_loss(some) for some in self._nodes]
-        return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
 
 
 class GradientSteps:
@@ -78,7 +61,7 @@ class GradientSteps:
     ) -> None:
         self.model = model.to(device)
         self.optimiser = make_optimiser(model, config.training)
-        self._config, self._device, self._ranks = config, device, ranks
+        self.ranks, self._config, self._device = ranks, config, device
         self._loss: Callable[[Nodes], torch.Tensor] = model.loss
 
     @contextmanager
@@ -89,7 +72,7 @@ class GradientSteps:
         could hold the last reference to torch's process group, whose end would hold Python's lock
         and wait for a thread that waits for this lock.
         """
-        if self._ranks.size == 1:
+        if self.ranks.size == 1:
             yield
             return
         self._loss = DistributedDataParallel(_LossModule(self.model))
@@ -104,15 +87,12 @@ class GradientSteps:
 
     def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
         """Take the steps of an epoch; return the mean of their losses."""
-        training, ranks = self._config.training, self._ranks
+        training, ranks = self._config.training, self.ranks
         torch.manual_seed(epoch_seed(self._config, epoch, rank=ranks.number))  # of dropout
-        batches, steps = buildings.batches(epoch), buildings.steps
+        steps = buildings.steps
         self.model.train()
         losses = []
-        for step in range((epoch - 1) * steps, epoch * steps):
-            some = next(batches, None)  # None in a last batch with fewer buildings than processes
-            if some is None and ranks.size == 1:
-                raise TrainingError(f"epoch {epoch}: has fewer buildings than its steps need")
+        for step, some in enumerate(buildings.batches(epoch), (epoch - 1) * steps):
             if some is not None:
                 nodes = self.model.nodes_of(some.seen, some.targets).to(self._device)
             for group in self.optimiser.param_groups:
@@ -132,12 +112,12 @@ class GradientSteps:
 
         A process without a share computes the loss of the batch before, with weight 0.
         """
-        if self._ranks.size == 1:
+        if self.ranks.size == 1:
             return loss
         cells = self.model.cells_of(nodes) if takes else 0
         every = torch.tensor(float(cells), device=self._device)
-        every = self._ranks.add(every).clamp(min=1)
-        return loss * (self._ranks.size * cells) / every
+        every = self.ranks.add(every).clamp(min=1)
+        return loss * (self.ranks.size * cells) / every
 
     def on_cpu(self) -> Network:
         """Return the model on the CPU, for validation or saving."""
@@ -161,7 +141,7 @@ def train_epochs(
     data: Dataset,
     run: Path,
     buildings: TrainingBuildings,
-    validation: Validation | None,
+    validation: Sequence[Nodes] | None,
 ) -> Iterator[EpochReport]:
     """Train a model from its last checkpoint, or from the start, into the folder of a run.
 
@@ -178,33 +158,28 @@ def train_epochs(
         One report per epoch.
     """
     training = config.training
-    start, best_epoch, best_loss = 0, 0, float("inf")
-    rows: list[EpochReport] = []
-    if (run / LAST).exists():
-        header = _restore(steps.model, steps.optimiser, run)
-        start, best_epoch, best_loss = header.epoch, header.best_epoch, header.best_loss or 0.0
-        rows = [row for row in read_metrics(run / METRICS) if row.epoch <= start]
-    for epoch in range(start + 1, training.epochs + 1):
+    rows = _restore(steps, run) if (run / LAST).exists() else []
+    losses = ((row.val_loss, row.epoch) for row in rows if row.val_loss is not None)
+    best = min(losses, default=(float("inf"), 0))
+    for epoch in range(len(rows) + 1, training.epochs + 1):
         began = time.perf_counter()
-        train_loss = steps.train_epoch(buildings, epoch)
-        val_loss = None
+        train_loss, val_loss = steps.train_epoch(buildings, epoch), None
         if validation and (epoch % training.validate_every == 0 or epoch == training.epochs):
-            val_loss = validation.loss(steps.on_cpu())
+            val_loss = _validate(steps.on_cpu(), validation)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
             raise TrainingError(
                 f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
                 f"validation {val_loss}); lower training.learning_rate. "
                 "The saved checkpoints are of earlier epochs"
             )
-        is_best = val_loss is not None and val_loss < best_loss
-        if val_loss is not None and is_best:
-            best_epoch, best_loss = epoch, val_loss
+        if val_loss is not None:
+            best = min(best, (val_loss, epoch))
         report = EpochReport(
             epoch=epoch,
             epochs=training.epochs,
             train_loss=train_loss,
             val_loss=val_loss,
-            best_epoch=best_epoch,
+            best_epoch=best[1],
             seconds=time.perf_counter() - began,
         )
         rows.append(report)
@@ -215,32 +190,39 @@ def train_epochs(
                 vocabulary=steps.model.vocabulary,
                 epoch=epoch,
                 val_loss=val_loss,
-                best_epoch=best_epoch,
-                best_loss=best_loss,
+                best_epoch=best[1],
+                best_loss=best[0],
             )
-            write_bytes(run / METRICS, encode_metrics(rows))
-            _save(steps, header, run, is_best=is_best)
+            _save(steps, header, rows, run)
         yield report
 
 
-def _save(steps: GradientSteps, header: CheckpointHeader, run: Path, *, is_best: bool) -> None:
-    """Write the last checkpoint, and the best one if this epoch is the best."""
+def _validate(model: Network, validation: Sequence[Nodes]) -> float:
+    """Return a model's loss per (node, class) cell."""
+    parts = [model.validation_loss(some) for some in validation]
+    return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
+
+
+def _save(
+    steps: GradientSteps, header: CheckpointHeader, rows: list[EpochReport], run: Path
+) -> None:
+    """Write the metrics, the last checkpoint, and the best one if this epoch is the best."""
+    write_bytes(run / METRICS, encode_metrics(rows))
     state = name_tensors("model", steps.on_cpu().state_dict())
-    if is_best:
+    if header.epoch == header.best_epoch:
         save_checkpoint(run / BEST, header, state)
     adam = name_tensors("adam", optimiser_state(steps.optimiser, steps.model))
     save_checkpoint(run / LAST, header, {**state, **adam})
 
 
-def _restore(model: Network, optimiser: torch.optim.Optimizer, run: Path) -> CheckpointHeader:
+def _restore(steps: GradientSteps, run: Path) -> list[EpochReport]:
+    """Restore model and optimiser from the last checkpoint; return the reports up to it."""
     checkpoint = load_checkpoint(run / LAST)
     if not (run / BEST).is_file():
         raise TrainingError(f"{run / BEST}: is gone; --force starts the run again")
-    if checkpoint.header.vocabulary != model.vocabulary:
-        raise TrainingError(f"{run / LAST}: reads other categories; --force starts the run again")
-    model.load_state_dict(restore_model(run / LAST, checkpoint).state_dict())
-    load_optimiser(optimiser, model, checkpoint.state_of("adam"), path=run / LAST)
-    return checkpoint.header
+    steps.model.load_state_dict(checkpoint.state_of("model"))
+    load_optimiser(steps.optimiser, steps.model, checkpoint.state_of("adam"))
+    return [row for row in read_metrics(run / METRICS) if row.epoch <= checkpoint.header.epoch]
 
 
 def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import torch
 
-from bsg_models.errors import CheckpointError
 from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.settings import TrainingConfig
 
@@ -64,23 +62,10 @@ def optimiser_state(
 
 
 def load_optimiser(
-    optimiser: torch.optim.Optimizer,
-    model: BeliefModel,
-    state: dict[str, torch.Tensor],
-    *,
-    path: Path,
+    optimiser: torch.optim.Optimizer, model: BeliefModel, state: dict[str, torch.Tensor]
 ) -> None:
-    """Restore the state that `optimiser_state` returned."""
+    """Restore the state that `optimiser_state` returned; parameters that do not learn have none."""
     for name, parameter in model.named_parameters():
-        if not parameter.requires_grad:
-            continue
-        for key, shape in (
-            ("step", torch.Size()),
-            ("exp_avg", parameter.shape),
-            ("exp_avg_sq", parameter.shape),
-        ):
-            tensor = state.get(f"{name}.{key}")
-            if tensor is None or tensor.shape != shape:
-                raise CheckpointError(f"{path}: adam.{name}.{key} is missing or has another shape")
+        for key in ("step", "exp_avg", "exp_avg_sq") if parameter.requires_grad else ():
             device = "cpu" if key == "step" else parameter.device
-            optimiser.state[parameter][key] = tensor.to(device, copy=True)
+            optimiser.state[parameter][key] = state[f"{name}.{key}"].to(device, copy=True)

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import torch
 from torch import distributed
 
-from bsg_data.arrays import Bools, Ints
 from bsg_models.errors import TrainingError
 from bsg_models.zoo.settings import Device
 
@@ -32,25 +31,6 @@ class Ranks:
         """Whether it validates and writes."""
         return self.number == 0
 
-    def takes(self, places: Ints, *, batch_size: int) -> Bools:
-        """Return which places of an epoch belong to this process `[M]`: every size-th of a batch.
-
-        Args:
-            places: `[M]` of buildings in the order of the epoch, from 0.
-            batch_size: buildings of a batch.
-        """
-        mine: Bools = (places % batch_size) % self.size == self.number
-        return mine
-
-    def share_of(self, batch_size: int) -> int:
-        """Return how many buildings of a batch belong to this process."""
-        if batch_size < self.size:
-            raise TrainingError(
-                f"training.batch_size {batch_size} cannot be dealt to {self.size} processes; start "
-                "fewer processes with torchrun, or choose larger batches"
-            )
-        return -(-(batch_size - self.number) // self.size)
-
     def add(self, values: torch.Tensor) -> torch.Tensor:
         """Return the sum of a tensor over all processes, the same in each of them."""
         if self.size > 1:
@@ -65,12 +45,12 @@ class Ranks:
 
 @contextmanager
 def join_ranks(device: torch.device) -> Iterator[Ranks]:
-    """Join the processes that torchrun started; without torchrun, this process is alone."""
-    if not distributed.is_torchelastic_launched():
+    """Join the processes that torchrun started.
+
+    Without torchrun, or in the training of an ensemble's member, this process is alone.
+    """
+    if distributed.is_initialized() or not distributed.is_torchelastic_launched():
         yield Ranks()
-        return
-    if distributed.is_initialized():  # a member of an ensemble
-        yield Ranks(distributed.get_rank(), distributed.get_world_size())
         return
     if device.type == "cuda":
         torch.cuda.set_device(device)

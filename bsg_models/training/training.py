@@ -13,12 +13,20 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, refuse_links
-from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
 from bsg_data.results import require_seal
-from bsg_models.belief.count_distribution import CountDistribution, concatenate
+from bsg_models.belief.count_distribution import concatenate
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
-from bsg_models.runs.checkpoint import load_checkpoint, read_header, restore_model, save_checkpoint
+from bsg_models.runs.checkpoint import (
+    is_finished,
+    load_checkpoint,
+    name_tensors,
+    read_header,
+    restore_model,
+    save_checkpoint,
+    save_fitted,
+)
 from bsg_models.runs.run_folder import (
     BEST,
     LAST,
@@ -26,21 +34,12 @@ from bsg_models.runs.run_folder import (
     active_folder,
     clear_run,
     finish_replacing,
-    is_finished,
-    name_tensors,
     open_run,
-    refuse_foreign_files,
     refuse_overwriting,
-    save_fitted,
 )
 from bsg_models.runs.run_log import keep_log
 from bsg_models.training.buildings import TrainingBuildings, validation_buildings
-from bsg_models.training.epochs import (
-    GradientSteps,
-    Validation,
-    require_same_training,
-    train_epochs,
-)
+from bsg_models.training.epochs import GradientSteps, require_same_training, train_epochs
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.training.ranks import Ranks, find_device, join_ranks
 from bsg_models.zoo.calibration import (
@@ -60,7 +59,6 @@ from bsg_models.zoo.ensemble import (
 from bsg_models.zoo.model import BeliefModel, Network, one_thread
 from bsg_models.zoo.training_rooms import take_sample
 
-_BATCH = 256  # buildings
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
 
 
@@ -100,12 +98,12 @@ def train_run(
             return
         if isinstance(config.model, EnsembleConfig):
             _refuse_several(ranks, "an ensemble trains one member after another")
-            yield from _train_ensemble(config, config.model, data, run, resume=resume, force=force)
+            yield from _train_ensemble(config, data, run, resume=resume, force=force)
             return
         model = new_model(config, data)
         if isinstance(model, Network):
             steps = GradientSteps(model, config, device=device, ranks=ranks)
-            yield from _train_network(steps, config, data, run, ranks, resume=resume, force=force)
+            yield from _train_network(steps, config, data, run, resume=resume, force=force)
             return
         _refuse_several(ranks, f"{config.model.family} is fitted by counting")
         _fit_by_counting(model, config, data, run, force=force or resume)
@@ -120,7 +118,7 @@ def _is_complete(config: RunConfig, data: Dataset, run: Path) -> bool:
     """Return whether a run is sealed, and trained for as many epochs as are asked for."""
     place = active_folder(run)
     best, last = place / BEST, place / LAST
-    require_same_training(config, data, last if last.is_file() else best)
+    _require_resumable(config, data, place)
     epochs = read_header(last).epoch if last.is_file() else config.training.epochs
     is_trained = epochs >= config.training.epochs
     return best.is_file() and is_trained and require_seal(place) is not None
@@ -141,21 +139,21 @@ def _train_network(
     config: RunConfig,
     data: Dataset,
     run: Path,
-    ranks: Ranks,
     *,
     resume: bool,
     force: bool,
 ) -> Iterator[EpochReport]:
     """Train by gradient; the leading process holds the run's folder and writes into it."""
-    model = steps.model
+    model, ranks, validation = steps.model, steps.ranks, None
     # An unsuitable dataset fails here, before anything is replaced.
     buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary, ranks=ranks)
-    validation = Validation(model, config, data) if ranks.leads else None
+    if ranks.leads:
+        masked = validation_buildings(config, data, vocabulary=model.vocabulary)
+        validation = [model.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
     notes: list[str] = []
     with ExitStack() as held:
         if ranks.leads:
             place = held.enter_context(open_run(run, resume=resume, force=force))
-            _require_resumable(config, data, place)
             notes = held.enter_context(keep_log(place, config, data))
         ranks.wait()  # until the folder is ready
         place = active_folder(run)
@@ -185,10 +183,9 @@ def _require_resumable(config: RunConfig, data: Dataset, run: Path) -> None:
     """
     last = run / LAST
     require_same_training(config, data, last if last.is_file() else run / BEST)
-    if isinstance(config.model, EnsembleConfig):
-        for name in config.model.members:
-            with suppress(CheckpointError):  # a damaged member is trained again
-                _require_resumable(member_config(config, name), data, run / MEMBERS / name)
+    for name in getattr(config.model, "members", ()):
+        with suppress(CheckpointError):  # a damaged member is trained again
+            require_same_training(member_config(config, name), data, run / MEMBERS / name / BEST)
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -240,7 +237,12 @@ def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
     if not rooms.any():
         return
     hidden = masked.hidden[rooms].astype(np.float64)
-    learned = _predict_rooms(model, masked)
+    learned = concatenate(
+        [
+            model.predict_hidden_counts(some.seen).take(np.flatnonzero(~some.seen.is_building))
+            for some in masked.batches(BATCH)
+        ]
+    )
     fitted = fit_calibration(learned, hidden)
     model.calibration.copy_(torch.from_numpy(fitted))
     lines = fit_presence_calibration(
@@ -249,36 +251,13 @@ def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
     model.presence_calibration.copy_(torch.from_numpy(lines))
 
 
-def _predict_rooms(model: CalibratedModel, masked: MaskedBuildings) -> CountDistribution:
-    """Return the uncalibrated hidden counts of all rooms, some buildings at a time."""
-    return concatenate(
-        [
-            model.predict_hidden_counts(some.seen).take(np.flatnonzero(~some.seen.is_building))
-            for some in masked.batches(_BATCH)
-        ]
-    )
-
-
 def _train_ensemble(
-    config: RunConfig,
-    ensemble: EnsembleConfig,
-    data: Dataset,
-    run: Path,
-    *,
-    resume: bool,
-    force: bool,
+    config: RunConfig, data: Dataset, run: Path, *, resume: bool, force: bool
 ) -> Iterator[EpochReport]:
     """Train the members into `members/NAME` of the run, one after another, then mix them."""
-    new_model(config, data)  # an invalid configuration fails before anything is replaced
-    if (run / MEMBERS).exists() and not (run / MEMBERS).is_dir():
-        raise TrainingError(f"{run / MEMBERS}: is a file, expected a folder; move it away")
-    for name in ensemble.members:
-        refuse_links(run, run / MEMBERS / name)
-        refuse_foreign_files(run / MEMBERS / name)
-    if resume:
-        _require_resumable(config, data, active_folder(run))
+    model = cast(Ensemble, new_model(config, data))  # an invalid configuration fails here
     with open_run(run, resume=resume, force=force) as place, keep_log(place, config, data) as notes:
-        members = {name: place / MEMBERS / name for name in ensemble.members}
+        members = {name: place / MEMBERS / name for name in model.config.members}
         for name, folder in members.items():
             refuse_links(place, folder)
             member = member_config(config, name)

@@ -27,8 +27,8 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.inputs.graphs import read_split
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.runs.checkpoint import is_finished, load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES, ZOO
 from bsg_models.zoo.config import find_config, override, validate_config

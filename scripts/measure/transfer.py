@@ -28,8 +28,8 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.evaluation.bootstrap import Bootstrap
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST, is_finished
+from bsg_models.runs.checkpoint import is_finished, load_checkpoint, restore_model
+from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.leaderboard import run_of
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config

@@ -15,6 +15,7 @@ import argparse
 import json
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,22 +25,30 @@ from disclosure import find_disclosed, measure_membership
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import hash_manifest, read_manifest
+from bsg_data.dataset.shards import read_table
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.files import write_bytes
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.registry import require_known
+from bsg_data.results import write_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.measurement import predict_all
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_checkpoint
-from bsg_models.runs.model_card import describe_training, write_card
-from bsg_models.runs.model_facts import ModelCard
-from bsg_models.runs.run_folder import BEST, LAST, is_finished, name_tensors
-from bsg_models.runs.shipped import SUFFIX, SUMS, encode_sums
+from bsg_models.runs.checkpoint import (
+    is_finished,
+    load_checkpoint,
+    name_tensors,
+    restore_model,
+    save_checkpoint,
+)
+from bsg_models.runs.found_model import SUFFIX
+from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
+from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
@@ -187,15 +196,31 @@ def ship(
     inside, outside = (
         _stack_draws(data, part, config, vocabulary=model.vocabulary) for part in ("train", "val")
     )
-    card = ModelCard(name=name, purpose=MODELS[name].purpose, trained_on=describe_training(data))
+    card = ModelCard(name=name, purpose=MODELS[name].purpose, trained_on=_list_sources(data))
     text = write_card(
         card,
-        header=checkpoint.header,
+        fields=checkpoint.header.model_dump(mode="json"),
         figures=figures,
         measured=(str(disclosure), str(measure_membership(model, inside, outside))),
     )
     write_bytes(out / f"{name}{SUFFIX}", made.read_bytes())
     write_bytes(out / f"{name}.md", text.encode())
+
+
+def _list_sources(data: Dataset) -> tuple[TrainedOn, ...]:
+    """Return the sources of a dataset, with the number of buildings of each and their terms."""
+    table = read_table(data.path, "scenes", columns=["source"], manifest=data.manifest)
+    buildings = Counter(table["source"].to_pylist())
+    terms = {entry.kind: entry.terms for entry in data.manifest.sources}
+    names = ("licence", "licence_url", "sentence", "citation")
+    return tuple(
+        TrainedOn(
+            source=kind,
+            buildings=buildings[kind],
+            **({name: getattr(said, name) for name in names} if said else {}),
+        )
+        for kind, said in terms.items()
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -225,13 +250,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"Error: {error}", file=sys.stderr)
         return 1
     made = tuple(name for name in MODELS if (options.out / f"{name}{SUFFIX}").is_file())
-    sums = encode_sums(options.out, made)
-    write_bytes(options.out / SUMS, sums.encode())
+    write_seal(options.out, [f"{name}{end}" for name in made for end in (SUFFIX, ".md")])
     print("PUBLISHED of tests/bsg_models/runs/test_shipped.py:")
-    for line in sums.splitlines():
-        sha256, _, file = line.partition("  ")
-        if file.endswith(SUFFIX):
-            print(f'    "{file.removesuffix(SUFFIX)}": "{sha256}",')
+    for name in made:
+        print(f'    "{name}": "{hash_file(options.out / (name + SUFFIX))}",')
     return 0
 
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from bsg_cli.models import main
-from bsg_models.runs import shipped as shipped_module
+from bsg_models.runs import found_model as shipped_module
 
 
 def call(*words: object) -> Result:

@@ -20,8 +20,8 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.formats import write_belief
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
+from bsg_models.runs.found_model import find_shipped, weights_folder
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.shipped import find_shipped, weights_folder
 from bsg_models.search.planners import next_room
 
 OFFICE = REPOSITORY / "docs" / "office.json"

@@ -12,10 +12,9 @@ from conftest import REPOSITORY
 
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.errors import CheckpointError
-from bsg_models.runs.found_model import find_model
+from bsg_models.runs.found_model import download, find_model
 from bsg_models.runs.hub import HubModel
-from bsg_models.runs.hub_files import download
-from bsg_models.runs.model_facts import read_card
+from bsg_models.runs.model_card import read_card
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 
@@ -68,10 +67,6 @@ def test_what_was_downloaded_is_found_and_nothing_else_is_asked_for(
 def test_what_cannot_be_had_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(CheckpointError, match="cannot be had from the hub"):
         download("owner/rooms", local_files_only=True, cache_dir=tmp_path)
-    with pytest.raises(CheckpointError, match="is no OWNER/NAME"):
-        download("rooms")
-    with pytest.raises(CheckpointError, match="is no OWNER/NAME"):
-        HubModel.from_pretrained(tmp_path / "none")
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     with pytest.raises(CheckpointError, match=r"pip install '\./belief-scene-graphs\[hub\]'"):
         find_model("owner/rooms")

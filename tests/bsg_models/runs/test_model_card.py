@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
-from bsg_data.dataset.dataset import Dataset
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
-from bsg_models.runs.checkpoint import read_header
-from bsg_models.runs.found_model import find_model
-from bsg_models.runs.model_card import (
-    card_text,
-    describe_model,
-    describe_training,
-    summarise_model,
-    write_card,
-)
-from bsg_models.runs.model_facts import ModelCard, TrainedOn, read_card
+from bsg_models.runs.checkpoint_file import read_fields
+from bsg_models.runs.model_card import ModelCard, TrainedOn, read_card, write_card
+from bsg_models.runs.model_summary import describe_model, list_shipped, summarise_model
 
 HM3D = TrainedOn(
     source="hm3d",
@@ -53,7 +48,7 @@ def test_the_more_restrictive_terms_are_those_of_the_weights(
     card = ModelCard(name="rooms", purpose="For all.", trained_on=trained_on)
     assert card.licence == licence
     assert data in card.data
-    text = write_card(card, header=read_header(run / "best.safetensors"))
+    text = write_card(card, fields=read_fields(run / "best.safetensors"))
     assert read_card(text, origin="card") == card
     said = yaml.safe_load(text.split("---")[1])
     assert said["license"] == front
@@ -63,8 +58,8 @@ def test_the_more_restrictive_terms_are_those_of_the_weights(
 
 def test_names_of_a_hostile_model_are_no_markup(run: Path) -> None:
     evil = "<b>`|[x](y)\n```\n# z"
-    header = read_header(run / "best.safetensors")
-    space = header.class_space.model_copy(update={"name": evil})
+    fields = read_fields(run / "best.safetensors")
+    fields["class_space"]["name"] = evil
     source = TrainedOn(
         source=evil,
         buildings=1,
@@ -75,7 +70,7 @@ def test_names_of_a_hostile_model_are_no_markup(run: Path) -> None:
     )
     text = write_card(
         ModelCard(name=evil, purpose=evil, trained_on=(source,)),
-        header=header.model_copy(update={"class_space": space}),
+        fields=fields,
     )
     body = text.partition("\n---\n")[2]
     escaped = r"&lt;b&gt;\`\|\[x\](y) \`\`\` # z"
@@ -92,24 +87,13 @@ def test_a_card_has_figures_and_what_the_weights_tell(run: Path) -> None:
     card = ModelCard(name="rooms", purpose="For all.", trained_on=(HM3D,))
     text = write_card(
         card,
-        header=read_header(run / "best.safetensors"),
+        fields=read_fields(run / "best.safetensors"),
         figures=[{"mask": "uniform", "AUROC": 0.91234, "beside": None}],
         measured=["An attacker is right in 62 % of the cases."],
     )
     assert "| uniform | 0.912 | – |" in text
     assert "right in 62 % of the cases" in text
     assert "`hm3d45-v2`, 45 classes" in text
-
-
-def test_the_sources_of_a_dataset_are_those_of_the_model(dataset: Path) -> None:
-    (only,) = describe_training(Dataset.open(dataset))
-    assert (only.source, only.buildings) == ("hm3d", 12)
-    assert only.licence == "LicenseRef-matterport-academic"
-
-
-def test_a_run_has_a_card_that_says_what_nobody_knows(run: Path) -> None:
-    text = card_text(find_model(run), read_header(run / "best.safetensors"))
-    assert "Ask whoever trained the model" in text
 
 
 @pytest.mark.parametrize(
@@ -130,6 +114,31 @@ def test_what_is_no_card_is_refused(text: str) -> None:
 def test_the_model_that_is_asked_is_said(run: Path) -> None:
     assert describe_model() == "universal (shipped; trained on 12 buildings of synthetic)"
     assert describe_model(run) == f"run (run, {run / 'best.safetensors'})"
-    assert summarise_model(run).kind == "run"
+    summary = summarise_model(run)
+    assert summary.kind == "run"
+    assert "Ask whoever trained the model" in summary.card
     with pytest.raises(CheckpointError):
         describe_model(Path("none"))
+
+
+def test_shipped_models_are_listed_in_their_order(shipped: Path) -> None:
+    first, second = list_shipped()
+    assert (first.name, second.name) == ("universal", "other")
+    assert first.data == "12 buildings of synthetic"
+    assert first.licence == "Apache-2.0"
+    assert first.sha256 == hash_file(shipped / "universal.safetensors")
+    assert (first.zoo_name, first.class_space, first.classes) == ("gamma-poisson", "hm3d45-v2", 45)
+    assert summarise_model("other") == second
+
+
+def test_the_command_lists_them_without_slow_imports() -> None:
+    slow = ("matplotlib", "pandas", "pyarrow", "scipy", "torch")
+    lines = (
+        "import sys\n"
+        f"for name in {slow}: sys.modules[name] = None\n"  # any import of them raises now
+        "from bsg_cli.models import main\n"
+        "main(['list'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].startswith("universal ")

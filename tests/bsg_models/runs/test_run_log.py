@@ -5,22 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conftest import tomllib
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.inputs.bounds import RUN_RECORD
-from bsg_models.errors import TrainingError
 from bsg_models.runs.run_folder import CONFIG, LOG
 from bsg_models.runs.run_log import Begun, Ended, keep_log, read_log
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import (
     RunConfig,
     find_config,
     override,
     read_config,
     validate_config,
-    write_toml,
 )
 
 SMALL = ["model.width=8", "training.epochs=4", "training.batch_size=4", "training.validate_every=2"]
@@ -29,12 +24,6 @@ SMALL = ["model.width=8", "training.epochs=4", "training.batch_size=4", "trainin
 def configure(*settings: str) -> RunConfig:
     tables = override(find_config("ceci-gcn").model_dump(mode="json"), [*SMALL, *settings])
     return validate_config(tables, source="test")
-
-
-@pytest.mark.parametrize("name", ZOO.names())
-def test_every_configuration_is_read_back_from_toml(name: str) -> None:
-    config = find_config(name)
-    assert validate_config(tomllib.loads(write_toml(config)), source=name) == config
 
 
 def test_a_run_is_trained_again_by_what_it_kept(dataset: Path, tmp_path: Path) -> None:
@@ -86,13 +75,3 @@ def test_a_run_without_a_log_says_nothing(tmp_path: Path) -> None:
     assert read_log(tmp_path) == ()
     (tmp_path / LOG).write_bytes(b"")
     assert read_log(tmp_path) == ()
-
-
-def test_a_log_that_is_too_large_is_not_read_to_add_to_it(dataset: Path, tmp_path: Path) -> None:
-    with (tmp_path / "log.jsonl").open("wb") as file:
-        file.truncate(RUN_RECORD.bytes + 1)
-    with (
-        pytest.raises(TrainingError, match=r"log\.jsonl: expected at most 16,777,216"),
-        keep_log(tmp_path, configure(), Dataset.open(dataset)),
-    ):
-        raise AssertionError("nothing is trained")

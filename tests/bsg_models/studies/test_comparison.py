@@ -23,8 +23,7 @@ from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_t
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
-from bsg_models.runs.found_model import FoundModel
-from bsg_models.runs.shipped import Kind
+from bsg_models.runs.found_model import FoundModel, Kind
 from bsg_models.studies.comparison import (
     compare_runs,
     encode_comparison,

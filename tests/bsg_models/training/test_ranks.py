@@ -7,7 +7,6 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from torch import distributed
@@ -45,15 +44,6 @@ def test_a_process_alone_leads() -> None:
         ranks.wait()
         assert ranks.add(torch.ones(2)).tolist() == [1, 1]
     assert leads_training()
-
-
-@pytest.mark.parametrize(("batch_size", "size"), [(32, 2), (7, 3), (3, 3)])
-def test_shares_of_a_batch_are_the_batch(batch_size: int, size: int) -> None:
-    places = np.arange(2 * batch_size)
-    taken = [Ranks(number, size).takes(places, batch_size=batch_size) for number in range(size)]
-    assert (np.sum(taken, axis=0) == 1).all()
-    for number, mine in enumerate(taken):
-        assert mine[:batch_size].sum() == Ranks(number, size).share_of(batch_size)
 
 
 def test_a_gpu_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -12,16 +11,15 @@ from safetensors.torch import load_file
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import DatasetError, MismatchError
+from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.results import SEAL
-from bsg_models.errors import CheckpointError, TrainingError
+from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
-    require_dataset,
     restore_model,
     save_checkpoint,
 )
@@ -221,11 +219,6 @@ def test_a_run_that_lost_a_part_is_not_resumed(dataset: Path, tmp_path: Path) ->
     with pytest.raises(TrainingError, match="not the metrics of a run"):
         list(train_run(longer, dataset, run, resume=True))
     (run / METRICS).write_text(whole)
-    tensors = weights(run / LAST)
-    rewrite(run / LAST, {n: t for n, t in tensors.items() if not n.endswith("bias.step")})
-    with pytest.raises(CheckpointError, match=r"adam\..*bias\.step is missing"):
-        list(train_run(longer, dataset, run, resume=True))
-    rewrite(run / LAST, tensors)
     (run / BEST).unlink()
     with pytest.raises(TrainingError, match="is gone"):
         list(train_run(longer, dataset, run, resume=True))
@@ -274,53 +267,9 @@ def test_models_that_count_are_saved_and_loaded_alike(
     assert checkpoint.header.config == configure(name=name)
 
 
-def saved(dataset: Path, tmp_path: Path) -> Path:
-    list(train_run(configure("training.epochs=2"), dataset, tmp_path / "run"))
-    return tmp_path / "run" / BEST
-
-
 def rewrite(path: Path, tensors: dict[str, torch.Tensor], **update: Any) -> None:
     header = load_checkpoint(path).header.model_copy(update=update)
     save_checkpoint(path, CheckpointHeader.model_validate(header.model_dump()), tensors)
-
-
-def test_a_checkpoint_of_another_shape_is_refused(dataset: Path, tmp_path: Path) -> None:
-    path = saved(dataset, tmp_path)
-    tensors = weights(path)
-    narrow = {n: t[:1] if n == "model.convolutions.0.bias" else t for n, t in tensors.items()}
-    rewrite(path, narrow)
-    with pytest.raises(CheckpointError, match=r"needs \(8,\), the file has \(1,\)"):
-        restore_model(path, load_checkpoint(path))
-    nans = {n: t * float("nan") if t.is_floating_point() else t for n, t in tensors.items()}
-    rewrite(path, nans)
-    with pytest.raises(CheckpointError, match="not finite"):
-        restore_model(path, load_checkpoint(path))
-    rewrite(path, {n: t for n, t in tensors.items() if n != "model.convolutions.0.bias"})
-    with pytest.raises(CheckpointError, match="the file has no such tensor"):
-        restore_model(path, load_checkpoint(path))
-
-
-def test_a_checkpoint_of_another_class_space_is_refused(dataset: Path, tmp_path: Path) -> None:
-    path = saved(dataset, tmp_path)
-    header = load_checkpoint(path).header
-    manifest = read_manifest(dataset)
-    require_dataset(path, header, manifest)
-    shuffled = header.class_space.model_copy(update={"classes": header.class_space.classes[::-1]})
-    with pytest.raises(MismatchError):
-        require_dataset(path, header.model_copy(update={"class_space": shuffled}), manifest)
-    other = header.class_space.model_copy(update={"name": "mine-v1", "sha256": "f" * 64})
-    foreign = header.model_copy(update={"class_space": other})
-    with pytest.raises(MismatchError, match=r"mine-v1 \(sha256 ffffffffffff…\).*hm3d45-v2"):
-        require_dataset(path, foreign, manifest)
-
-
-def test_no_code_can_hide_in_a_checkpoint(dataset: Path, tmp_path: Path) -> None:
-    """A safetensors file is a length, a JSON header and numbers: nothing to execute."""
-    data = saved(dataset, tmp_path).read_bytes()
-    length = int.from_bytes(data[:8], "little")
-    header = json.loads(data[8 : 8 + length])
-    ends = [entry["data_offsets"][1] for name, entry in header.items() if name != "__metadata__"]
-    assert len(data) == 8 + length + max(ends)
 
 
 def test_a_calibration_of_a_sample_says_so(
