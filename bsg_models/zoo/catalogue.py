@@ -43,7 +43,6 @@ ZOO: Registry[ZooRow] = Registry(
         "input": "bsg_models.zoo.baselines:INPUT",
         "doubled": "bsg_models.zoo.baselines:DOUBLED",
         "train-mean": "bsg_models.zoo.baselines:TRAIN_MEAN",
-        "conditional": "bsg_models.zoo.conditional:CONDITIONAL",
         "gamma-poisson": "bsg_models.zoo.gamma_poisson:GAMMA_POISSON",
         "tilted-gamma-poisson": "bsg_models.zoo.gamma_poisson:TILTED_GAMMA_POISSON",
         "prior-table": "bsg_models.zoo.prior_table:PRIOR_TABLE",

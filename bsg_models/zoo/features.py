@@ -1,6 +1,15 @@
 """Turn a node into a network's features: its histogram, its mask, its building, its surroundings.
 
 Every feature is of order one, whatever the size of a room or a building.
+
+`LabelPrior` is common sense about room labels. Few buildings have a laundry room, and a table
+written down by hand knows what one holds (`bsg_models.zoo.prior_table`). It changes the odds that a
+room holds any of class c, and not how many it holds if it does:
+
+    log odds of at least one  +=  f · trust_c · (logit P(c | label) − logit P(c | any room))
+
+f is the share that the room hides: where a robot has looked, objects say more than the label. The
+network learns how far to trust the table, and what it knows better of labels that occur often.
 """
 
 from __future__ import annotations
@@ -9,15 +18,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
 import torch
 from pydantic import Field, field_validator
+from scipy.special import logit
 from torch import nn
 from torch_geometric.utils import scatter
 
+from bsg_data.scene.room_label import list_room_labels
 from bsg_models.inputs.nodes import EVIDENCE, Nodes
+from bsg_models.zoo.prior_table import read_prior_table
 from bsg_models.zoo.settings import ModelConfig
 
 _SILENT_ROOMS = 3.0  # without anything, added to the others: one room says little of the next
+_TRUST = 0.5  # in the table, at the start
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
 
 EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
@@ -172,3 +186,25 @@ class ShownDropout(nn.Module):
         for columns in self.kept:
             dropped[:, columns] = features[:, columns]
         return dropped
+
+
+class LabelPrior(nn.Module):
+    """What common sense adds to the log odds of a class in a room with a label."""
+
+    log_odds: torch.Tensor  # [L, C] minus those of any room; 0 for labels that are not listed
+
+    def __init__(self, classes: int) -> None:
+        super().__init__()
+        self.register_buffer("log_odds", torch.zeros(len(list_room_labels()), classes))
+        self.trust = nn.Parameter(torch.full((classes,), _TRUST))
+
+    def read_table(self, classes: tuple[str, ...]) -> None:
+        """Read the shipped table."""
+        presence, weight = read_prior_table("", classes).list_types(classes)
+        log_odds = logit(presence) - logit(weight @ presence)
+        self.log_odds.copy_(torch.from_numpy(np.where(weight[:, None] > 0, log_odds, 0.0)))
+
+    def forward(self, labels: torch.Tensor) -> torch.Tensor:
+        """Return what f = 1 adds `[N, C]`, given P(label) `[N, L]`; 0 where it is unknown."""
+        added: torch.Tensor = labels @ self.log_odds * self.trust
+        return added

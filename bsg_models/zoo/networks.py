@@ -15,7 +15,7 @@ the trunk.
 
 The prior of the first true counts is tilted (`bsg_models.belief.negative_binomial`) by factors that
 are also linear in h: rooms have one refrigerator, not two. Common sense about the room's label
-tilts the count 0 (`bsg_models.zoo.label_prior`).
+tilts the count 0 (`bsg_models.zoo.features`).
 """
 
 from __future__ import annotations
@@ -42,9 +42,14 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.nodes import Neighbours, Nodes
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.features import EVERYTHING, NetworkConfig, NodeFeatures, ShownDropout
+from bsg_models.zoo.features import (
+    EVERYTHING,
+    LabelPrior,
+    NetworkConfig,
+    NodeFeatures,
+    ShownDropout,
+)
 from bsg_models.zoo.gcn import WritesNoFile
-from bsg_models.zoo.label_prior import LabelPrior
 from bsg_models.zoo.model import ModelInputs, Network, to_array
 from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, VARIED, WHATEVER, DataConfig
 

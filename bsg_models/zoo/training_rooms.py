@@ -6,7 +6,7 @@ Buildings are read one part of the dataset at a time, so only the result stays i
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +14,8 @@ import numpy.typing as npt
 from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import (
-    BATCH,
     MaskedBuildings,
-    stream_sampled,
 )
-from bsg_data.recipes import MaskRecipe
-from bsg_models.errors import TrainingError
-from bsg_models.inputs.folds import scenes_of
-from bsg_models.zoo.settings import DataConfig
 
 Tally = tuple[Ints, Ints]  # distinct counts, rising, and the number of rooms with each
 
@@ -49,22 +43,6 @@ def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
             tally.update(dict(zip(values.tolist(), times.tolist(), strict=True)))
     both = [np.array(sorted(tally.items()), dtype=np.int64).reshape(-1, 2) for tally in tallies]
     return [(values_times[:, 0], values_times[:, 1]) for values_times in both]
-
-
-def stream_uniform(data: Dataset, choice: DataConfig, *, draws: int) -> Iterator[MaskedBuildings]:
-    """Yield the training buildings under uniform masks of the choice's fraction.
-
-    The masks are uniform whatever the strategy, because only partly seen rooms show what one class
-    says about another. All masks of some buildings come before the next, so that each part of the
-    dataset is read once.
-    """
-    if not choice.mask.fraction:
-        raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")
-    mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
-    scenes = scenes_of(data, "train", fold=choice.fold)
-    streams = [stream_sampled(data, scenes, mask=mask, draw=draw) for draw in range(draws)]
-    for _ in range(0, len(scenes), BATCH):
-        yield from map(next, streams)
 
 
 def take_sample(masked: MaskedBuildings, *, most: int) -> MaskedBuildings:

@@ -72,6 +72,21 @@ def test_naive_bayes_is_bayes_rule() -> None:
     assert found.presence[2].tolist() == pytest.approx([1 - 0.5**2, 1 - 0.8**2])
 
 
+def test_conditional_is_the_mean_over_what_was_seen() -> None:
+    from bsg_rivals.conditional import ConditionalConfig, ConditionalModel
+
+    model = ConditionalModel(ConditionalConfig(observe="classes"), ModelInputs(classes=2))
+    model.presence.copy_(torch.tensor([[0.8, 0.1], [0.2, 0.5], [0.3, 0.3]]))
+    model.hidden.copy_(torch.tensor([[2.6, 0.2], [0.4, 1.0], [0.6, 0.6]]))
+    model.fraction.fill_(0.5)
+    found = model.predict(observe_building([[9, 9], [2, 0], [1, 3], [0, 0]]))
+    np.testing.assert_allclose(found.presence[1:], [[0.8, 0.1], [0.5, 0.3], [0.3, 0.3]])
+    np.testing.assert_allclose(found.hidden[1:], [[2.6, 0.2], [1.5, 0.6], [0.6, 0.6]])
+    quarter = model.predict(observe_building([[2, 0], [2, 0]], hidden_share=0.25))
+    np.testing.assert_allclose(quarter.hidden[1], [1.3, 0.1])
+    np.testing.assert_allclose(quarter.presence[1], 1 - np.sqrt([0.2, 0.9]))
+
+
 def test_pmi_is_the_mean_over_what_is_seen() -> None:
     from bsg_rivals.cooccurrence import BEHAVIOR_TABLE, Cooccurrence, CooccurrenceConfig, read_table
 

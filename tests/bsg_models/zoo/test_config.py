@@ -28,7 +28,6 @@ COUNTING = {
     "input",
     "doubled",
     "train-mean",
-    "conditional",
     "gamma-poisson",
     "tilted-gamma-poisson",
     "prior-table",

@@ -16,11 +16,9 @@ from bsg_data.observation.masked_buildings import sample_masked, stack_masked
 from bsg_data.observation.observation import stack
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
-from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.training.training import new_model
 from bsg_models.zoo.calibration import fit_calibration, recalibrate
-from bsg_models.zoo.conditional import ConditionalConfig, ConditionalModel
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import (
     GammaPoissonConfig,
@@ -29,8 +27,7 @@ from bsg_models.zoo.gamma_poisson import (
 )
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
-from bsg_models.zoo.settings import DataConfig
-from bsg_models.zoo.training_rooms import read_rooms, stream_uniform, take_sample, tally_rooms
+from bsg_models.zoo.training_rooms import read_rooms, take_sample, tally_rooms
 
 TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal", "prior-table")
 STOVE = 35
@@ -131,48 +128,6 @@ def test_a_building_of_tilted_rooms_has_what_any_of_them_has() -> None:
     none = (1 - distribution.presence[1:]).prod(axis=0)
     np.testing.assert_allclose(found.presence[0], 1 - none, atol=1e-9)
     np.testing.assert_array_equal(found.presence[1:], distribution.presence[1:])
-
-
-def test_conditional_is_the_mean_over_what_was_seen() -> None:
-    model = ConditionalModel(ConditionalConfig(observe="classes"), ModelInputs(classes=2))
-    model.presence.copy_(torch.tensor([[0.8, 0.1], [0.2, 0.5], [0.3, 0.3]]))
-    model.hidden.copy_(torch.tensor([[2.6, 0.2], [0.4, 1.0], [0.6, 0.6]]))
-    model.fraction.fill_(0.5)
-    found = model.predict(observe_building([[9, 9], [2, 0], [1, 3], [0, 0]]))
-    np.testing.assert_allclose(found.presence[1:], [[0.8, 0.1], [0.5, 0.3], [0.3, 0.3]])
-    np.testing.assert_allclose(found.hidden[1:], [[2.6, 0.2], [1.5, 0.6], [0.6, 0.6]])
-    quarter = model.predict(observe_building([[2, 0], [2, 0]], hidden_share=0.25))
-    np.testing.assert_allclose(quarter.hidden[1], [1.3, 0.1])
-    np.testing.assert_allclose(quarter.presence[1], 1 - np.sqrt([0.2, 0.9]))
-
-
-@pytest.mark.parametrize("observe", ["classes", "counts"])
-def test_conditional_counts_as_a_naive_loop_does(dataset: Path, observe: str) -> None:
-    data = Dataset.open(dataset)
-    config = ConditionalConfig(observe=observe, draws=2, smoothing=1.5)  # type: ignore[arg-type]
-    model = ConditionalModel(config, ModelInputs(classes=45))
-    model.fit(data, DataConfig())
-    masked = stack_masked(list(stream_uniform(data, DataConfig(), draws=2)))
-    rows = ~masked.seen.is_building
-    seen, hidden = masked.seen.inputs[rows], (masked.targets - masked.seen.inputs)[rows]
-    classes = data.manifest.class_space.classes
-    levels = 4 if observe == "counts" else 1
-    for name, level in (("chair", 2), ("pillow", 1), ("bed", 1)):
-        j = classes.index(name)
-        observed = np.minimum(seen[:, j], levels) == min(level, levels)
-        for c in range(45):
-            overall = (hidden[:, c] > 0).mean()
-            expected = ((hidden[observed, c] > 0).sum() + 1.5 * overall) / (observed.sum() + 1.5)
-            row = j * levels + min(level, levels) - 1
-            assert float(model.presence[row, c]) == pytest.approx(expected)
-
-
-def test_masks_that_hide_nothing_teach_nothing(dataset: Path) -> None:
-    choice = DataConfig(mask=MaskRecipe(fraction=0.0))
-    with pytest.raises(TrainingError):
-        ConditionalModel(ConditionalConfig(), ModelInputs(classes=45)).fit(
-            Dataset.open(dataset), choice
-        )
 
 
 def test_rooms_are_in_the_order_that_is_asked_for(dataset: Path) -> None:

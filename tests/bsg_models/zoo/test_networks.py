@@ -27,10 +27,9 @@ from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.features import NetworkConfig, NodeFeatures, ShownDropout
+from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, ShownDropout
 from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
 from bsg_models.zoo.gcn import CECIGCN, GCNConfig
-from bsg_models.zoo.label_prior import LabelPrior
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.networks import CountNetwork, PriorHead
 from bsg_models.zoo.prior_table import read_prior_table

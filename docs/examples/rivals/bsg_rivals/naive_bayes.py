@@ -23,7 +23,7 @@ from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
-from bsg_models.zoo.training_rooms import stream_uniform
+from bsg_rivals.conditional import stream_uniform
 
 
 class NaiveBayesConfig(ModelConfig):

@@ -24,6 +24,7 @@ the counting, the rate is scaled.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -32,14 +33,17 @@ from pydantic import Field
 
 from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stream_sampled
 from bsg_data.observation.observation import Observation
+from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.errors import TrainingError
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
-from bsg_models.zoo.training_rooms import stream_uniform
 
 _LEVELS = 4  # 1, 2, 3, and more
 
@@ -107,6 +111,22 @@ class ConditionalModel(BeliefModel):
         """Return which observations hold in each node, `[N, C · levels]`."""
         levels = np.minimum(seen, self.levels)[:, :, None] == np.arange(1, self.levels + 1)
         return np.asarray(levels.reshape(len(seen), -1).astype(float))
+
+
+def stream_uniform(data: Dataset, choice: DataConfig, *, draws: int) -> Iterator[MaskedBuildings]:
+    """Yield the training buildings under uniform masks of the choice's fraction.
+
+    The masks are uniform whatever the strategy, because only partly seen rooms show what one class
+    says about another. All masks of some buildings come before the next, so that each part of the
+    dataset is read once.
+    """
+    if not choice.mask.fraction:
+        raise TrainingError("masks that hide nothing teach nothing: raise data.mask.fraction")
+    mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
+    scenes = scenes_of(data, "train", fold=choice.fold)
+    streams = [stream_sampled(data, scenes, mask=mask, draw=draw) for draw in range(draws)]
+    for _ in range(0, len(scenes), BATCH):
+        yield from map(next, streams)
 
 
 CONDITIONAL = ZooRow(ConditionalConfig(), ConditionalModel)
