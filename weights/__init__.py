@@ -1,1 +1,1 @@
-"""Shipped models: data files only; `bsg_models.runs.shipped` finds them."""
+"""Shipped models: data files only; `bsg_models.runs.found_model` finds them."""
