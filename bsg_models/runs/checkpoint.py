@@ -21,7 +21,6 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.kept_maps import read_class_maps
 from bsg_data.dataset.schema import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.recipes import Record, name_fault
@@ -90,7 +89,7 @@ def make_header(
     return CheckpointHeader(
         config=config,
         class_space=data.manifest.class_space,
-        class_maps=read_class_maps(data.path, data.manifest),
+        class_maps=tuple(entry.read(data.path) for entry in data.manifest.class_maps),
         vocabulary=vocabulary,
         dataset_sha256=data.sha256,
         **fields,
