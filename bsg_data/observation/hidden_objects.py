@@ -6,17 +6,34 @@ of the classified objects.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from decimal import Decimal
+from typing import Any, Literal
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Counts, Floats, Ints
-from bsg_data.observation.mask_streams import Stream, mask_generator, mask_generators
+from bsg_data.arrays import Bools, Counts, Ints
+from bsg_data.dataset.histograms import OtherObjects
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_space import find_wholes
+
+# 3 was of a version before
+_STREAM = {"rooms": 0, "classified": 1, "unclassified": 2, "withheld": 4, "parts": 5, "detector": 6}
+
+
+def mask_generator(
+    recipe: MaskRecipe, *, scene_id: str, draw: int, stream: str
+) -> np.random.Generator:
+    """Return the generator of one part of one draw of one building: a key of `_STREAM`.
+
+    Its seed depends only on these, never on order, workers or other buildings.
+    """
+    building = np.frombuffer(hashlib.sha256(scene_id.encode()).digest()[:16], dtype="<u4")
+    entropy = [recipe.seed, *building.tolist(), draw, _STREAM[stream]]
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 
 def sample_hidden(
@@ -26,7 +43,7 @@ def sample_hidden(
     *,
     scene_id: str,
     draw: int,
-    stream: Stream = "classified",
+    stream: Literal["classified", "unclassified"] = "classified",
 ) -> Counts:
     """Sample how many objects of every cell are hidden, `[1 + R, K]`, never above `cells`.
 
@@ -34,38 +51,44 @@ def sample_hidden(
     region. Each kind of objects has its own stream of random numbers.
     """
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream=stream)
-    hidden = _Hiding.under(view, cells).draw(rng)
+    hidden = _hide_exactly(cells, view, rng) if view.exact else _hide_each(cells, view, rng)
     return np.where(view.withheld, cells, hidden) if stream == "classified" else hidden
 
 
-def sample_hidden_draws(
-    cells: Counts,
-    views: Sequence[View],
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draws: Sequence[int],
-) -> Counts:
-    """Sample as `sample_hidden` does, for D views and draws, but faster.
+def sample_unknown(
+    recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int, words: int = 0
+) -> tuple[Bools, Bools]:
+    """Sample which classes `[C]` and other words `[K]` the robot's detector does not know."""
+    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="detector")
+    limited, known = rng.random() < recipe.detector, rng.random()
+    return limited & (rng.random(classes) > known), limited & (rng.random(words) > known)
 
-    Of the nodes `[K, C]` that the views have of the building, those of one view after another.
+
+def _hide_each(cells: Counts, view: View, rng: np.random.Generator) -> Counts:
+    """Hide every object by itself, with the share of its node."""
+    return rng.binomial(cells, view.hidden_share[:, None])
+
+
+def _hide_exactly(cells: Counts, view: View, rng: np.random.Generator) -> Counts:
+    """Hide an exact number of the objects of all nodes of one share.
+
+    Single objects taken without replacement, counted per cell, are multivariate hypergeometric.
     """
-    ends = np.cumsum([len(view.nodes) for view in views])
-    hidden = np.empty((ends[-1], cells.shape[1]), dtype=cells.dtype)
-    rngs = mask_generators(recipe, scene_id=scene_id, draws=draws, stream="classified")
-    hiding, same = None, None
-    for view, rng, end in zip(views, rngs, ends.tolist(), strict=True):
-        there, rows = view.cut(cells), slice(end - len(view.nodes), end)
-        if hiding is None or view is not same:
-            hiding, same = _Hiding.under(view, there), view
-        hidden[rows] = hiding.draw(rng)
-        if recipe.withhold or recipe.detector:
-            np.copyto(hidden[rows], there, where=view.withheld)
+    share = view.hidden_share
+    hidden = np.where((share == 1)[:, None], cells, 0)
+    for one in np.unique(share[(share > 0) & (share < 1)]).tolist():
+        there = np.where((share == one)[:, None], cells, 0)
+        # Exact in decimals: 0.29 of 100 is 29, not 28.
+        if number := math.floor(Decimal(repr(one)) * int(there.sum())):
+            places = np.nonzero(there)
+            hidden[places] = rng.multivariate_hypergeometric(
+                there[places], number, method="marginals"
+            )
     return hidden
 
 
-def sample_hidden_others(
-    cells: Counts,
+def sample_others(
+    others: OtherObjects,
     view: View,
     recipe: MaskRecipe,
     *,
@@ -73,35 +96,33 @@ def sample_hidden_others(
     draw: int,
     there: Counts,
     hidden: Counts,
-    wholes: Ints | None = None,
+    classes: Sequence[str],
 ) -> Counts:
-    """Sample how many objects outside the classes are hidden, by room and category.
+    """Sample how many objects outside the classes are seen, by room and category.
 
     Parts of a thing are hidden with it, if the recipe says so: each part is attached to a random
     thing of its class in its room. Where the room has none, and in the null region, which is no
-    room, it falls under the ordinary rule.
+    room, it falls under the ordinary rule. What the robot's detector does not know is not seen.
 
-    `cells` `[N, K]` are the objects outside the classes, row 0 the null region; `there` `[N, C]`
-    the classified ones and `hidden` those of them that are hidden; `wholes` `[K]` the class that
-    each category is a part of, -1 for none, which is read with `recipe.parts` alone. Returns
-    `[N, K]`, nowhere above `cells`.
+    `others` are the objects outside the classes of the building, `there` `[N, C]` the classified
+    ones of the robot's graph, and `hidden` those of them that are hidden. Returns what is left of
+    the others in the graph, `[N, K]`.
     """
-    attached = np.zeros(cells.shape, dtype=bool)
-    if recipe.parts and wholes is not None:
-        attached = have_wholes(there, wholes)
-    gone = sample_hidden(
-        np.where(attached, 0, cells),
-        view,
-        recipe,
-        scene_id=scene_id,
-        draw=draw,
-        stream="unclassified",
-    )
-    if wholes is None or not attached.any():
-        return gone
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="parts")
-    rate = np.where(attached, hidden[:, wholes] / np.maximum(there[:, wholes], 1), 0.0)
-    return gone + rng.binomial(np.where(attached, cells, 0), rate)
+    which: Any = {"scene_id": scene_id, "draw": draw}
+    cells = view.cut(others.cells)
+    wholes = find_wholes(others.categories, classes)
+    attached = have_wholes(there, wholes) & recipe.parts
+    alone, parts = np.where(attached, 0, cells), np.where(attached, cells, 0)
+    gone = sample_hidden(alone, view, recipe, **which, stream="unclassified")
+    if attached.any():
+        rng = mask_generator(recipe, **which, stream="parts")
+        rate = np.where(attached, hidden[:, wholes] / np.maximum(there[:, wholes], 1), 0.0)
+        gone += rng.binomial(parts, rate)
+    if recipe.detector:
+        size = {"classes": len(classes), "words": cells.shape[1]}
+        _, unknown = sample_unknown(recipe, **which, **size)
+        gone[:, unknown] = cells[:, unknown]
+    return cells - gone
 
 
 def have_wholes(there: Counts, wholes: Ints) -> Bools:
@@ -113,62 +134,3 @@ def have_wholes(there: Counts, wholes: Ints) -> Bools:
     attached = (wholes >= 0) & (there[:, wholes] > 0)
     attached[0] = False
     return attached
-
-
-@dataclass(frozen=True, eq=False)
-class _Hiding:
-    """How the objects of some cells are hidden under a view, for one draw or many."""
-
-    certain: Counts  # [1 + R, K] what is hidden whatever is drawn
-    taken: tuple[tuple[_Some, int], ...]  # cells of a share that loses an exact number of objects
-    rest: tuple[_Some, Floats] | None  # cells whose objects are each hidden by itself, with shares
-
-    @classmethod
-    def under(cls, view: View, cells: Counts) -> _Hiding:
-        """Return how the objects of cells `[1 + R, K]` are hidden under a view of the 1 + R."""
-        share = view.hidden_share
-        if not view.exact:
-            some = _Some.of(cells)
-            return cls(np.zeros_like(cells), (), (some, share[some.places // cells.shape[1]]))
-        taken = []
-        for one in np.unique(share[(share > 0) & (share < 1)]).tolist():
-            some = _Some.of(np.where((share == one)[:, None], cells, 0))
-            if number := _count_exactly(one, int(some.counts.sum())):
-                taken.append((some, number))
-        return cls(np.where((share == 1)[:, None], cells, 0), tuple(taken), None)
-
-    def draw(self, rng: np.random.Generator) -> Counts:
-        """Sample how many objects of every cell are hidden, `[1 + R, K]`.
-
-        Single objects taken without replacement, counted per cell, are multivariate hypergeometric.
-        """
-        hidden = self.certain.copy()
-        flat = hidden.reshape(-1)
-        for some, number in self.taken:
-            flat[some.places] = rng.multivariate_hypergeometric(
-                some.counts, number, method="marginals"
-            )
-        if self.rest is not None:
-            some, shares = self.rest
-            # Cells without objects take no random number: leaving them out changes nothing.
-            flat[some.places] = rng.binomial(some.counts, shares)
-        return hidden
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Some:
-    """The cells that hold objects: their places in the flattened cells, and how many in each."""
-
-    places: Ints
-    counts: Counts
-
-    @classmethod
-    def of(cls, cells: Counts) -> _Some:
-        flat = cells.ravel()
-        places = np.flatnonzero(flat)
-        return cls(places, flat[places])
-
-
-def _count_exactly(share: float, number: int) -> int:
-    """Return ⌊share · number⌋, exact in decimals: 0.29 of 100 is 29, not 28."""
-    return math.floor(Decimal(repr(share)) * number)

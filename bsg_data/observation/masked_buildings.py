@@ -17,14 +17,12 @@ import pyarrow as pa
 from bsg_data.arrays import Counts, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
-from bsg_data.errors import DatasetError
-from bsg_data.observation.hidden_objects import sample_hidden, sample_hidden_others
-from bsg_data.observation.masks import sample_unknown, sample_view
+from bsg_data.observation.hidden_objects import sample_hidden, sample_others
+from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import histogram_column, read_views, stream_pairs
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.class_space import find_wholes
 
 BATCH = 256  # buildings in memory at a time
 _place_columns = lru_cache(maxsize=4096)(place_columns)
@@ -77,52 +75,37 @@ def stream_sampled(
     *,
     mask: MaskRecipe,
     draw: int,
-    fractions: tuple[float, float] | None = None,
     vocabulary: tuple[str, ...] = (),
-    size: int = BATCH,
 ) -> Iterator[MaskedBuildings]:
-    """Yield mask number `draw` of some buildings in order, `size` at a time.
+    """Yield mask number `draw` of some buildings in order, `BATCH` at a time.
 
-    The `fractions` say from where to where the fraction varies from mask to mask, instead of that
-    of `mask`; the `vocabulary` has the categories outside the classes that are looked for. Scenes
-    in the order of the tables read each part of these once.
+    Scenes in the order of the tables read each part of these once.
     """
-    recipes = vary_fractions(mask, fractions, draw, len(scenes))
-    for first in range(0, len(scenes), size):
-        some = np.s_[first : first + size]
-        yield sample_each(data, scenes[some], recipes[some], draw=draw, vocabulary=vocabulary)
+    for first in range(0, len(scenes), BATCH):
+        some = scenes[first : first + BATCH]
+        yield sample_masked(data, some, mask=mask, draw=draw, vocabulary=vocabulary)
 
 
 def sample_masked(
     data: Dataset,
     scenes: Sequence[str],
     *,
-    mask: MaskRecipe,
-    draw: int,
-    fractions: tuple[float, float] | None = None,
-    vocabulary: tuple[str, ...] = (),
-) -> MaskedBuildings:
-    """Sample what `stream_sampled` yields, one building or more, as one record."""
-    recipes = vary_fractions(mask, fractions, draw, len(scenes))
-    return sample_each(data, scenes, recipes, draw=draw, vocabulary=vocabulary)
-
-
-def sample_each(
-    data: Dataset,
-    scenes: Sequence[str],
-    recipes: Sequence[MaskRecipe],
-    *,
+    mask: MaskRecipe | Sequence[MaskRecipe],
     draw: int,
     vocabulary: tuple[str, ...] = (),
 ) -> MaskedBuildings:
-    """Sample mask number `draw` of some buildings, each by its own recipe."""
+    """Sample mask number `draw` of one building or more, by one recipe or each by its own.
+
+    The `vocabulary` has the categories outside the classes that are looked for.
+    """
+    recipes = [mask] * len(scenes) if isinstance(mask, MaskRecipe) else mask
     seen, targets, nodes = [], [], []
-    for scene, mask in zip(scenes, recipes, strict=True):
+    for scene, recipe in zip(scenes, recipes, strict=True):
         every, connections = data.cells(scene), data.connections(scene)
-        view = sample_view(every.shape, mask, scene_id=scene, draw=draw, connections=connections)
+        view = sample_view(every.shape, recipe, scene_id=scene, draw=draw, connections=connections)
         cells = view.cut(every)
-        hidden = sample_hidden(cells, view, mask, scene_id=scene, draw=draw)
-        others = see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary)
+        hidden = sample_hidden(cells, view, recipe, scene_id=scene, draw=draw)
+        others = see_others(data, scene, recipe, draw, view, hidden, vocabulary=vocabulary)
         seen.append(_observe(data, scene, view, cells - hidden, vocabulary, others))
         targets.append(to_histograms(cells))
         nodes.append(view.nodes)
@@ -172,23 +155,11 @@ def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> 
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
     parts = []
     for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
-        _require_rising(data, scene, views.nodes[a:b])
         view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
         hidden = to_cells(targets[a:b]) - seen
         others = _see_stored_others(data, scene, int(draw), view, hidden, vocabulary)
         parts.append(_observe(data, scene, view, seen, vocabulary, others))
     return MaskedBuildings(stack(parts), targets, draws, views.nodes)
-
-
-def _require_rising(data: Dataset, scene: str, nodes: Ints) -> None:
-    size = len(data.cells(scene))
-    if (np.diff(nodes) <= 0).any() or nodes[-1] >= size:
-        raise DatasetError(
-            f"{data.path}: the pairs of {scene} are not for some of its nodes 0 to {size - 1}, in "
-            "order; run `bsg-data check` for details, `bsg-data pairs --force` to write them again",
-            code="pairs-torn",
-            where=scene,
-        )
 
 
 def _see_stored_others(
@@ -228,28 +199,16 @@ def see_others(
     if not vocabulary:
         return np.zeros((len(hidden), 0), dtype=np.int64)
     others = data.others(scene)
-    classes = data.manifest.class_space.classes
-    there = view.cut(others.cells)
-    gone = sample_hidden_others(
-        there,
+    seen = sample_others(
+        others,
         view,
         mask,
         scene_id=scene,
         draw=draw,
         there=view.cut(data.cells(scene)),
         hidden=hidden,
-        wholes=find_wholes(others.categories, classes) if mask.parts else None,
+        classes=data.manifest.class_space.classes,
     )
-    seen = there - gone
-    if mask.detector:
-        _, unknown = sample_unknown(
-            mask,
-            scene_id=scene,
-            draw=draw,
-            classes=len(classes),
-            words=len(others.categories),
-        )
-        seen[:, unknown] = 0
     return place_others(seen, others.categories, vocabulary)
 
 
@@ -274,15 +233,12 @@ def _observe(
     if len(view.nodes) < len(surroundings):
         connections = connections.among(view.nodes)
         surroundings = surroundings.take(view.nodes, buildings=slice(None))
-    return Observation(
-        scene_ids=(scene,),
-        starts=np.array([0, len(seen)]),
-        inputs=to_histograms(seen),
-        hidden_share=view.told,
-        visited=view.visited,
-        withheld=view.withheld,
+    return Observation.of_building(
+        scene,
+        view,
+        seen,
+        others,
         vocabulary=vocabulary,
-        others=to_histograms(others),
         connections=connections,
         surroundings=surroundings,
     )

@@ -33,15 +33,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import chain, repeat
+from typing import Any
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.observation.mask_streams import mask_generator, mask_generators
+from bsg_data.observation.hidden_objects import mask_generator, sample_unknown
 from bsg_data.observation.view import View
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
@@ -60,12 +58,10 @@ class Mask(ABC):
     Attributes:
         summary: what it hides, in one line.
         reads_connections: whether it uses the connections between rooms.
-        is_fixed: whether all draws give buildings with equally many rooms the same view.
     """
 
     summary: str
     reads_connections: bool = False
-    is_fixed: bool = False
 
     @abstractmethod
     def look(
@@ -93,7 +89,6 @@ class _Exploring(Mask):
     summary: str
     exploration: Exploration | None = None
     reads_connections: bool = True
-    is_fixed: bool = False
 
     def look(
         self,
@@ -278,7 +273,6 @@ UNIFORM = _Exploring(
         not_entered=(0, 0), searched=(0, 0), glimpsed=0, spread=0, connected=False, exact=True
     ),
     reads_connections=False,
-    is_fixed=True,
 )
 ROOMS = _Exploring(
     "whole rooms at random; the others show everything",
@@ -305,57 +299,21 @@ def sample_view(
 
     Without connections, none between rooms is known.
     """
-    (view,) = sample_views(shape, recipe, scene_id=scene_id, draws=(draw,), connections=connections)
-    return view
-
-
-def sample_views(
-    shape: tuple[int, int],
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draws: Sequence[int],
-    connections: Connections | None = None,
-) -> Iterator[View]:
-    """Yield `sample_view` of several draws, but faster; the same object if the mask `is_fixed`."""
     known = connections if connections is not None else Connections.of_pairs(())
-    mask = MASKS[recipe.strategy]
-    generators = partial(mask_generators, recipe, scene_id=scene_id)
-    sampled = draws[:1] if mask.is_fixed else draws
-    looks = (
-        mask.look(shape, recipe, connections=known, rng=rng)
-        for rng in generators(draws=sampled, stream="rooms")
-    )
-    views: Iterator[View] = chain.from_iterable(
-        repeat(view, len(draws) // len(sampled)) for view in looks
-    )
+    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="rooms")
+    view = MASKS[recipe.strategy].look(shape, recipe, connections=known, rng=rng)
+    which: Any = {"scene_id": scene_id, "draw": draw, "classes": shape[1]}
     if recipe.withhold:
-        numbers = generators(draws=draws, stream="withheld")
-        views = (
-            view.withhold(rng.random(shape[1]) < recipe.withhold)
-            for view, rng in zip(views, numbers, strict=True)
-        )
+        view = view.withhold(sample_withheld(recipe, **which))
     if recipe.detector:
-        views = (
-            view.blind(sample_unknown(recipe, scene_id=scene_id, draw=draw, classes=shape[1])[0])
-            for view, draw in zip(views, draws, strict=True)
-        )
-    yield from views
+        view = view.blind(sample_unknown(recipe, **which)[0])
+    return view
 
 
 def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int) -> Bools:
     """Sample which of the classes a mask withholds, `[C]`."""
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="withheld")
     return rng.random(classes) < recipe.withhold
-
-
-def sample_unknown(
-    recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int, words: int = 0
-) -> tuple[Bools, Bools]:
-    """Sample which classes `[C]` and other words `[K]` the robot's detector does not know."""
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="detector")
-    limited, known = rng.random() < recipe.detector, rng.random()
-    return limited & (rng.random(classes) > known), limited & (rng.random(words) > known)
 
 
 def _walk(

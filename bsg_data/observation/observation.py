@@ -21,6 +21,8 @@ from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
 
+_OF_NODES = ("inputs", "hidden_share", "visited", "withheld", "others")  # arrays of a row a node
+
 
 @dataclass(frozen=True, eq=False)
 class Observation:
@@ -50,6 +52,32 @@ class Observation:
     others: Counts
     connections: Connections
     surroundings: Surroundings
+
+    @classmethod
+    def of_building(
+        cls,
+        scene_id: str,
+        view: View,
+        cells: Counts,
+        others: Counts,
+        *,
+        vocabulary: tuple[str, ...],
+        connections: Connections,
+        surroundings: Surroundings,
+    ) -> Observation:
+        """Return what is seen of one building under a view: cells `[N, C]` and `[N, V]`."""
+        return cls(
+            scene_ids=(scene_id,),
+            starts=np.array([0, len(cells)]),
+            inputs=to_histograms(cells),
+            hidden_share=view.told,
+            visited=view.visited,
+            withheld=view.withheld,
+            vocabulary=vocabulary,
+            others=to_histograms(others),
+            connections=connections,
+            surroundings=surroundings,
+        )
 
     def __len__(self) -> int:
         """Return the number of buildings B."""
@@ -92,17 +120,13 @@ class Observation:
                 f"buildings {numbers[:5].tolist()}: expected one or more of 0..{len(self) - 1}"
             )
         rows, starts = self.rows_of(numbers)
-        return Observation(
+        return replace(
+            self,
             scene_ids=tuple(self.scene_ids[number] for number in numbers.tolist()),
             starts=starts,
-            inputs=self.inputs[rows],
-            hidden_share=self.hidden_share[rows],
-            visited=self.visited[rows],
-            withheld=self.withheld[rows],
-            vocabulary=self.vocabulary,
-            others=self.others[rows],
             connections=self._take_connections(numbers, starts),
             surroundings=self.surroundings.take(rows, buildings=numbers),
+            **{name: getattr(self, name)[rows] for name in _OF_NODES},
         )
 
     def rows_of(self, buildings: Ints) -> tuple[Ints, Ints]:
@@ -116,7 +140,7 @@ class Observation:
         rows, ends = _spread_rows(self._connection_starts, buildings)
         taken = self.connections.take(rows)
         moved = np.repeat(starts[:-1] - self.starts[buildings], np.diff(ends))
-        return Connections(taken.pairs + moved[:, None], taken.methods, taken.lengths)
+        return replace(taken, pairs=taken.pairs + moved[:, None])
 
     def without(self, *evidence: str) -> Observation:
         """Return a copy with some surroundings unknown; see `Surroundings.without`."""
@@ -139,63 +163,52 @@ def _spread_rows(starts: Ints, numbers: Ints) -> tuple[Ints, Ints]:
 
 def observe_search(
     scene_id: str,
+    view: View,
     *,
     there: tuple[Counts, Counts],
     left: tuple[Counts, Counts],
-    views: Sequence[View],
     searched: Bools,
-    withheld: Bools,
+    artifacts: Ints,
+    wholes: Ints | None,
     vocabulary: tuple[str, ...],
     connections: Connections,
-    wholes: Ints | None = None,
     surroundings: Surroundings,
 ) -> Observation:
-    """Return what E searches of one building see, one building of the observation each.
+    """Return what a search sees at some moment.
 
-    Before a search, a mask hides some objects, and all instances of the artifact are *withheld*
+    Before a search, a mask hides some objects, and all instances of the artifacts are *withheld*
     (paper, section IV-D). A room that the search entered shows everything. So the absence of a
-    withheld class is a fact in a searched room, and says nothing in any other. Models are told
-    which is which.
+    withheld class is a fact in a searched room, and says nothing in any other, not even in one that
+    the mask shows whole. Models are told which is which.
 
     Args:
         scene_id: of the building.
-        there: `[N, C]` objects of the classes and `[N, V]` by the vocabulary, row 0 in no room.
-        left: what the masks left of them, `[E, N, C]` and `[E, N, V]`.
-        views: `[E]` of the masks before the searches began.
-        searched: `[E, N]` rooms that were entered since; the building (0) is none.
-        withheld: `[E, C]` classes of which nothing is shown elsewhere, not even in rooms that the
-            robot had searched before.
-        vocabulary: `[V]`.
-        connections: between the rooms.
+        view: of the mask before the search began.
+        there: cells `[N, C]` of the classes and `[N, V]` of the vocabulary.
+        left: what the mask left of them.
+        searched: `[N]` rooms that were entered since; the building (0) is none.
+        artifacts: the classes that are looked for.
         wholes: `[V]` class that each category is a part of, -1 for none, where parts of what is
             withheld are, too; None where they are not.
+        vocabulary: `[V]`.
+        connections: between the rooms.
         surroundings: of the building.
     """
-    searches, nodes = searched.shape
-    share = np.where(searched, 0.0, np.stack([view.hidden_share for view in views]))
-    if nodes > 1:
-        share[:, 0] = share[:, 1:].mean(axis=1)
-    outside = ~searched[:, :, None]
-    before = np.stack([view.withheld for view in views])
-    without = (withheld[:, None, :] | before) & outside
+    outside = ~searched[:, None]
+    wanted = np.isin(np.arange(there[0].shape[1]), artifacts)
+    withheld = (view.withheld | wanted) & outside
     seen, others = (np.where(outside, *two) for two in zip(left, there, strict=True))
-    seen[without] = 0
+    seen[withheld] = 0
     if wholes is not None:
-        others[have_wholes(there[0], wholes) & withheld[:, None, wholes] & outside] = 0
-    without[:, 0] &= (share[:, 0] > 0)[:, None]
-    starts = np.arange(searches + 1) * nodes
-    visited = np.stack([view.visited for view in views]) | searched
-    return Observation(
-        scene_ids=(scene_id,) * searches,
-        starts=starts,
-        inputs=to_histograms(seen).reshape(searches * nodes, -1),
-        hidden_share=share.astype(np.float32).ravel(),
-        visited=visited.ravel(),
-        withheld=without.reshape(searches * nodes, -1),
+        others[have_wholes(there[0], wholes) & wanted[wholes] & outside] = 0
+    return Observation.of_building(
+        scene_id,
+        replace(view, withheld=withheld).search(searched),
+        seen,
+        others,
         vocabulary=vocabulary,
-        others=to_histograms(others).reshape(searches * nodes, -1),
-        connections=stack_connections([connections] * searches, starts[:-1].tolist()),
-        surroundings=stack_surroundings([surroundings] * searches),
+        connections=connections,
+        surroundings=surroundings,
     )
 
 
@@ -212,12 +225,10 @@ def stack(observations: Sequence[Observation]) -> Observation:
     return Observation(
         scene_ids=tuple(scene for one in observations for scene in one.scene_ids),
         starts=np.concatenate([[0], np.cumsum(sizes)]),
-        inputs=np.concatenate([one.inputs for one in observations]),
-        hidden_share=np.concatenate([one.hidden_share for one in observations]),
-        visited=np.concatenate([one.visited for one in observations]),
-        withheld=np.concatenate([one.withheld for one in observations]),
         vocabulary=observations[0].vocabulary,
-        others=np.concatenate([one.others for one in observations]),
         connections=stack_connections([one.connections for one in observations], offsets.tolist()),
         surroundings=stack_surroundings([one.surroundings for one in observations]),
+        **{
+            name: np.concatenate([getattr(one, name) for one in observations]) for name in _OF_NODES
+        },
     )

@@ -23,8 +23,8 @@ from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
-from bsg_data.observation.hidden_objects import sample_hidden_draws
-from bsg_data.observation.masks import sample_views
+from bsg_data.observation.hidden_objects import sample_hidden
+from bsg_data.observation.masks import sample_view
 from bsg_data.observation.view import View
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections
@@ -53,15 +53,18 @@ def sample_pairs(
     `cells` `[N, C]` are its classified objects, row 0 the null region; `draws` the numbers of the
     D draws, by default all of the recipe.
     """
-    numbers = range(recipe.draws) if draws is None else draws
-    sampled = sample_views(
-        cells.shape, recipe.mask, scene_id=scene_id, draws=numbers, connections=connections
-    )
-    views = tuple(sampled)
-    hidden = sample_hidden_draws(cells, views, recipe.mask, scene_id=scene_id, draws=numbers)
-    there = np.concatenate([view.cut(cells) for view in views])
+    views, there, hidden = [], [], []
+    for draw in range(recipe.draws) if draws is None else draws:
+        view = sample_view(
+            cells.shape, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
+        )
+        views.append(view)
+        there.append(view.cut(cells))
+        hidden.append(sample_hidden(there[-1], view, recipe.mask, scene_id=scene_id, draw=draw))
     starts = np.cumsum([0, *(len(view.nodes) for view in views[:-1])])
-    return views, stack_histograms(there - hidden, starts), stack_histograms(there, starts)
+    targets = np.concatenate(there)
+    inputs = targets - np.concatenate(hidden)
+    return tuple(views), stack_histograms(inputs, starts), stack_histograms(targets, starts)
 
 
 def write_pairs(

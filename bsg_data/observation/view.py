@@ -98,8 +98,6 @@ class View:
 
     def search(self, rooms: Bools) -> View:
         """Return the view after some rooms `[N]` were searched; they hide nothing."""
-        if not rooms.any():
-            return self
         share = np.where(rooms, 0.0, self.hidden_share)
         share[0] = _share_of_building(share)
         withheld = self.withheld & ~rooms[:, None]

@@ -18,6 +18,7 @@ from bsg_data.observation.masked_buildings import (
     sample_masked,
     stack_masked,
     stream_masked,
+    vary_fractions,
 )
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
@@ -159,12 +160,12 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
             vocabulary: categories of `others`.
         """
         data = path if isinstance(path, Dataset) else Dataset.open(path)
+        scenes = scenes_of(data, split, fold=fold)
         masked = sample_masked(
             data,
-            scenes_of(data, split, fold=fold),
-            mask=mask,
+            scenes,
+            mask=vary_fractions(mask, fractions, draw, len(scenes)),
             draw=draw,
-            fractions=fractions,
             vocabulary=vocabulary,
         )
         return cls(masked, edges=edges)

@@ -13,7 +13,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.masked_buildings import place_others, see_others
 from bsg_data.observation.masks import sample_view
-from bsg_data.observation.observation import Observation, observe_search
+from bsg_data.observation.observation import Observation, observe_search, stack
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
@@ -119,22 +119,20 @@ class ModelBeliefs:
 
     def _observe(self, states: Counts, width: int) -> Observation:
         """Return states as one observation, one building each."""
-        left = [self._left[draw] for draw in states[:, 0].tolist()]
-        withheld = np.zeros((len(states), self._cells.shape[1]), dtype=bool)
-        np.put_along_axis(withheld, states[:, 1 : 1 + width], True, axis=1)
+        return stack([self._observe_one(state, width) for state in states])
+
+    def _observe_one(self, state: Counts, width: int) -> Observation:
+        view, classified, others = self._left[int(state[0])]
         return observe_search(
             self._scene_id,
+            view,
             there=(self._cells, self._others),
-            left=(
-                np.stack([classified for _, classified, _ in left]),
-                np.stack([others for *_, others in left]),
-            ),
-            views=[view for view, *_ in left],
-            searched=states[:, 1 + width :] > 0,
-            withheld=withheld,
+            left=(classified, others),
+            searched=state[1 + width :] > 0,
+            artifacts=state[1 : 1 + width],
+            wholes=self._wholes,
             vocabulary=self._model.vocabulary,
             connections=self._connections,
-            wholes=self._wholes,
             surroundings=self._surroundings,
         )
 

@@ -16,7 +16,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import (
     BATCH,
     MaskedBuildings,
-    sample_each,
+    sample_masked,
     stack_masked,
     vary_fractions,
 )
@@ -75,10 +75,10 @@ class TrainingBuildings:
     def _take(self, numbers: Ints, recipes: list[MaskRecipe], epoch: int) -> MaskedBuildings:
         if self._stored is not None:
             return self._stored.take(numbers)
-        return sample_each(
+        return sample_masked(
             self._data,
             [self._scenes[number] for number in numbers],
-            [recipes[number] for number in numbers],
+            mask=[recipes[number] for number in numbers],
             draw=epoch,
             vocabulary=self._vocabulary,
         )
@@ -109,5 +109,7 @@ def validation_buildings(
         rows = slice(first, first + BATCH)
         for draw in range(_VAL_DRAWS):
             own = vary_fractions(choice.fresh_mask, choice.fractions, draw, len(scenes))[rows]
-            drawn.append(sample_each(data, scenes[rows], own, draw=draw, vocabulary=vocabulary))
+            drawn.append(
+                sample_masked(data, scenes[rows], mask=own, draw=draw, vocabulary=vocabulary)
+            )
     return stack_masked(drawn)

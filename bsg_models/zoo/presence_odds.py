@@ -30,7 +30,12 @@ from scipy.special import logit
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stack_masked
+from bsg_data.observation.masked_buildings import (
+    MaskedBuildings,
+    sample_masked,
+    stack_masked,
+    vary_fractions,
+)
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import negative_binomial
@@ -160,7 +165,12 @@ def _mask_uniformly(data: Dataset, choice: DataConfig, scenes: Sequence[str]) ->
     mask = MaskRecipe(fraction=choice.mask.fraction, seed=choice.mask.seed)
     return stack_masked(
         [
-            sample_masked(data, scenes, mask=mask, draw=draw, fractions=choice.fractions)
+            sample_masked(
+                data,
+                scenes,
+                mask=vary_fractions(mask, choice.fractions, draw, len(scenes)),
+                draw=draw,
+            )
             for draw in range(_DRAWS)
         ]
     )

@@ -21,7 +21,7 @@ from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.mask_hash import hash_splits
-from bsg_data.observation.masks import MASKS, sample_view
+from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import (
     histogram_column,
     read_views,
@@ -34,12 +34,9 @@ from bsg_data.scene.scene_graph import Edge, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder, SceneRef
 
 
-@pytest.mark.parametrize("withhold", [0.0, 0.2])
-@pytest.mark.parametrize("strategy", MASKS.names())
-def test_pairs_are_the_masks_of_their_recipe_in_order(
-    dataset: Path, strategy: str, withhold: float
-) -> None:
-    mask = MaskRecipe(strategy=strategy, fraction=0.4, seed=3, withhold=withhold)
+@pytest.mark.parametrize("strategy", ["uniform", "mixed"])
+def test_pairs_are_the_masks_of_their_recipe_in_order(dataset: Path, strategy: str) -> None:
+    mask = MaskRecipe(strategy=strategy, fraction=0.4, seed=3, withhold=0.2)
     write_pairs(dataset, PairsRecipe(mask=mask, draws=3), force=True)
     cells = read_cells(dataset)
     for split, scenes in read_splits(dataset).items():

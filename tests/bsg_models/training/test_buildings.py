@@ -8,7 +8,7 @@ import torch
 from torch.utils.data import DataLoader
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
+from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, vary_fractions
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe
 from bsg_models.errors import TrainingError
@@ -55,9 +55,8 @@ def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> Non
         else sample_masked(
             data,
             scenes_of(data, "train"),
-            mask=choice.fresh_mask,
+            mask=vary_fractions(choice.fresh_mask, choice.fractions, 3, 10),
             draw=3,
-            fractions=choice.fractions,
             vocabulary=vocabulary,
         )
     )
