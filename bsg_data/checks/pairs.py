@@ -18,7 +18,7 @@ from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.dataset.manifest import FileEntry
 from bsg_data.observation.pairs import (
     fits_pairs,
-    histogram_column,
+    list_column,
     read_views,
     sample_pairs,
     split_of_file,
@@ -118,8 +118,8 @@ class _Pairs:
     def of(cls, table: pa.Table) -> _Pairs:
         return cls(
             draw=table["draw"].to_numpy(),
-            inputs=histogram_column(table, "input"),
-            targets=histogram_column(table, "target"),
+            inputs=list_column(table, "input"),
+            targets=list_column(table, "target"),
             view=read_views(table),
         )
 

@@ -27,7 +27,7 @@ import pyarrow as pa
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import (
-    histogram_column,
+    list_column,
     read_views,
     split_of_file,
     stream_pairs,
@@ -37,43 +37,34 @@ ALL = "all"
 _FORM = b"bsg-masks-1\n"
 
 
-def hash_splits(data: Dataset) -> dict[str, str]:
-    """Return split → hash of its masks, for every split with pairs and for `all` of them together.
+def hash_splits(data: Dataset, splits: Sequence[str] | None = None) -> dict[str, str]:
+    """Return split → hash of its masks, and under `all` that of them together.
 
     Each file is read once. Memory holds one file of each split at a time.
+
+    Args:
+        data: an open dataset.
+        splits: splits or folds; None for every one with pairs. Without any the answer is empty.
 
     Raises:
         DatasetError: if a file of pairs is missing, unreadable or not in order.
     """
-    names = sorted({split_of_file(entry.path) for entry in data.manifest.files_of("pairs")})
+    held = {split_of_file(entry.path) for entry in data.manifest.files_of("pairs")}
+    names = sorted(held if splits is None else splits)
     if not names:
         return {}
-    found = {name: _begin(data) for name in (*names, ALL)}
-    for _, name, packed in _merge(data, names):
-        for digest in (found[name], found[ALL]):
-            digest.update(packed)
+    classes = data.manifest.class_space.classes
+    begun = hashlib.sha256(_FORM + "".join(f"{name}\n" for name in classes).encode() + b"\n")
+    found = {name: begun.copy() for name in (*names, ALL)}
+    streams = (_pack_scenes(data, name) for name in names)
+    for _, name, packed in heapq.merge(*streams, key=lambda one: one[0]):
+        found[name].update(packed)
+        found[ALL].update(packed)
     return {name: digest.hexdigest() for name, digest in found.items()}
 
 
-def hash_masks(data: Dataset, splits: Sequence[str]) -> str:
-    """Return the hash of the masks of some splits together, in hexadecimal digits."""
-    found = _begin(data)
-    for _, _, packed in _merge(data, splits):
-        found.update(packed)
-    return found.hexdigest()
-
-
-def _begin(data: Dataset) -> hashlib._Hash:
-    classes = data.manifest.class_space.classes
-    return hashlib.sha256(_FORM + "".join(f"{name}\n" for name in classes).encode() + b"\n")
-
-
-def _merge(data: Dataset, splits: Sequence[str]) -> Iterator[tuple[bytes, str, bytes]]:
-    """Yield (scene, split, bytes to hash) of some splits, in the order of the scenes."""
-    return heapq.merge(*(_pack_scenes(data, name) for name in splits), key=lambda one: one[0])
-
-
 def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]]:
+    """Yield (scene, split, bytes to hash) of a split, in the order of the scenes."""
     last = b""
     for table in stream_pairs(data.path, split, manifest=data.manifest):
         scenes, packed = _pack(table, data)
@@ -112,7 +103,7 @@ def _pack(table: pa.Table, data: Dataset) -> tuple[npt.NDArray[np.bytes_], npt.N
     packed["hidden_share"] = view.told
     packed["visited"] = view.visited
     packed["withheld"] = view.withheld
-    packed["input"] = histogram_column(table, "input")
-    packed["target"] = histogram_column(table, "target")
+    packed["input"] = list_column(table, "input")
+    packed["target"] = list_column(table, "target")
     scenes = np.array([name.encode() for name in table["scene_id"].to_pylist()], dtype=np.bytes_)
     return scenes, packed

@@ -20,7 +20,7 @@ from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
 from bsg_data.observation.hidden_objects import sample_hidden, sample_others
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import Observation, stack
-from bsg_data.observation.pairs import histogram_column, read_views, stream_pairs
+from bsg_data.observation.pairs import list_column, read_views, stream_pairs
 from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe
 
@@ -147,8 +147,8 @@ def stream_masked(
 
 
 def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    inputs = histogram_column(table, "input").astype(np.int64)
-    targets = histogram_column(table, "target").astype(np.int64)
+    inputs = list_column(table, "input").astype(np.int64)
+    targets = list_column(table, "target").astype(np.int64)
     views = read_views(table)
     starts = np.flatnonzero(views.nodes == 0)
     scenes = table["scene_id"].take(starts).to_pylist()

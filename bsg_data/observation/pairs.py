@@ -161,21 +161,18 @@ def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterato
             rest = table.slice(last)
 
 
-def histogram_column(table: pa.Table, name: str) -> npt.NDArray[np.uint16]:
+def list_column(table: pa.Table, name: str) -> npt.NDArray[Any]:
     """Return a list column of the pairs as `[rows, C]`."""
-    width = table.schema.field(name).type.list_size
-    chunks = [chunk.flatten().to_numpy() for chunk in table[name].chunks]
-    return np.concatenate([np.zeros(0, np.uint16), *chunks]).reshape(-1, width)
+    column = table[name].combine_chunks()
+    values: npt.NDArray[Any] = column.flatten().to_numpy(zero_copy_only=False)
+    return values.reshape(-1, column.type.list_size)
 
 
 def read_views(table: pa.Table) -> View:
     """Return one view with all rows of a table of pairs."""
-    classes = table.schema.field("input").type.list_size
-    chunks = [chunk.flatten().to_numpy(zero_copy_only=False) for chunk in table["withheld"].chunks]
-    withheld = np.concatenate([np.zeros(0, dtype=bool), *chunks]).reshape(-1, classes)
     shares = table["hidden_share"].to_numpy().astype(np.float64)
     nodes = table["node_index"].to_numpy().astype(np.int64)
-    return View(table["visited"].to_numpy(), shares, withheld, nodes)
+    return View(table["visited"].to_numpy(), shares, list_column(table, "withheld"), nodes)
 
 
 def split_of_file(path: str) -> str:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from numbers import Real
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -21,48 +21,34 @@ from pydantic import (
     Field,
     GetPydanticSchema,
     PlainValidator,
+    TypeAdapter,
+    ValidationError,
 )
 
-from bsg_data.arrays import Bools, Counts
+from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import count_cells, place_columns, to_histograms
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.observation import Observation
+from bsg_data.observation.view import View
+from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap, is_nameless
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType, check_room_type
-from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings
 from bsg_data.spelling import show_value
 
 GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
-_JSON = {None: "null", True: "true", False: "false"}
-
-
-def show_json(value: object) -> str:
-    """Return what a document has instead of what was expected, in the words of JSON."""
-    return _JSON[value] if value is None or isinstance(value, bool) else show_value(value)
 
 
 def _read_number(said: object) -> object:
     """Refuse what pydantic would take for a number, true, false and text; NumPy's become plain."""
-    if isinstance(said, np.generic):
-        said = said.item()
+    said = said.item() if isinstance(said, np.generic) else said
     if isinstance(said, bool) or not isinstance(said, Real):
-        raise ValueError(f"expected a number, found {show_json(said)}")
+        raise ValueError(f"expected a number, found {show_value(said)}")
     return said
-
-
-def _read_room_type(said: object) -> RoomType | None:
-    shares = said.values() if isinstance(said, dict) else ()
-    if said is None or (
-        isinstance(said, str | dict) and all(type(s) in (int, float) for s in shares)
-    ):
-        return check_room_type(said)
-    raise ValueError(
-        f"expected a room label, or labels with their probabilities, found {show_json(said)}"
-    )
 
 
 # What a robot's JSON may hold; `KnownRoom` in Python is trusted.
@@ -93,12 +79,12 @@ class SeenObject:
         position: metres, Z up; None if unknown.
     """
 
-    name: str
+    name: Annotated[Id, Field(alias="id")]
     room_index: int
-    raw_category: str
+    raw_category: Text
     category: str | None
     class_index: int | None
-    position: Point | None = None
+    position: Position | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +118,7 @@ class KnownRoom:
     footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
     floor_index: Annotated[int, Number, Field(ge=-1000, le=1000)] | None = None
     floor_area: Annotated[float, Number, Field(gt=0, le=MAX_FLOOR_AREA)] | None = None
-    room_type: Annotated[RoomType | None, PlainValidator(_read_room_type)] = None
+    room_type: Annotated[RoomType | None, PlainValidator(check_room_type)] = None
     hidden_share_sd: Share = 0.0
 
     @property
@@ -143,6 +129,9 @@ class KnownRoom:
             RecipeError: if mean and standard deviation do not fit together.
         """
         return ShareBelief(self.hidden_share, self.hidden_share_sd)
+
+
+_Report = TypeVar("_Report", KnownRoom, SeenObject)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,11 +173,7 @@ class PartialGraph:
 
     def histograms(self) -> Counts:
         """Return the histograms of what was seen, E′ × O′, `[1 + R, C]`, the building first."""
-        known = [obj for obj in self.objects if obj.class_index is not None]
-        shape = (len(self.rooms) + 1, len(self.class_space.classes))
-        rooms = np.array([obj.room_index for obj in known], dtype=np.int64)
-        classes = np.array([obj.class_index for obj in known], dtype=np.int64)
-        return to_histograms(count_cells(rooms, classes, shape=shape))
+        return to_histograms(self._cells())
 
     def observation(
         self, *, vocabulary: tuple[str, ...] = (), withheld: Collection[int] | Bools = ()
@@ -204,52 +189,65 @@ class PartialGraph:
         Raises:
             RecipeError: if an array has another shape, or a room type is impossible.
         """
-        inputs = self.histograms()
+        cells = self._cells()
         share = np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
+        visited = np.array([True, *(room.visited for room in self.rooms)])
         if isinstance(withheld, np.ndarray):
-            if withheld.shape != inputs.shape:
+            if withheld.shape != cells.shape:
                 raise RecipeError(
-                    f"{self.scene_id}: withheld: expected {inputs.shape}, found {withheld.shape}",
+                    f"{self.scene_id}: withheld: expected {cells.shape}, found {withheld.shape}",
                     code="withheld-shape",
                     where=self.scene_id,
                 )
             without = withheld.astype(bool)
         else:
-            classes = np.isin(np.arange(inputs.shape[1]), list(withheld))
-            without = classes & (share > 0)[:, None]
-        return Observation(
-            scene_ids=(self.scene_id,),
-            starts=np.array([0, len(inputs)]),
-            inputs=inputs,
-            hidden_share=share.astype(np.float32),
-            visited=np.array([True, *(room.visited for room in self.rooms)]),
-            withheld=without,
+            without = np.isin(np.arange(cells.shape[1]), list(withheld)) & (share > 0)[:, None]
+        return Observation.of_building(
+            self.scene_id,
+            View(visited, share, without, np.arange(len(cells))),
+            cells,
+            self._others(vocabulary),
             vocabulary=vocabulary,
-            others=self._others(vocabulary),
             connections=Connections.of_pairs(self.adjacency),
-            surroundings=self.surroundings(),
+            surroundings=Surroundings.of_graph(self, self.rooms),
         )
 
-    def surroundings(self) -> Surroundings:
-        """Return what is known of the building and its rooms besides their objects.
-
-        Raises:
-            RecipeError: if a room type cannot be.
-        """
-        return Surroundings.of_graph(self, self.rooms)
+    def _cells(self) -> Counts:
+        """Return the seen objects of the classes, `[1 + R, C]`."""
+        known = [(o.room_index, o.class_index) for o in self.objects if o.class_index is not None]
+        return self._count(np.array(known, dtype=np.int64), len(self.class_space.classes))
 
     def _others(self, vocabulary: Sequence[str]) -> Counts:
-        """Return the seen objects outside the classes, counted by a vocabulary, `[N, V]`."""
+        """Return the seen objects outside the classes, counted by a vocabulary, `[1 + R, V]`."""
         known = [
             (obj.room_index, obj.category)
             for obj in self.objects
             if obj.class_index is None and obj.category and not is_nameless(obj.category)
         ]
         columns = place_columns([category for _, category in known], vocabulary)
-        rooms = np.array([room for room, _ in known], dtype=np.int64)
-        shape = (len(self.rooms) + 1, len(vocabulary))
-        cells = count_cells(rooms[columns >= 0], columns[columns >= 0], shape=shape)
-        return to_histograms(cells)
+        pairs = np.stack([[room for room, _ in known], columns], axis=-1).astype(np.int64)
+        return self._count(pairs[columns >= 0], len(vocabulary))
+
+    def _count(self, pairs: Ints, width: int) -> Counts:
+        """Count pairs of a room and a column `[O, 2]`."""
+        rooms, columns = pairs.reshape(-1, 2).T
+        return count_cells(rooms, columns, shape=(len(self.rooms) + 1, width))
+
+
+def check_report(seen: _Report) -> _Report:
+    """Return a room or an object with plain numbers, as a file holds it.
+
+    Raises:
+        RecipeError: for what no file could hold.
+    """
+    said = {one.name: getattr(seen, one.name) for one in fields(seen)}
+    said["id"] = said.pop("name")
+    try:
+        return TypeAdapter(type(seen)).validate_python(said)
+    except ValidationError as error:
+        where = f"{'room' if isinstance(seen, KnownRoom) else 'object'} {show_value(seen.name)}"
+        message = f"{where}: {name_fault(error)}"
+        raise RecipeError(message, code="report-impossible", where=where) from error
 
 
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
@@ -265,7 +263,12 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
     Raises:
         RecipeError: if the room does not exist, or an object is in another room or occurs twice.
     """
-    _require_room(graph, room_index)
+    if not 1 <= room_index <= len(graph.rooms):
+        raise RecipeError(
+            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}",
+            code="room-unknown",
+            where=room_index,
+        )
     inside = tuple(objects)
     strays = [obj.name for obj in inside if obj.room_index != room_index]
     if strays:
@@ -356,15 +359,6 @@ def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = 
         adjacency=tuple(sorted(pairs)),
         hidden_share=(graph.hidden_share * (number - 1) + room.hidden_share) / number,
     )
-
-
-def _require_room(graph: PartialGraph, room_index: int) -> None:
-    if not 1 <= room_index <= len(graph.rooms):
-        raise RecipeError(
-            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}",
-            code="room-unknown",
-            where=room_index,
-        )
 
 
 def _change_room(graph: PartialGraph, room_index: int, **facts: Any) -> PartialGraph:

@@ -23,13 +23,13 @@ docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
@@ -45,22 +45,30 @@ from bsg_data.observation.partial_graph import (
     SeenObject,
     Share,
     Text,
-    show_json,
 )
-from bsg_data.recipes import Record, name_fault
+from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import explain_room_type
 from bsg_data.scene.surroundings import area_of, check_building_kind
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
-_MOST_ROOMS = 5  # named in an error or a note
+_MOST_WORDS = 5  # named in a note
 _ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacency"}
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+_WORDS = {  # of JSON, where pydantic's are of Python's types
+    "model_type": "expected a JSON object (docs/belief.md)",
+    "dataclass_type": "expected a JSON object (docs/belief.md)",
+    "tuple_type": "expected a JSON list",
+}
 _ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
+_SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
+_FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WORDS))
 _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
-_Place = tuple[int | str, ...]
-_Class = tuple[str | None, int | None]  # corrected name and class of an object
+# What a robot may say of its rooms, its objects and the building, in any file format.
+ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
+OBJECT_WORDS = ("id", "category", "position")
+GRAPH_WORDS = ("scene_id", "hidden_share", "building_kind", "source")
 
 
 class RobotGraphError(SourceError):
@@ -76,22 +84,23 @@ class _Room(KnownRoom):
     floor_in_view: Share | None = None
     walls_in_view: Share | None = None
 
-    def know(self) -> KnownRoom:
-        looks = {name: getattr(self, name) for name in _LOOKS}
-        if self.hidden_share is None:
-            if self.hidden_share_sd:
-                raise RecipeError("has hidden_share_sd without hidden_share; give both or neither")
-            area = area_of(self)
-            share = estimate_hidden_share(visited=self.visited, floor_area=area, **looks)
-        else:
-            for name in (name for name in _LOOKS if looks[name] is not None):
-                raise RecipeError(
-                    f"has hidden_share and {name}, which serves to estimate it; leave out one of "
-                    "them"
-                )
-            share = ShareBelief(self.hidden_share, self.hidden_share_sd)
-        facts = {name: getattr(self, name) for name in _ROOM_FIELDS}
-        return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
+
+def _know(room: _Room) -> KnownRoom:
+    """Return a room with its hidden share, stated or estimated."""
+    looks = {name: getattr(room, name) for name in _LOOKS}
+    twice = [name for name, look in looks.items() if look is not None]
+    if room.hidden_share is None and room.hidden_share_sd:
+        raise RecipeError("has hidden_share_sd without hidden_share; give both or neither")
+    if room.hidden_share is not None and twice:
+        raise RecipeError(
+            f"has hidden_share and {twice[0]}, which serves to estimate it; leave out one of them"
+        )
+    if room.hidden_share is None:
+        share = estimate_hidden_share(visited=room.visited, floor_area=area_of(room), **looks)
+    else:
+        share = ShareBelief(room.hidden_share, room.hidden_share_sd)
+    facts = {name: getattr(room, name) for name in _ROOM_FIELDS}
+    return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
 
 
 class _Object(Record):
@@ -110,21 +119,13 @@ class _Graph(Record):
     hidden_share: Share | None = None
     building_kind: Annotated[Text | None, AfterValidator(check_building_kind)] = None
     source: Id | None = None
-    rooms: Annotated[tuple[_Room, ...], Field(max_length=MAX_ROBOT_ROOMS)]
+    rooms: Annotated[
+        tuple[Annotated[_Room, AfterValidator(_know)], ...], Field(max_length=MAX_ROBOT_ROOMS)
+    ]
     objects: tuple[_Object, ...] = ()
     adjacency: tuple[tuple[Id, Id], ...] = ()
 
 
-# What a robot may say of its rooms, its objects and the building, in any file format.
-_SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
-ROOM_WORDS = (
-    *_SHARE_WORDS,
-    *_LOOKS,
-    "id",
-    *(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WORDS)),
-)
-OBJECT_WORDS = ("id", "category", "position")
-GRAPH_WORDS = ("scene_id", "hidden_share", "building_kind", "source")
 _KEYS = {
     "": tuple(_Graph.model_fields),
     "rooms": ROOM_WORDS,
@@ -153,44 +154,16 @@ def read_robot_graph(
 
 
 def parse_robot_graph(
-    said: Any, *, path: Path, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
+    said: Any, *, path: Path, class_map: AnyPath | ClassMap | ClassSpace = DEFAULT_CLASS_MAP
 ) -> PartialGraph:
-    """Return the partial graph in a robot's JSON document; see `read_robot_graph`."""
-    loaded = load_class_map(class_map)
+    """Return the partial graph in a robot's JSON document; see `read_robot_graph`.
 
-    def classify(obj: _Object) -> _Class:
-        known = loaded.classify(obj.category)
-        return known.category, known.class_index
-
-    return _parse(said, path, loaded.space, classify)
-
-
-def parse_classified_graph(said: Any, *, path: Path, class_space: ClassSpace) -> PartialGraph:
-    """Return the partial graph of a document that has the class of every object."""
-    index = {name: number for number, name in enumerate(class_space.classes)}
-
-    def classify(obj: _Object) -> _Class:
-        if obj.class_name is not None and obj.class_name not in index:
-            raise RecipeError(
-                f"objects: {obj.id}: {obj.class_name!r} is no class of {class_space.name}"
-            )
-        return obj.corrected, None if obj.class_name is None else index[obj.class_name]
-
-    return _parse(said, path, class_space, classify)
-
-
-def _parse(
-    said: Any, path: Path, class_space: ClassSpace, classify: Callable[[_Object], _Class]
-) -> PartialGraph:
+    With a class space, the document itself has the class of every object: one that
+    `encode_robot_graph` made.
+    """
+    by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
     try:
-        if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
-            said = _find_partial(said)
-        if not isinstance(said, dict):
-            raise RecipeError(
-                "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
-                f"found {show_json(said)}"
-            )
-        return _assemble(_Graph.model_validate(said), class_space, classify)
+        return _assemble(_Graph.model_validate(_find_partial(said)), by)
     except ValidationError as error:
         why = _explain(error, said)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
@@ -198,33 +171,38 @@ def _parse(
         raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
 
 
-def _find_partial(said: dict[str, Any]) -> Any:
-    """Return the partial graph that a belief graph holds."""
-    if said.get("partial") is None:
+def _find_partial(said: Any) -> Any:
+    """Return a document of a robot's graph, or the one that a belief graph holds."""
+    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
+        said = said.get("partial")
+        if said is None:
+            raise RecipeError(
+                "a belief graph without `partial`, the graph that the robot has seen; expected it "
+                "there (docs/belief.md)"
+            )
+    if not isinstance(said, dict):
         raise RecipeError(
-            "a belief graph without `partial`, the graph that the robot has seen; expected it "
-            "there (docs/belief.md)"
+            "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
+            f"found {show_value(said)}"
         )
-    return said["partial"]
+    return said
 
 
-def _assemble(
-    document: _Graph, class_space: ClassSpace, classify: Callable[[_Object], _Class]
-) -> PartialGraph:
-    index = _number([room.name for room in document.rooms], "room")
+def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
+    rooms: tuple[KnownRoom, ...] = document.rooms
+    index = _number([room.name for room in rooms], "room")
     _number([obj.id for obj in document.objects], "object")
-    rooms = tuple(_know(room) for room in document.rooms)
     objects = []
     for obj in document.objects:
         called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
         room = _find(obj.room, index, called) if obj.room is not None else 0
-        objects.append(SeenObject(obj.id, room, obj.category, *classify(obj), obj.position))
+        objects.append(SeenObject(obj.id, room, obj.category, *_classify(obj, by), obj.position))
     share = document.hidden_share
     if share is None:
         share = float(np.mean([room.hidden_share for room in rooms])) if rooms else VAGUE.mean
     return PartialGraph(
         scene_id=document.scene_id,
-        class_space=class_space,
+        class_space=by.space if isinstance(by, ClassMap) else by,
         hidden_share=share,
         rooms=rooms,
         objects=tuple(objects),
@@ -234,11 +212,16 @@ def _assemble(
     )
 
 
-def _know(room: _Room) -> KnownRoom:
-    try:
-        return room.know()
-    except RecipeError as error:
-        raise RecipeError(f"room {room.name!r}: {error}") from error
+def _classify(obj: _Object, by: ClassMap | ClassSpace) -> tuple[str | None, int | None]:
+    """Return the corrected name and the class of an object."""
+    if isinstance(by, ClassMap):
+        known = by.classify(obj.category)
+        return known.category, known.class_index
+    if obj.class_name is None:
+        return obj.corrected, None
+    if obj.class_name not in by.classes:
+        raise RecipeError(f"objects: {obj.id}: {obj.class_name!r} is no class of {by.name}")
+    return obj.corrected, by.classes.index(obj.class_name)
 
 
 def _connect(ends: tuple[str, str], index: Mapping[str, int]) -> tuple[int, int]:
@@ -258,12 +241,8 @@ def _number(ids: list[str], what: str) -> dict[str, int]:
 
 def _find(name: str, index: Mapping[str, int], where: str) -> int:
     if name not in index:
-        known = ", ".join(room[:SHOWN] for room in list(index)[:_MOST_ROOMS]) or "none"
-        more = f" and {len(index) - _MOST_ROOMS:,} more" if len(index) > _MOST_ROOMS else ""
-        raise RecipeError(
-            f"{where}: expected the id of a room, found no room {name[:SHOWN]!r}; rooms are "
-            f"{known}{more}: name one of these, or add the room to `rooms`"
-        )
+        hint = ask_if_meant(name, index) or "add it to `rooms`"
+        raise RecipeError(f"{where}: there is no room {name[:SHOWN]!r}; {hint}")
     return index[name]
 
 
@@ -274,43 +253,33 @@ def _explain(error: ValidationError, said: Any) -> str:
     """
     faults = error.errors(include_url=False, include_input=False)
     fault = next((one for one in faults if one["type"] in _UNKNOWN_KEY), faults[0])
-    entry, path = _name_entry(fault["loc"], said)
-    if fault["type"] not in _UNKNOWN_KEY:
-        where = ".".join(map(str, path)) or ("" if entry else "the whole file")
-        return ": ".join(filter(None, (entry, where, _say(fault))))
-    wrong, known = str(path[-1]), _KEYS[str(fault["loc"][0]) if entry else ""]
-    hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
-    return ": ".join(filter(None, (entry, f"{wrong[:SHOWN]!r} is no key; {hint}")))
+    what = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
+    first, *path = fault["loc"]
+    entry = ""
+    if first in _ENTRIES and path:
+        entry = _name_entry(said.get("partial", said)[first], first, int(path.pop(0)))
+    else:
+        path = [first, *path]
+    if fault["type"] in _UNKNOWN_KEY:
+        wrong, known = str(path.pop()), _KEYS[str(first) if entry else ""]
+        hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
+        what = f"{wrong[:SHOWN]!r} is no key; {hint}"
+    return ": ".join(filter(None, (entry, ".".join(map(str, path)), what)))
 
 
-def _say(fault: Mapping[str, Any]) -> str:
-    """Return what is wrong, in the words of pydantic but where they are of Python's types."""
-    if fault["type"] == "too_long":
-        most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
-        return f"expected at most {most:,}, found {'more' if found is None else f'{found:,}'}"
-    if fault["type"] in ("model_type", "dataclass_type"):
-        return "expected a JSON object (docs/belief.md)"
-    if fault["type"] == "tuple_type":
-        return "expected a JSON list"
-    return str(fault["msg"]).removeprefix("Value error, ")
-
-
-def _name_entry(loc: _Place, said: Any) -> tuple[str, _Place]:
-    """Return the entry of a list that a place is in, empty outside the lists, and the rest."""
-    if len(loc) < 2 or loc[0] not in _ENTRIES or not isinstance(loc[1], int):
-        return "", loc
-    kind, entries = _ENTRIES[str(loc[0])], said[loc[0]]
-    entry = entries[loc[1]] if isinstance(entries, Sequence) else None  # JSON has sequences only
+def _name_entry(entries: Any, kind: str, number: int) -> str:
+    """Return an entry of a list by its id, or by its number."""
+    entry = entries[number]
     name = entry.get("id") if isinstance(entry, Mapping) else None
     if isinstance(name, str) and name:
-        return f"{kind} {name[:SHOWN]!r}", loc[2:]
-    return f"{kind} number {loc[1] + 1}", loc[2:]
+        return f"{_ENTRIES[kind]} {name[:SHOWN]!r}"
+    return f"{_ENTRIES[kind]} number {number + 1}"
 
 
 def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     """Return the JSON document of a partial graph.
 
-    `parse_classified_graph` reads it back; so does `parse_robot_graph` with the same class map.
+    `parse_robot_graph` reads it back, with the same class map or with the graph's class space.
     """
     names, classes = [room.name for room in graph.rooms], graph.class_space.classes
     return {
@@ -334,30 +303,9 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
 
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
-    said = {name: getattr(room, name) for name in _ROOM_FIELDS}
+    said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS)}
     said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
-    return {"id": said.pop("name"), **{name: said.pop(name) for name in _SHARE_WORDS}, **said}
-
-
-def check_object(seen: SeenObject) -> SeenObject:
-    """Return an object with plain numbers; refuse by `RecipeError` what no file could hold."""
-    said = {"id": seen.name, "category": seen.raw_category, "position": seen.position}
-    found: _Object = _check(_Object, said, f"object {show_value(seen.name)}")
-    return replace(seen, name=found.id, raw_category=found.category, position=found.position)
-
-
-def check_room(room: KnownRoom) -> KnownRoom:
-    """Return a room with plain numbers; refuse by `RecipeError` what no file could hold."""
-    found: KnownRoom = _check(KnownRoom, _encode_room(room), f"room {show_value(room.name)}")
-    return found
-
-
-def _check(kind: Any, said: dict[str, Any], what: str) -> Any:
-    try:
-        return TypeAdapter(kind).validate_python(said)
-    except ValidationError as error:
-        why = name_fault(error)
-        raise RecipeError(f"{what}: {why}", code="report-impossible", where=what) from error
+    return {"id": room.name, **said}
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:
@@ -372,6 +320,6 @@ def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
         words.update(explain_room_type(room.room_type))
     if not words:
         return ()
-    shown = [f"{word[:SHOWN]!r} as {read}" for word, read in words.items()][:_MOST_ROOMS]
-    more = f", and {len(words) - _MOST_ROOMS:,} more" if len(words) > _MOST_ROOMS else ""
+    shown = [f"{word[:SHOWN]!r} as {read}" for word, read in words.items()][:_MOST_WORDS]
+    more = f", and {len(words) - _MOST_WORDS:,} more" if len(words) > _MOST_WORDS else ""
     return (f"room types that models do not know are read: {', '.join(shown)}{more}",)

@@ -13,7 +13,7 @@ from bsg_data.files import encode_json, write_bytes
 from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.robot_json import encode_robot_graph, parse_classified_graph
+from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
@@ -76,7 +76,7 @@ def decode_belief(document: Any, *, path: Path) -> BeliefGraph:
     """Return the belief graph of a JSON document; the path is named in errors."""
     try:
         said = _Document.model_validate(document)
-        partial = parse_classified_graph(said.partial, path=path, class_space=said.class_space)
+        partial = parse_robot_graph(said.partial, path=path, class_map=said.class_space)
         return _assemble(said, partial)
     except ValidationError as error:
         fault = name_fault(error)

@@ -28,14 +28,13 @@ from bsg_data.observation.partial_graph import (
     KnownRoom,
     PartialGraph,
     SeenObject,
+    check_report,
     discover,
     enter,
     reclassify,
     see_object,
 )
 from bsg_data.observation.robot_json import (
-    check_object,
-    check_room,
     list_unmapped,
     note_room_types,
     parse_robot_graph,
@@ -227,7 +226,7 @@ class SeenBuilding:
             names = (f"saw {number}" for number in count(len(taken) + 1))
             object_id = next(name for name in names if name not in taken)
         known = self._models[0].class_map.classify(thing)
-        seen = check_object(
+        seen = check_report(
             SeenObject(object_id, index, thing, known.category, known.class_index, position)
         )
         self._change(see_object(self._graph, seen))
@@ -313,7 +312,7 @@ class SeenBuilding:
         )
         others = [beside] if isinstance(beside, str) else beside
         neighbours = [find_room(self._graph, other) for other in others]
-        self._change(discover(self._graph, check_room(new), beside=neighbours))
+        self._change(discover(self._graph, check_report(new), beside=neighbours))
 
     def _change(self, graph: PartialGraph) -> None:
         self._graph = graph

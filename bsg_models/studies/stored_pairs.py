@@ -18,7 +18,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import resolve_links, stem_of
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.observation.mask_hash import hash_masks, hash_splits
+from bsg_data.observation.mask_hash import ALL, hash_splits
 from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import read_truth
@@ -40,7 +40,7 @@ def folds_of(data: Dataset, fold: int | None) -> Folds:
 def hash_measured(data: Dataset, split: Split, folds: Folds) -> str:
     """Return the hash of the stored masks that are measured on."""
     names = {name for fold in folds for name in splits_of(data, split, fold=fold)}
-    return hash_masks(data, sorted(names))
+    return hash_splits(data, sorted(names))[ALL]
 
 
 def stream_batches(

@@ -10,7 +10,7 @@ from refusals import refuses
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.observation.mask_hash import hash_masks, hash_splits
+from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 
@@ -62,4 +62,4 @@ def test_without_pairs_there_is_no_hash(dataset: Path) -> None:
     data = Dataset.open(dataset)
     assert hash_splits(data) == {}
     with refuses(DatasetError, "pairs-missing", where="test"):
-        hash_masks(data, ["test"])
+        hash_splits(data, ["test"])

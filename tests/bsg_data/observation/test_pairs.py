@@ -23,7 +23,7 @@ from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import (
-    histogram_column,
+    list_column,
     read_views,
     stream_pairs,
     write_pairs,
@@ -56,10 +56,10 @@ def test_pairs_are_the_masks_of_their_recipe_in_order(dataset: Path, strategy: s
                 assert views.take(first, first + len(inputs)).agrees(view)
                 first += len(inputs)
         keys = table.select(["scene_id", "draw", "node_index", "visited"]).to_pylist()
-        rows = histogram_column(table, "input")
+        rows = list_column(table, "input")
         stored = [(*k.values(), tuple(row)) for k, row in zip(keys, rows, strict=True)]
         assert stored == expected
-        targets = histogram_column(table, "target")
+        targets = list_column(table, "target")
         assert (rows <= targets).all()
     assert check_dataset(dataset) == ()
 

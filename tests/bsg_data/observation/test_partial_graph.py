@@ -131,16 +131,6 @@ def test_the_share_of_a_building_moves_with_its_rooms() -> None:
     assert known.share_with([1.0, 0.0]) == 0.5
 
 
-def test_one_more_object_leaves_the_share_of_a_room_that_was_looked_into() -> None:
-    sink = seen("sink", 1, "sink")
-    after = see_object(GRAPH, sink)
-    assert after.objects == (*GRAPH.objects, sink)
-    assert (after.rooms, after.hidden_share) == (GRAPH.rooms, GRAPH.hidden_share)
-    assert len(GRAPH.objects) == 4, "the graph that was given stays what it was"
-    moved = seen("sink", 0, "sink")
-    assert see_object(after, moved).objects == (*GRAPH.objects, moved)
-
-
 def test_a_room_in_which_something_was_seen_was_glimpsed_at_least() -> None:
     graph = see_object(GRAPH, seen("sink", 2, "sink"))
     assert (graph.rooms[1].hidden_share, graph.rooms[1].visited) == (GLIMPSED_SHARE, False)

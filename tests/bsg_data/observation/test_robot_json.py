@@ -13,17 +13,14 @@ import pytest
 from conftest import REPOSITORY
 from hypothesis import given
 from hypothesis import strategies as st
-from one_building import same_surroundings, surround_rooms
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
-from bsg_data.observation.partial_graph import KnownRoom, SeenObject
+from bsg_data.observation.partial_graph import KnownRoom, SeenObject, check_report
 from bsg_data.observation.robot_json import (
     RobotGraphError,
-    check_object,
-    check_room,
     encode_robot_graph,
     list_unmapped,
     note_room_types,
@@ -216,7 +213,7 @@ def test_a_room_type_that_models_do_not_know_is_a_note() -> None:
     rooms = [{"id": str(n), "room_type": said} for n, said in enumerate(["Küche", "ward", "zzqx"])]
     graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("x"))
     assert [room.room_type for room in graph.rooms] == ["Küche", "patient room", "zzqx"]
-    assert graph.surroundings().labels.sum(axis=1).tolist() == [0, 0, 1, 0]
+    assert graph.observation().surroundings.labels.sum(axis=1).tolist() == [0, 0, 1, 0]
     assert note_room_types(graph) == (
         "room types that models do not know are read: 'Küche' as unknown (nearest: kitchen), "
         "'patient room' as infirmary, 'zzqx' as unknown",
@@ -233,39 +230,16 @@ def test_a_graph_has_a_bound_of_rooms() -> None:
 
 def test_what_is_reported_in_python_is_of_numbers_that_a_file_can_hold() -> None:
     near = (np.float64(1), np.int64(2), np.float32(0.5))
-    room = check_room(KnownRoom("hall", 1.0, position=near, floor_area=np.float64(9)))
+    room = check_report(KnownRoom("hall", 1.0, position=near, floor_area=np.float64(9)))
     assert (room.position, room.floor_area) == ((1.0, 2.0, 0.5), 9.0)
     assert {type(value) for value in (*room.position, room.floor_area)} == {float}
     for wrong in ({"floor_area": -1.0}, {"position": (1.0, 2.0)}, {"room_type": {"kitchen": 2.0}}):
         with pytest.raises(RecipeError):
-            check_room(KnownRoom("hall", 1.0, **wrong))
+            check_report(KnownRoom("hall", 1.0, **wrong))
     bed = SeenObject("1", 1, "bed", "bed", 0, near)
-    assert check_object(bed).position == (1.0, 2.0, 0.5)
+    assert check_report(bed).position == (1.0, 2.0, 0.5)
     with pytest.raises(RecipeError):
-        check_object(replace(bed, position=(0.0, 0.0, math.inf)))
-
-
-def test_surroundings_by_hand() -> None:
-    said = {
-        **SAID,
-        "rooms": [
-            {"id": "kitchen", "floor_area": 9, "room_type": "Open kitchen"},
-            {"id": "hall", "box": [[0, 0, 0], [3, 2, 2.5]], "room_type": {"hall": 0.5, "bar": 0.5}},
-            {"id": "?", "room_type": "unknown"},
-        ],
-        "building_kind": "Home",
-        "source": "my robot",
-    }
-    graph = parse_robot_graph(said, path=Path("x"))
-    kinds = [room.room_type for room in graph.rooms]
-    assert kinds == ["kitchen", {"corridor": 0.5, "bar": 0.5}, None]
-    assert (graph.building_kind, graph.source) == ("home", "my robot")
-    expected = surround_rooms(
-        [9, 6, None], ["kitchen", {"corridor": 0.5, "bar": 0.5}, None], building_kind="home"
-    )
-    assert same_surroundings(graph.observation().surroundings, expected)
-    written = json.loads(json.dumps(encode_robot_graph(graph)))
-    assert parse_robot_graph(written, path=Path("x")) == graph
+        check_report(replace(bed, position=(0.0, 0.0, math.inf)))
 
 
 def test_a_look_stands_in_the_place_of_a_share() -> None:
