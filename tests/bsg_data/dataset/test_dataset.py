@@ -180,8 +180,8 @@ def assert_alike(data: Dataset) -> None:
         }
         assert there == others
         space, ours = data.manifest.class_space, data.surroundings(scene)
-        robots = mask_scene(graph, MaskRecipe(), draw=0, class_space=space).surroundings()
-        assert same_surroundings(ours, robots)
+        robots = mask_scene(graph, MaskRecipe(), draw=0, class_space=space).observation()
+        assert same_surroundings(ours, robots.surroundings)
         pairs = [(edge.source, edge.target) for edge in graph.adjacency]
         assert [tuple(pair) for pair in data.connections(scene).pairs.tolist()] == pairs
         assert data.connections(scene).pairs.tolist() == [list(pair) for pair in pairs]
