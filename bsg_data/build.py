@@ -306,6 +306,7 @@ def _describe_source(source: Source, listing: FoundScenes, class_map: ClassMap) 
         class_map=ClassMapEntry.of(class_map),
         options=source.options,
         terms=source.terms if isinstance(source, SourceWithTerms) else find_terms(source.kind),
+        nameable=None if class_map.nameable == class_map.classes else class_map.nameable,
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+import bsg_data
 import bsg_models
 from bsg_cli.choices import complete_model
 from bsg_cli.options import (
@@ -15,6 +16,7 @@ from bsg_cli.options import (
     data_option,
     force_option,
     json_option,
+    mask_options,
     out_option,
     resamples_option,
     seed_option,
@@ -39,6 +41,10 @@ from bsg_data.tables import format_text
     type=click.IntRange(min=0),
     help="Measure this fold; a RUN measures its own.  [default: all folds]",
 )
+@mask_options(
+    "Of a dataset without a split, all buildings of which are measured: how to hide objects.",
+    "Of such a dataset: share of a building's objects to hide.",
+)
 @click.option("--write-predictions", type=PATH, help="Folder for the predictions of the RUNs.")
 @out_option("Folder of the results.  [default: evaluation in the first RUN]")
 @resamples_option(200)
@@ -50,19 +56,24 @@ from bsg_data.tables import format_text
 def main(runs: tuple[str, ...], all_metrics: bool, as_json: bool, **options: Any) -> None:
     """Measure runs or predictions on a split, beside the baselines.
 
-    A RUN is a folder, or any model that `bsg-belief --model` accepts.
+    A RUN is a folder, or any model that `bsg-belief --model` accepts. A dataset without a split is
+    measured whole: give it to models that were trained on other buildings.
 
     \b
     Example:
       bsg-evaluate run --data dataset --split test
       bsg-evaluate --predictions mine.parquet --data dataset
+      bsg-evaluate universal mixture --data elsewhere --mask rooms
     """
     if not runs and not options["predictions"]:
         raise click.UsageError("nothing to measure; give a RUN or --predictions FILE")
     if options["write_predictions"] is not None and not runs:
         raise click.UsageError("--write-predictions writes what a RUN predicts; give a RUN too")
     models = tuple(Path(run) if Path(run).exists() else run for run in runs)
-    request = bsg_models.EvaluationRequest(runs=models, **options)
+    mask = {name: options.pop(name) for name in ("fraction", "withhold", "parts")}
+    recipe = bsg_data.MaskRecipe(strategy=options.pop("mask"), **mask)
+    fresh = bsg_data.PairsRecipe(mask=recipe)
+    request = bsg_models.EvaluationRequest(runs=models, fresh=fresh, **options)
     with progress_bar("evaluate", unit="building") as progress:
         report = bsg_models.report_evaluation(request, progress=progress)
     comparison = report.comparison

@@ -100,6 +100,7 @@ class PairCheck:
             self._recipe,
             scene_id=scene,
             connections=self._data.connections(scene),
+            nameable=self._data.nameable(scene),
         )
         same = all(one.agrees(view) for one, view in zip(drawn, views, strict=True))
         return same and np.array_equal(shown, inputs)

@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from bsg_data.arrays import Counts, Ints
+from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import NO_CATEGORY, OtherObjects, count_cells
 from bsg_data.dataset.manifest import (
     FileEntry,
@@ -106,6 +106,24 @@ class Dataset:
         """Return the objects of a scene outside the classes, by category."""
         part, place = self._find(scene_id)
         return part.others(place)
+
+    def nameable(self, scene_id: str) -> Bools:
+        """Return the classes that the source of a scene has a word for, `[C]`.
+
+        Its buildings say of the others neither that they are there nor that they are not.
+        """
+        part, place = self._find(scene_id)
+        return self._nameable[part.sources[place]]
+
+    @cached_property
+    def _nameable(self) -> dict[str, Bools]:
+        """The classes that all sources of a kind have a word for, by kind."""
+        classes = self.manifest.class_space.classes
+        found: dict[str, Bools] = {}
+        for entry in self.manifest.sources:
+            own = np.isin(classes, classes if entry.nameable is None else entry.nameable)
+            found[entry.kind] = found.get(entry.kind, own) & own
+        return found
 
     def connections(self, scene_id: str) -> Connections:
         """Return the known connections between rooms of a scene, in the order of the table."""
@@ -251,6 +269,11 @@ class _Part:
 
     def _read(self, table: str, columns: list[str]) -> pa.Table:
         return read_file(self.dataset, self.files[table], manifest=self.manifest, columns=columns)
+
+    @cached_property
+    def sources(self) -> list[str]:
+        """The kind of source of every scene."""
+        return list(self._scenes["source"].to_pylist())
 
     @cached_property
     def _scenes(self) -> pa.Table:

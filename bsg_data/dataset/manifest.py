@@ -10,9 +10,9 @@ import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
@@ -135,6 +135,16 @@ class SourceEntry(Record):
     class_map: ClassMapEntry  # the class map of its names
     options: dict[str, int | str] = Field(default_factory=dict)  # options that its bytes depend on
     terms: Terms | None = None  # licence and citation of its data; None if unknown
+    # classes that it has a word for; of the others its buildings say nothing. None: all
+    nameable: tuple[str, ...] | None = None
+
+    @model_serializer(mode="wrap")
+    def _leave_out_all(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Write `nameable` only where some class is missing."""
+        said: dict[str, Any] = handler(self)
+        if self.nameable is None:
+            del said["nameable"]
+        return said
 
 
 def count_shards(scenes: int, *, scenes_per_shard: int) -> int:

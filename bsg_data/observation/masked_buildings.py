@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
 
-from bsg_data.arrays import Counts, Ints
+from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
 from bsg_data.observation.hidden_objects import sample_hidden, sample_others
@@ -32,6 +33,8 @@ _place_columns = lru_cache(maxsize=4096)(place_columns)
 class MaskedBuildings:
     """B buildings under masks, with their true histograms."""
 
+    UNKNOWN: ClassVar[int] = -1  # target of a class that the building's source has no word for
+
     seen: Observation
     targets: Counts  # [N, C]
     draws: Ints  # [B] number of each mask
@@ -43,8 +46,13 @@ class MaskedBuildings:
 
     @property
     def hidden(self) -> Counts:
-        """Hidden counts, target − input, `[N, C]`."""
-        return self.targets - self.seen.inputs
+        """Hidden counts, target − input, `[N, C]`; 0 where the target is not known."""
+        return np.where(self.known, self.targets - self.seen.inputs, 0)
+
+    @property
+    def known(self) -> Bools:
+        """Whether the target is known, `[N, C]`."""
+        return np.asarray(self.targets != self.UNKNOWN)
 
     def batches(self, size: int) -> Iterator[MaskedBuildings]:
         """Yield the buildings in order, `size` at a time."""
@@ -102,12 +110,20 @@ def sample_masked(
     seen, targets, nodes = [], [], []
     for scene, recipe in zip(scenes, recipes, strict=True):
         every, connections = data.cells(scene), data.connections(scene)
-        view = sample_view(every.shape, recipe, scene_id=scene, draw=draw, connections=connections)
+        nameable = data.nameable(scene)
+        view = sample_view(
+            every.shape,
+            recipe,
+            scene_id=scene,
+            draw=draw,
+            connections=connections,
+            nameable=nameable,
+        )
         cells = view.cut(every)
         hidden = sample_hidden(cells, view, recipe, scene_id=scene, draw=draw)
         others = see_others(data, scene, recipe, draw, view, hidden, vocabulary=vocabulary)
         seen.append(_observe(data, scene, view, cells - hidden, vocabulary, others))
-        targets.append(to_histograms(cells))
+        targets.append(np.where(nameable, to_histograms(cells), MaskedBuildings.UNKNOWN))
         nodes.append(view.nodes)
     return MaskedBuildings(
         stack(seen),
@@ -159,6 +175,7 @@ def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> 
         hidden = to_cells(targets[a:b]) - seen
         others = _see_stored_others(data, scene, int(draw), view, hidden, vocabulary)
         parts.append(_observe(data, scene, view, seen, vocabulary, others))
+        targets[a:b, ~data.nameable(scene)] = MaskedBuildings.UNKNOWN
     return MaskedBuildings(stack(parts), targets, draws, views.nodes)
 
 
@@ -175,7 +192,14 @@ def _see_stored_others(
         return np.zeros((len(hidden), 0), dtype=np.int64)
     mask, connections = recipe.mask, data.connections(scene)
     shape = data.cells(scene).shape
-    sampled = sample_view(shape, mask, scene_id=scene, draw=draw, connections=connections)
+    sampled = sample_view(
+        shape,
+        mask,
+        scene_id=scene,
+        draw=draw,
+        connections=connections,
+        nameable=data.nameable(scene),
+    )
     if not sampled.agrees(view):  # another version of NumPy drew the pairs: use their view
         sampled = replace(view, exact=sampled.exact)
     return see_others(data, scene, mask, draw, sampled, hidden, vocabulary=vocabulary)

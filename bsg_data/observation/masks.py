@@ -294,10 +294,12 @@ def sample_view(
     scene_id: str,
     draw: int,
     connections: Connections | None = None,
+    nameable: Bools | None = None,
 ) -> View:
     """Sample how much a robot has seen of a building of `shape` (N, C), and what is withheld.
 
-    Without connections, none between rooms is known.
+    Without connections, none between rooms is known. Classes that are not `nameable` `[C]` are
+    withheld at all nodes, as from a detector that does not know them; None: all are.
     """
     known = connections if connections is not None else Connections.of_pairs(())
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="rooms")
@@ -307,6 +309,8 @@ def sample_view(
         view = view.withhold(sample_withheld(recipe, **which))
     if recipe.detector:
         view = view.blind(sample_unknown(recipe, **which)[0])
+    if nameable is not None and not nameable.all():
+        view = view.blind(~nameable)
     return view
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.commit import name_by_content, revise
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import stack_histograms
@@ -46,17 +46,23 @@ def sample_pairs(
     scene_id: str,
     connections: Connections | None = None,
     draws: range | None = None,
+    nameable: Bools | None = None,
 ) -> tuple[tuple[View, ...], Counts, Counts]:
     """Sample the masks of one building: D views, their inputs and their targets.
 
     Both are histograms `[K, C]` of the nodes that the views have, those of one after another.
     `cells` `[N, C]` are its classified objects, row 0 the null region; `draws` the numbers of the
-    D draws, by default all of the recipe.
+    D draws, by default all of the recipe; `nameable` `[C]` as for `sample_view`.
     """
     views, there, hidden = [], [], []
     for draw in range(recipe.draws) if draws is None else draws:
         view = sample_view(
-            cells.shape, recipe.mask, scene_id=scene_id, draw=draw, connections=connections
+            cells.shape,
+            recipe.mask,
+            scene_id=scene_id,
+            draw=draw,
+            connections=connections,
+            nameable=nameable,
         )
         views.append(view)
         there.append(view.cut(cells))
@@ -226,7 +232,12 @@ def _scene_batches(
     for first in range(0, recipe.draws, at_once):
         draws = range(first, min(first + at_once, recipe.draws))
         views, inputs, targets = sample_pairs(
-            cells, recipe, scene_id=scene, connections=connections, draws=draws
+            cells,
+            recipe,
+            scene_id=scene,
+            connections=connections,
+            draws=draws,
+            nameable=data.nameable(scene),
         )
         sizes = [len(view.nodes) for view in views]
         columns = [

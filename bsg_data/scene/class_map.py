@@ -90,6 +90,12 @@ class ClassMap:
         """The names of the classes, `[C]`, in the order of every histogram."""
         return self.space.classes
 
+    @property
+    def nameable(self) -> tuple[str, ...]:
+        """The classes that some name of the map leads to; its source has no word for the others."""
+        known = {entry.class_index for entry in self.entries.values()}
+        return tuple(name for index, name in enumerate(self.classes) if index in known)
+
     def lookup(self, name: str) -> MapEntry | None:
         """Look up a listed name, exact first, then normalised; None if it is not listed."""
         entry = self.entries.get(name)

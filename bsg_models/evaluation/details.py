@@ -27,7 +27,7 @@ class ClassErrors:
 
     def add(self, truth: Truth, expectation: Expectation) -> None:
         """Add some nodes."""
-        error = expectation.totals - truth.targets
+        error = np.where(truth.known, expectation.totals - truth.targets, 0.0)
         for name, own in zip(_SETS, (~truth.is_building, truth.is_building), strict=True):
             rows = np.flatnonzero(own)
             some = error[rows]
@@ -89,7 +89,8 @@ class ShownCollector:
             keep |= place == place[first]
             self._found = self._rows + int(keep[:first].sum())
         self._rows += int(keep.sum())
-        columns = truth.inputs, expectation.totals, truth.targets
+        totals = np.where(truth.known, expectation.totals, 0.0)
+        columns = truth.inputs, totals, truth.targets
         self._parts.append((*(some[keep] for some in columns), truth.is_building[keep]))
 
     def finish(self) -> ShownNodes:

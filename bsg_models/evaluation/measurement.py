@@ -33,18 +33,19 @@ EVALUATOR_VERSION = 1
 
 def read_truth(masked: MaskedBuildings) -> Truth:
     """Return the truth of masked buildings, nodes in their order."""
-    seen = masked.seen
+    seen, known = masked.seen, masked.known
     scene_ids = tuple(dict.fromkeys(seen.scene_ids))
     number = {scene: i for i, scene in enumerate(scene_ids)}
     sizes = np.diff(seen.starts)
     return Truth(
         inputs=seen.inputs.astype(float),
-        targets=masked.targets.astype(float),
+        targets=np.where(known, masked.targets, 0).astype(float),
         is_building=seen.is_building,
         visited=seen.visited,
         building=np.repeat([number[scene] for scene in seen.scene_ids], sizes),
         draw=np.repeat(masked.draws, sizes),
         scene_ids=scene_ids,
+        nameable=None if known.all() else known,
     )
 
 

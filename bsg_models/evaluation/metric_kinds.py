@@ -221,7 +221,7 @@ class CellMetric(_PresenceMetric):
         truth, rows = batch.prediction.truth, batch.prediction.rows["rooms"]
         presence = batch.prediction.expectation.presence[rows]
         seen, hidden = truth.inputs[rows] > 0, truth.hidden[rows] > 0
-        for name, keep in select_cells(seen, truth.visited[rows]).items():
+        for name, keep in select_cells(seen, truth.visited[rows], truth.known[rows]).items():
             addends = self.addends(presence, hidden, keep)
             sums.add(name, batch.sum(rows, np.column_stack([keep.sum(axis=1), addends])))
             sums.nodes[name] += int(keep.any(axis=1).sum())
@@ -266,7 +266,8 @@ class CorrelationMetric(Metric):
     def add(self, batch: Batch, sums: Sums) -> None:
         """Add counts and their products, predicted and true, over rooms and over buildings."""
         expectation, truth = batch.prediction.expectation, batch.prediction.truth
-        for side, counts in (("predicted", expectation.totals), ("true", truth.targets)):
+        totals = np.where(truth.known, expectation.totals, 0.0)
+        for side, counts in (("predicted", totals), ("true", truth.targets)):
             shifted = sums.shift(side, counts)
             for name in ("rooms", "building"):
                 rows = batch.prediction.rows[name]

@@ -26,24 +26,31 @@ def _between_distributions(
     """Return a function of the distance of E″ from E, both `[N, C]`, at every node."""
 
     def values(truth: Truth, expectation: Expectation) -> Floats:
-        return distance(metrics.normalise(expectation.totals), metrics.normalise(truth.targets))
+        totals = np.where(truth.known, expectation.totals, 0.0)
+        return distance(metrics.normalise(totals), metrics.normalise(truth.targets))
 
     return values
 
 
+def _average_known(values: Floats, truth: Truth) -> Floats:
+    """Return the mean of values `[N, C]` over the classes that are known, `[N]`."""
+    where = True if truth.nameable is None else truth.nameable
+    return np.asarray(values.mean(axis=1, where=where))
+
+
 def _mean_error(truth: Truth, expectation: Expectation) -> Floats:
     """Return O″ − O per class, averaged over the classes, `[N]`."""
-    return np.asarray((expectation.totals - truth.targets).mean(axis=1))
+    return _average_known(expectation.totals - truth.targets, truth)
 
 
 def _mean_absolute_error(truth: Truth, expectation: Expectation) -> Floats:
     """Return |O″ − O| per class, averaged over the classes, `[N]`."""
-    return np.asarray(np.abs(expectation.totals - truth.targets).mean(axis=1))
+    return _average_known(np.abs(expectation.totals - truth.targets), truth)
 
 
 def hidden_nll(truth: Truth, expectation: Expectation) -> Floats:
     """Return −log P(hidden counts) per class, averaged over the classes, `[N]`."""
-    return np.asarray(-expectation.log_probability(truth.hidden).mean(axis=1))
+    return _average_known(-expectation.log_probability(truth.hidden), truth)
 
 
 def _topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
@@ -51,7 +58,8 @@ def _topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
 
     def values(truth: Truth, expectation: Expectation) -> Floats:
         seen, hidden = truth.inputs > 0, truth.hidden > 0
-        return metrics.topk_unseen(expectation.presence, seen, hidden, k=k)
+        presence = np.where(truth.known, expectation.presence, 0.0)
+        return metrics.topk_unseen(presence, seen, hidden, k=k)
 
     return values
 

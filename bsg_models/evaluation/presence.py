@@ -45,10 +45,13 @@ class Ranks(NamedTuple):
     precision: dict[str, Floats]  # selection → `[1 + C, W]`
 
 
-def select_cells(seen: Bools, visited: Bools) -> dict[str, Bools]:
-    """Return the cells of each selection `[N, C]`, from which classes were seen and rooms `[N]`."""
-    unvisited = np.broadcast_to(~visited[:, None], seen.shape)
-    return dict(zip(SELECTIONS, (np.ones_like(seen), ~seen, unvisited), strict=True))
+def select_cells(seen: Bools, visited: Bools, known: Bools | bool = True) -> dict[str, Bools]:
+    """Return the cells of each selection `[N, C]`, of those whose truth is `known` `[N, C]`.
+
+    They follow from which classes were `seen` `[N, C]`, and which rooms were `visited` `[N]`.
+    """
+    every = np.ones_like(seen) & known
+    return dict(zip(SELECTIONS, (every, every & ~seen, every & ~visited[:, None]), strict=True))
 
 
 def bin_presence(presence: Floats) -> Ints:
@@ -72,7 +75,9 @@ class PresenceHistograms:
         presence, seen = expectation.presence[rows], truth.inputs[rows] > 0
         self._classes = presence.shape[1]
         flags = (truth.hidden[rows] > 0).astype(np.int64)
-        for number, (name, own) in enumerate(select_cells(seen, truth.visited[rows]).items(), 1):
+        for number, (name, own) in enumerate(
+            select_cells(seen, truth.visited[rows], truth.known[rows]).items(), 1
+        ):
             self.rooms[name] += int(own.any(axis=1).sum())
             flags |= own.astype(np.int64) << number
         axes = (np.arange(self._classes), bin_presence(presence), flags, building[:, None])

@@ -26,6 +26,13 @@ class Truth:
     building: npt.NDArray[np.int64]  # `[N]` 0..B-1, the number of the node's building
     draw: npt.NDArray[np.int64]  # `[N]` number of the mask
     scene_ids: tuple[str, ...]  # `[B]`
+    # `[N, C]` whether the source has a word for the class; of the others nothing is true. None: all
+    nameable: Bools | None = None
+
+    @property
+    def known(self) -> Bools:
+        """Whether the true count is known, `[N, C]`; only these cells are measured."""
+        return np.ones(self.targets.shape, dtype=bool) if self.nameable is None else self.nameable
 
     @property
     def hidden(self) -> Floats:
@@ -46,6 +53,11 @@ def join_truths(parts: Sequence[Truth]) -> Truth:
         building=np.concatenate(buildings),
         draw=np.concatenate([part.draw for part in parts]),
         scene_ids=scene_ids,
+        nameable=(
+            None
+            if all(part.nameable is None for part in parts)
+            else np.concatenate([part.known for part in parts])
+        ),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from bsg_data.arrays import Counts, Floats, Ints
+from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
@@ -35,7 +36,7 @@ class Nodes(_Tensors):
     """N nodes of interest of B buildings, C classes; a building's rows are its own, then rooms."""
 
     x: torch.Tensor  # [N, C] counts that were seen
-    y: torch.Tensor  # [N, C] true counts; [0, C] if they are not known
+    y: torch.Tensor  # [N, C] true counts, `UNKNOWN` where there is none; [0, C] if not given
     edges: Any  # [2, E] from and to, or the form that the network takes
     building: torch.Tensor  # [N] number of each node's building
     first: torch.Tensor  # [B] row of each building's own node
@@ -45,6 +46,11 @@ class Nodes(_Tensors):
     withheld: torch.Tensor  # [N, C] classes that the node does not show, whatever its share
     others: torch.Tensor  # [N, V] seen objects outside the classes
     evidence: dict[str, torch.Tensor]  # [N, width] of rows of `EVIDENCE`
+
+    @property
+    def known(self) -> torch.Tensor:
+        """Whether the true count is known, `[N, C]`: the source has a word for the class."""
+        return self.y != MaskedBuildings.UNKNOWN
 
     @property
     def share(self) -> torch.Tensor:

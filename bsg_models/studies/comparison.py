@@ -18,6 +18,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_data.recipes import PairsRecipe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
@@ -53,10 +54,12 @@ from bsg_models.studies.stored_pairs import (
     stream_batches,
     survey_split,
 )
-from bsg_models.zoo.catalogue import BASELINES
+from bsg_models.zoo.catalogue import BASELINES, UNTRAINED
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
+
+WHOLE = "whole dataset"  # instead of a split
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +110,7 @@ def compare_runs(
     *,
     split: str,
     predictions: Sequence[AnyPath] = (),
+    fresh: PairsRecipe | None = None,
     fold: int | None = None,
     resamples: int = 200,
     seed: int = 0,
@@ -114,6 +118,9 @@ def compare_runs(
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
     """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
+
+    A dataset without a split is measured whole, under `fresh` masks, and only beside the baselines
+    that learn nothing: models that were trained on other buildings are tested on all.
 
     A run is named after its model; several runs of one model also get their folders' names. Without
     runs, a dataset in folds is measured fold by fold, and the values are averaged. Buildings are
@@ -124,6 +131,7 @@ def compare_runs(
         dataset: folder of a split dataset with pairs.
         split: `train`, `val` or `test`.
         predictions: files of predictions, or folders of such files.
+        fresh: masks of a dataset without a split; None: ten of the default recipe.
         fold: fold to measure if there is no run; None for all.
         resamples: number of bootstrap resamples of the buildings.
         seed: of the bootstrap.
@@ -141,7 +149,12 @@ def compare_runs(
     fold = _one_fold(loaded, fold) if loaded else fold
     part = cast(Split, split)
     folds: Folds = (fold,) if loaded else folds_of(data, fold)
-    surveys = [survey_split(data, part, fold=one) for one in folds]
+    fresh = None if data.splits else fresh or PairsRecipe()
+    if fresh is not None and predictions:
+        message = f"{data.path}: predictions are for stored pairs; run `bsg-data split` and `pairs`"
+        raise DatasetError(message, code="pairs-missing", where=data.path)
+    split = split if fresh is None else WHOLE
+    surveys = [survey_split(data, part, fold=one, fresh=fresh) for one in folds]
     survey = join_surveys(surveys)
     openers: dict[str, _Opener] = {run.name: partial(_open_run, run) for run in loaded}
     entries = {}
@@ -151,8 +164,11 @@ def compare_runs(
         entries[name] = entry.facts
         openers[name] = partial(_open_entry, entry.aligned.expect)
     chosen = tuple(openers)
-    openers |= {name: partial(_fit_baseline, name, data) for name in BASELINES}
-    measuring = _Measuring(data, part, folds, surveys, len(openers) * survey.masked, progress)
+    trains = fold is not None or len(folds) > 1 or "train" in data.splits
+    baselines = BASELINES if trains else UNTRAINED
+    openers |= {name: partial(_fit_baseline, name, data) for name in baselines}
+    total = len(openers) * survey.masked
+    measuring = _Measuring(data, part, folds, surveys, total, progress, fresh)
     bootstraps = {
         name: measure(
             measuring.predict(name, opener, write if name in chosen[: len(loaded)] else None),
@@ -172,9 +188,9 @@ def compare_runs(
             [row for name, one in measuring.classes.items() for row in one.rows(name, classes)]
         ),
         class_names=classes,
-        facts=_facts(data, survey, fold=fold, resamples=resamples, seed=seed)
+        facts=_facts(data, survey, fresh=fresh, fold=fold, resamples=resamples, seed=seed)
         | {
-            "masks_sha256": hash_measured(data, part, folds),
+            "masks_sha256": None if fresh else hash_measured(data, part, folds),
             "runs": {run.name: _describe(run) for run in loaded},
             "checkpoints_sha256": [hash_file(run.found.path) for run in loaded],
             "predictions": entries,
@@ -193,6 +209,7 @@ class _Measuring:
     surveys: Sequence[Survey]  # of the folds
     total: int  # masked buildings, over all models
     progress: Callable[[int, int], None] | None
+    fresh: PairsRecipe | None  # masks of a dataset without a split
     done: int = 0  # masked buildings
     classes: dict[str, ClassErrors] = field(default_factory=dict)  # by model
     shown: dict[str, ShownCollector] = field(default_factory=dict)
@@ -212,7 +229,9 @@ class _Measuring:
     ) -> Iterator[tuple[Truth, Expectation]]:
         expect, vocabulary = opener(fold)
         writer = write(name, fold) if write else None
-        for masked in stream_batches(self.data, self.split, fold=fold, vocabulary=vocabulary):
+        for masked in stream_batches(
+            self.data, self.split, fold=fold, vocabulary=vocabulary, fresh=self.fresh
+        ):
             truth, found = read_truth(masked), expect(masked)
             yield truth, found
             self.classes[name].add(truth, found)
@@ -272,7 +291,8 @@ def _open_entry(expect: _Predict, fold: int | None) -> _Opened:
 
 def _fit_baseline(name: str, data: Dataset, fold: int | None) -> _Opened:
     model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
-    model.fit(data, DataConfig(fold=fold))
+    if name not in UNTRAINED:
+        model.fit(data, DataConfig(fold=fold))
     return partial(predict_all, model), model.vocabulary
 
 
@@ -299,9 +319,15 @@ def _one_fold(loaded: Sequence[_Loaded], asked: int | None) -> int | None:
 
 
 def _facts(
-    data: Dataset, survey: Survey, *, fold: int | None, resamples: int, seed: int
+    data: Dataset,
+    survey: Survey,
+    *,
+    fresh: PairsRecipe | None,
+    fold: int | None,
+    resamples: int,
+    seed: int,
 ) -> dict[str, Any]:
-    pairs = data.manifest.pairs
+    pairs = fresh or data.manifest.pairs
     if pairs is None:
         raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
     return {
@@ -323,9 +349,10 @@ def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str)
     for run in loaded:
         header = run.checkpoint.header
         if header.dataset_sha256 != data.sha256:
+            where = "these buildings" if split == WHOLE else f"buildings of this {split} split"
             yield (
                 f"note: {run.name} was trained on another dataset or another version of this one; "
-                f"buildings of this {split} split may have been in its training set"
+                f"{where} may have been in its training set"
             )
         epochs = header.config.training.epochs
         unfinished = run.found.path.with_name(LAST)
@@ -341,6 +368,8 @@ def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str)
         )
     if survey.stride > 1:
         yield f"note: the figures show one in {survey.stride} masked buildings"
+    if split == WHOLE:
+        yield "note: the dataset has no split: all of its buildings are measured, under new masks"
     if split == "train":
         yield "note: the models were trained on these buildings"
 

@@ -20,7 +20,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
-from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.recipes import PairsRecipe, Record
 from bsg_data.results import refuse_datasets, refuse_file, write_results
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.prediction_files import PredictionWriter
@@ -52,6 +52,8 @@ class EvaluationRequest(Record):
     # files of predictions of other programs, or folders of such files
     predictions: tuple[Path, ...] = ()
     fold: int | None = Field(default=None, ge=0)  # fold to measure if there is no run; None for all
+    # masks of a dataset without a split, all buildings of which are measured
+    fresh: PairsRecipe = PairsRecipe()
     # folder for the expectations of the runs, written as predictions
     write_predictions: Path | None = None
     # folder of the results. None means `evaluation` in the folder of the first run; if that run is
@@ -121,6 +123,7 @@ def report_evaluation(
                 request.dataset,
                 split=request.split,
                 predictions=request.predictions,
+                fresh=request.fresh,
                 fold=request.fold,
                 resamples=request.resamples,
                 seed=request.seed,
@@ -175,13 +178,13 @@ def _write_page(
     explorer = None
     if request.runs:
         best = request.runs[int(np.argmin(likelihood))]
-        explorer = explorer_page(_look_into(comparison, best, request.dataset))
+        explorer = explorer_page(_look_into(comparison, best, request.dataset, request.fresh))
     write_report(
         path,
         title=f"Evaluation: {', '.join(comparison.runs)}",
         facts=[
-            f"Measured on {len(comparison.survey.scene_ids)} {request.split} buildings of "
-            f"{request.dataset.name}, compared with the baselines. "
+            f"Measured on {len(comparison.survey.scene_ids)} buildings of {request.dataset.name} "
+            f"({comparison.split}), compared with the baselines. "
             "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
             *comparison.notes,
         ],
@@ -199,12 +202,14 @@ def _write_page(
     )
 
 
-def _look_into(comparison: Comparison, run: Path | str, data: Path) -> list[View]:
+def _look_into(
+    comparison: Comparison, run: Path | str, data: Path, fresh: PairsRecipe
+) -> list[View]:
     """Return a run's beliefs about the median, the smallest and the largest building."""
     manifest, predictor = read_manifest(data), Predictor(run)
     by_size = comparison.survey.by_size
     wanted = [comparison.survey.example, by_size[0], by_size[-1]]
-    recipe = manifest.pairs.mask if manifest.pairs else MaskRecipe()
+    recipe = (manifest.pairs or fresh).mask
     views = {}
     for seen, truth in mask_dataset(data, wanted, recipe):
         expectation = predictor(seen, withheld=list_withheld(recipe, seen))

@@ -1,5 +1,7 @@
 """The stored pairs that models are measured on: what is in them, and predictions for them.
 
+A dataset without a split is measured whole, under masks that are drawn for it.
+
 PREDICTIONS/MODEL.parquet           of a model trained on the train split
 PREDICTIONS/MODEL/fold-K.parquet    of a model trained without fold K; the folder is one entry
 """
@@ -19,7 +21,8 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import resolve_links, stem_of
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.mask_hash import ALL, hash_splits
-from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
+from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stream_sampled
+from bsg_data.recipes import PairsRecipe
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import read_truth
 from bsg_models.evaluation.prediction_files import PredictionWriter, read_predictions
@@ -44,9 +47,23 @@ def hash_measured(data: Dataset, split: Split, folds: Folds) -> str:
 
 
 def stream_batches(
-    data: Dataset, split: Split, *, fold: int | None, vocabulary: tuple[str, ...] = ()
+    data: Dataset,
+    split: Split,
+    *,
+    fold: int | None,
+    vocabulary: tuple[str, ...] = (),
+    fresh: PairsRecipe | None = None,
 ) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of a split, at most `BATCH` masked buildings at a time."""
+    """Yield the stored pairs of a split, at most `BATCH` masked buildings at a time.
+
+    With `fresh`, yield masks of all buildings instead.
+    """
+    if fresh is not None:
+        for draw in range(fresh.draws):
+            yield from stream_sampled(
+                data, data.scene_ids, mask=fresh.mask, draw=draw, vocabulary=vocabulary
+            )
+        return
     for masked in stream_split(data, split, fold=fold, vocabulary=vocabulary):
         yield from masked.batches(BATCH)
 
@@ -77,20 +94,22 @@ class Survey:
         return max(1, -(-(self.counts["rooms"] + self.counts["building"]) // _MOST_SHOWN))
 
 
-def survey_split(data: Dataset, split: Split, *, fold: int | None) -> Survey:
-    """Read the stored pairs of a split once, and count what is in them."""
+def survey_split(
+    data: Dataset, split: Split, *, fold: int | None, fresh: PairsRecipe | None = None
+) -> Survey:
+    """Read the masked buildings of `stream_batches` once, and count what is in them."""
     sizes: dict[str, float] = {}
     counts = dict.fromkeys(("rooms", "building", "empty_inputs", "empty_targets"), 0)
     number = 0
-    for masked in stream_batches(data, split, fold=fold):
+    for masked in stream_batches(data, split, fold=fold, fresh=fresh):
         truth = read_truth(masked)
         number += len(masked)
         counts["rooms"] += int((~truth.is_building).sum())
         counts["building"] += int(truth.is_building.sum())
         counts["empty_inputs"] += int((~truth.inputs.any(axis=1)).sum())
         counts["empty_targets"] += int((~truth.targets.any(axis=1)).sum())
-        totals = masked.targets[masked.seen.starts[:-1]].sum(axis=1)
-        sizes |= dict(zip(masked.seen.scene_ids, totals.astype(float).tolist(), strict=True))
+        totals = truth.targets[masked.seen.starts[:-1]].sum(axis=1)
+        sizes |= dict(zip(masked.seen.scene_ids, totals.tolist(), strict=True))
     if not sizes:  # buildings with too many objects have no pairs
         raise DatasetError(f"{data.path}: no building of the split {split!r} has pairs")
     return Survey(tuple(sizes), np.array(list(sizes.values())), number, counts)

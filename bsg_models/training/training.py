@@ -237,16 +237,17 @@ def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
     if not rooms.any():
         return
     hidden = masked.hidden[rooms].astype(np.float64)
+    known = masked.known[rooms]  # a cell that hides nothing for certain says nothing
     learned = concatenate(
         [
             model.predict_hidden_counts(some.seen).take(np.flatnonzero(~some.seen.is_building))
             for some in masked.batches(BATCH)
         ]
-    )
+    ).without(~known)
     fitted = fit_calibration(learned, hidden)
     model.calibration.copy_(torch.from_numpy(fitted))
     lines = fit_presence_calibration(
-        recalibrate(learned, fitted), hidden, share=masked.seen.cell_share[rooms]
+        recalibrate(learned, fitted), hidden, share=masked.seen.cell_share[rooms] * known
     )
     model.presence_calibration.copy_(torch.from_numpy(lines))
 

@@ -75,13 +75,18 @@ class _TrainMeanModel(BeliefModel):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Average the histograms of the training buildings and of their rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
-        rooms, of_rooms, of_buildings = 0, *np.zeros((2, len(self.room_mean)))
+        rooms, buildings, of_rooms, of_buildings = np.zeros((4, len(self.room_mean)))
         for some in data.in_parts(scenes):
-            for histograms in (to_histograms(data.cells(scene)) for scene in some):
-                rooms += len(histograms) - 1
+            for scene in some:
+                histograms, known = to_histograms(data.cells(scene)), data.nameable(scene)
+                rooms += (len(histograms) - 1) * known
+                buildings += known
                 of_rooms += histograms[1:].sum(axis=0)
                 of_buildings += histograms[0]
-        self.hold(room_mean=of_rooms / rooms, building_mean=of_buildings / len(scenes))
+        self.hold(
+            room_mean=of_rooms / np.maximum(rooms, 1),
+            building_mean=of_buildings / np.maximum(buildings, 1),
+        )
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the mean, whatever was seen."""

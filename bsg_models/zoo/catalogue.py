@@ -56,3 +56,4 @@ ZOO: Registry[ZooRow] = Registry(
     },
 )
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")
+UNTRAINED = BASELINES[:2]  # learn nothing

@@ -84,12 +84,17 @@ class CECIGCN(Network):
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean squared error of the totals over nodes and classes (section IV-A)."""
-        return torch.nn.functional.mse_loss(self(nodes), nodes.y)
+        return torch.nn.functional.mse_loss(self(nodes)[nodes.known], nodes.y[nodes.known])
+
+    def cells_of(self, nodes: Nodes) -> int:
+        """Return the number of known cells."""
+        return int(nodes.known.sum())
 
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the squared error of the totals, clipped at 0, and the number of cells."""
-        totals = self._predict_totals(nodes)
-        return float(((totals - nodes.y.numpy()) ** 2).sum()), totals.size
+        known = nodes.known.numpy()
+        errors = (self._predict_totals(nodes) - nodes.y.numpy())[known]
+        return float((errors**2).sum()), errors.size
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the totals, clipped at 0, and the hidden counts that follow."""

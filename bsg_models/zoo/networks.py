@@ -79,12 +79,13 @@ class CountNetwork(CalibratedModel, Network):
         if self.labels is not None:
             self.labels.read_table(data.manifest.class_space.classes)
         scenes = scenes_of(data, "train", fold=choice.fold)
-        total, number = np.zeros(self.inputs.classes), 0
+        total, number = np.zeros((2, self.inputs.classes))
         for part in data.in_parts(scenes):
-            for rooms in (data.cells(scene)[1:] for scene in part):
+            for scene in part:
+                rooms = data.cells(scene)[1:]
                 total += rooms.sum(axis=0)  # whole numbers: exact in any order
-                number += len(rooms)
-        self.head.start(torch.from_numpy(total / max(number, 1)))
+                number += len(rooms) * data.nameable(scene)
+        self.head.start(torch.from_numpy(total / np.maximum(number, 1)))
 
     def forward(self, nodes: Nodes) -> Posterior:
         """Return the posterior of the hidden counts of N nodes and C classes."""
@@ -97,21 +98,22 @@ class CountNetwork(CalibratedModel, Network):
         return posterior
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
-        """Return the mean of −log P(hidden) over rooms and classes."""
+        """Return the mean of −log P(hidden) over rooms and the classes that are known there."""
         rooms = ~nodes.is_building
         mean, dispersion, log_weight, tilts = self(nodes)
         each: torch.Tensor = log_negative_binomial(
-            (nodes.y - nodes.x)[rooms],
+            (nodes.y - nodes.x)[rooms].clamp(min=0),
             mean[:, rooms].clamp(min=MIN_RATE),
             dispersion[:, rooms],
             [tilt[:, rooms] for tilt in tilts],
         )
         cells = torch.logsumexp(each + log_weight[:, rooms], dim=0)
-        return -cells.sum() / max(cells.numel(), 1)  # a batch may have no rooms
+        cells = torch.where(nodes.known[rooms], cells, 0.0)
+        return -cells.sum() / max(self.cells_of(nodes), 1)  # a batch may have no rooms
 
     def cells_of(self, nodes: Nodes) -> int:
-        """Return the number of cells of rooms."""
-        return nodes.x[~nodes.is_building].numel()
+        """Return the number of known cells of rooms."""
+        return int(nodes.known[~nodes.is_building].sum())
 
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the loss over rooms and classes, and the number of these cells."""

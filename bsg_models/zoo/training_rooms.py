@@ -34,14 +34,20 @@ def read_rooms(
 
 
 def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
-    """Return for every class `[C]` which counts occur in rooms, and in how many rooms each."""
+    """Return for every class `[C]` which counts occur in rooms, and in how many rooms each.
+
+    Rooms whose source has no word for a class are left out; if all are, it is absent in one.
+    """
     tallies = [Counter[int]() for _ in data.manifest.class_space.classes]
     for some in data.in_parts(scenes):
         rooms = np.concatenate([data.cells(scene)[1:] for scene in some])
-        for tally, counts in zip(tallies, rooms.T, strict=True):
-            values, times = np.unique(counts, return_counts=True)
+        sizes = [len(data.cells(scene)) - 1 for scene in some]
+        known = np.repeat([data.nameable(scene) for scene in some], sizes, axis=0)
+        for tally, counts, own in zip(tallies, rooms.T, known.T, strict=True):
+            values, times = np.unique(counts[own], return_counts=True)
             tally.update(dict(zip(values.tolist(), times.tolist(), strict=True)))
-    both = [np.array(sorted(tally.items()), dtype=np.int64).reshape(-1, 2) for tally in tallies]
+    every = [tally or Counter({0: 1}) for tally in tallies]
+    both = [np.array(sorted(tally.items()), dtype=np.int64).reshape(-1, 2) for tally in every]
     return [(values_times[:, 0], values_times[:, 1]) for values_times in both]
 
 
