@@ -26,7 +26,7 @@ from .sources.hm3d import HM3DFolder
 from .sources.room_layouts import WithLayouts
 from .sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source, SourceRow, Terms
 from .synthetic.building import BuildingSize
-from .synthetic.geometry import GeometryOptions
+from .synthetic.buildings import GeometryOptions
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [

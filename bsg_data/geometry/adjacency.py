@@ -77,18 +77,9 @@ def _by_doors(rooms: Sequence[Room], objects: Sequence[SceneObject]) -> Iterator
     for door in objects:
         if door.category not in _DOORS or door.part_box is None or door.room_index not in place:
             continue
-        here = place[door.room_index]
-        near = [
-            (gap, number)
-            for number, room in enumerate(rooms)
-            if number != here
-            and room.box is not None
-            and _share_height(door.part_box, room.box) >= _DOOR_HEIGHT
-            and (gap := _gap(door.part_box, room)) <= _DOOR_REACH
-        ]
-        if near:
-            there = min(near)[1]
-            yield min(here, there), max(here, there)
+        shared = [_share_height(door.part_box, room.box) if room.box else 0.0 for room in rooms]
+        high = [number for number, height in enumerate(shared) if height >= _DOOR_HEIGHT]
+        yield from _reach(door.part_box, rooms, place[door.room_index], high, _DOOR_REACH)
 
 
 def _by_stairs(
@@ -105,16 +96,19 @@ def _by_stairs(
             continue
         flight = _surround(steps)
         for end in (flight.minimum[2], flight.maximum[2]):
-            near = [
-                (gap, number)
-                for number, other in enumerate(rooms)
-                if number != here
-                and abs(floors[number] - end) <= _LANDING
-                and (gap := _gap(flight, other)) <= _STAIRS_REACH
-            ]
-            if near and abs(end - floors[here]) > _LANDING:  # else this end is in the room itself
-                there = min(near)[1]
-                yield min(here, there), max(here, there)
+            level = [number for number, floor in enumerate(floors) if abs(floor - end) <= _LANDING]
+            if here not in level:  # else this end is in the room itself
+                yield from _reach(flight, rooms, here, level, _STAIRS_REACH)
+
+
+def _reach(
+    box: Box, rooms: Sequence[Room], here: int, others: Sequence[int], reach: float
+) -> Iterator[tuple[int, int]]:
+    """Yield a room and that of the others which is nearest to a box, if one is within reach."""
+    gaps = [(_gap(box, rooms[number]), number) for number in others if number != here]
+    gap, there = min(gaps, default=(np.inf, here))
+    if gap <= reach:
+        yield min(here, there), max(here, there)
 
 
 def _surround(boxes: Sequence[Box]) -> Box:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +10,7 @@ from PIL import Image
 
 from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.geometry.gltf import MeshError
-from bsg_data.geometry.triangles import find_spans, take_corners
-
-Labels = npt.NDArray[np.uint16]
+from bsg_data.geometry.surfaces import Labels, find_spans, take_corners
 
 UNLISTED, BLACK, FIRST = 0, 1, 2  # two labels that are no instance; that of the first instance
 MAX_INSTANCES = 60_000
@@ -36,14 +33,14 @@ class ColourLabels:
         self.texels: Ints = np.zeros(FIRST + len(colours), dtype=np.int64)  # of each label
         self.snapped = 0  # texels of JPEG textures that were near to a listed colour, and not it
 
-    def label(self, image: Image.Image, path: Path) -> Labels:
+    def label(self, image: Image.Image) -> Labels:
         """Return the label of every texel `[H, W]` by its exact colour.
 
         Neighbours mostly have the same colour: a run of them is looked up once.
         """
         if image.format == "JPEG":
-            return self._snap_jpeg(image, path)
-        pixels, palette = _unpack(image, path)
+            return self._snap_jpeg(image)
+        pixels, palette = _unpack(image)
         labels = np.empty(pixels.shape, dtype=np.uint16)
         for row in range(0, len(pixels), _ROWS):
             some = pixels[row : row + _ROWS]
@@ -82,16 +79,16 @@ class ColourLabels:
         counted = np.bincount(labels, texels, minlength=len(self.texels))  # exact up to 2⁵³
         self.texels += counted.astype(np.int64)
 
-    def _snap_jpeg(self, image: Image.Image, path: Path) -> Labels:
+    def _snap_jpeg(self, image: Image.Image) -> Labels:
         from scipy.spatial import cKDTree  # slow to import, and JPEG is rare
 
         if self._snap is None:
             raise MeshError(
-                f"{path}: a texture is JPEG, which changes colours, so that texels no longer say "
+                "a texture is JPEG, which changes colours, so that texels no longer say "
                 "which instance they are; --snap-colours N takes the nearest listed colour within N"
             )
         codes, index, counts = np.unique(
-            _unpack(image, path)[0] & 0xFFFFFF, return_inverse=True, return_counts=True
+            _unpack(image)[0] & 0xFFFFFF, return_inverse=True, return_counts=True
         )
         rgb = np.stack([codes & 255, codes >> 8 & 255, codes >> 16], axis=1)
         _, nearest = cKDTree(self._rgb).query(rgb, p=np.inf, distance_upper_bound=self._snap + 0.5)
@@ -139,11 +136,11 @@ def _codes(rgb: npt.NDArray[np.generic]) -> npt.NDArray[np.uint32]:
 
 
 def _unpack(
-    image: Image.Image, path: Path
+    image: Image.Image,
 ) -> tuple[npt.NDArray[np.unsignedinteger], npt.NDArray[np.uint32] | None]:
     """Return the pixels `[H, W]`, codes or places in a palette, with the codes of that palette."""
     if image.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA"):
-        raise MeshError(f"{path}: a texture has mode {image.mode}; expected 8 bits a channel")
+        raise MeshError(f"a texture has mode {image.mode}; expected 8 bits a channel")
     try:
         if image.mode == "P":
             palette = np.array(image.getpalette("RGB"), dtype=np.uint8)
@@ -151,7 +148,7 @@ def _unpack(
         four = np.ascontiguousarray(np.asarray(image.convert("RGBA")))
         return four.view("<u4")[..., 0], None
     except (OSError, SyntaxError, ValueError) as error:
-        raise MeshError(f"{path}: a texture is damaged ({str(error)[:100]})") from error
+        raise MeshError(f"a texture is damaged ({str(error)[:100]})") from error
     finally:
         image.close()
 

@@ -1,8 +1,8 @@
 """Read a binary glTF file (GLB) into coloured triangle meshes, through trimesh.
 
-A file that is cut off, too large, or that trimesh would misread silently is refused with the
-reason. trimesh, NumPy and Pillow refuse other faults themselves. trimesh reads one mesh per
-primitive, because `merge_primitives` would drop the textures.
+A file that is too large, or that trimesh would misread silently, is refused with the reason.
+trimesh, NumPy and Pillow refuse other faults themselves. trimesh reads one mesh per primitive,
+because `merge_primitives` would drop the textures.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import os
 import struct
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -41,6 +42,17 @@ class MeshError(SourceError):
     """Report a mesh that is unreadable or does not belong to its scene."""
 
 
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Say in an error about a mesh which file it is, unless it says so already."""
+    try:
+        yield
+    except MeshError as error:
+        if error.where:
+            raise
+        raise MeshError(f"{path}: {error}", code=error.code, where=path) from error
+
+
 @dataclass(frozen=True, slots=True)
 class MeshPart:
     """One primitive as a node shows it."""
@@ -58,20 +70,17 @@ def read_parts(path: Path) -> Iterator[MeshPart]:
     Raises:
         MeshError: naming what is wrong with the file.
     """
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # values that are not finite are found below
-            scene, clamped = _load(path)
-        yield from _parts(scene, path, clamped=clamped)
-    except OSError as error:
-        message = f"{path}: cannot be read ({error.strerror or error})"
-        raise MeshError(message, code="mesh-unreadable", where=path) from error
-    except MeshError:
-        raise
-    except Exception as error:  # a reader of hostile bytes may raise anything
-        what = f"{type(error).__name__}: {str(error)[:200]}"
-        message = f"{path}: not readable as glTF ({what})"
-        raise MeshError(message, code="mesh-unreadable", where=path) from error
+    with naming(path):
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")  # values that are not finite are found below
+                scene, clamped = _load(path)
+            yield from _parts(scene, clamped=clamped)
+        except MeshError:
+            raise
+        except Exception as error:  # a reader of hostile bytes may raise anything
+            what = f"{type(error).__name__}: {str(error)[:200]}"
+            raise MeshError(f"not readable as glTF ({what})", code="mesh-unreadable") from error
 
 
 def _load(path: Path) -> tuple[Any, bool]:
@@ -79,15 +88,66 @@ def _load(path: Path) -> tuple[Any, bool]:
     import trimesh  # here, because importing it takes longer than most commands
 
     with path.open("rb") as file:
-        tree = _read_header(file, path)
-        _check_tree(tree, path)
-        clamped = _check_samplers(tree, path)
+        tree = _read_tree(file)
+        _refuse_what_is_misread(tree)
         file.seek(0)
         scene = trimesh.load_scene(file, file_type="glb", merge_primitives=False, process=False)
-    return scene, clamped
+    return scene, _are_clamped(tree)
 
 
-def _parts(scene: Any, path: Path, *, clamped: bool) -> Iterator[MeshPart]:
+def _read_tree(file: IO[bytes]) -> dict[str, Any]:
+    """Return the JSON of a GLB that is not larger than a building's mesh can be."""
+    size = os.fstat(file.fileno()).st_size
+    if size > MAX_FILE:
+        raise MeshError(f"{size:,} bytes; at most {MAX_FILE:,} are read", code="mesh-too-large")
+    head = file.read(20)
+    if len(head) < 20 or head[:4] != _MAGIC:
+        what = f"expected a GLB, which begins with 'glTF', found {head[:4]!r}"
+        raise MeshError(what, code="mesh-no-glb")
+    (length,) = struct.unpack("<I", head[12:16])
+    tree: dict[str, Any] = json.loads(file.read(min(length, MAX_JSON)))
+    return tree
+
+
+def _refuse_what_is_misread(tree: dict[str, Any]) -> None:
+    """Refuse what trimesh does not read, or misreads, and more triangles than a building has."""
+    used = {str(name) for name in tree.get("extensionsRequired", [])} & set(_COMPRESSED)
+    if used:
+        what = f"is compressed by {min(used)}, which this program does not read"
+        raise MeshError(what, code="mesh-compressed")
+    if any("uri" in one for one in (*tree.get("buffers", []), *tree.get("images", []))):
+        raise MeshError("its buffer or an image is not in the file", code="mesh-elsewhere")
+    primitives = [one for mesh in tree.get("meshes", []) for one in mesh["primitives"]]
+    if any(one.get("mode") == _FAN for one in primitives):
+        what = "holds a triangle fan, which this program does not read"
+        raise MeshError(what, code="mesh-fan")
+    listed = [one.get("indices", one["attributes"]["POSITION"]) for one in primitives]
+    faces = sum(tree["accessors"][number]["count"] for number in listed) // 3
+    if faces > MAX_FACES:
+        what = f"{faces:,} triangles; at most {MAX_FACES:,} are read"
+        raise MeshError(what, code="mesh-too-large")
+    for number, material in enumerate(tree.get("materials", [])):
+        texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture") or {}
+        moved = "KHR_texture_transform" in texture.get("extensions", {})
+        if moved or texture.get("texCoord", 0) != 0:
+            what = f"material {number} moves its texture, or has a second one"
+            raise MeshError(what, code="mesh-texture")
+
+
+def _are_clamped(tree: dict[str, Any]) -> bool:
+    """Return whether textures end at their edges, and do not repeat; refuse other ways."""
+    wraps = {
+        sampler.get(side, _REPEAT)
+        for sampler in tree.get("samplers", [])
+        for side in ("wrapS", "wrapT")
+    }
+    if not wraps <= {_REPEAT} and not wraps <= {_CLAMP}:
+        what = "its textures repeat in mirrors, or some repeat and some end"
+        raise MeshError(what, code="mesh-texture")
+    return wraps == {_CLAMP}
+
+
+def _parts(scene: Any, *, clamped: bool) -> Iterator[MeshPart]:
     graph = scene.graph
     shown: dict[int, list[tuple[Any, Floats]]] = {}  # by texture; a part is made when it is due
     for name, mesh in scene.geometry.items():
@@ -98,10 +158,10 @@ def _parts(scene: Any, path: Path, *, clamped: bool) -> Iterator[MeshPart]:
         for matrix in sorted(matrices, key=lambda matrix: matrix.tolist()):
             shown.setdefault(id(_texture_of(mesh)), []).append((mesh, matrix))
     if not sum(len(mesh.faces) for meshes in shown.values() for mesh, _ in meshes):
-        raise MeshError(f"{path}: shows no triangle", code="mesh-empty", where=path)
+        raise MeshError("shows no triangle", code="mesh-empty")
     for meshes in shown.values():
         for mesh, matrix in meshes:
-            yield _part(mesh, matrix, path, clamped=clamped)
+            yield _part(mesh, matrix, clamped=clamped)
 
 
 def _texture_of(mesh: Any) -> Image.Image | None:
@@ -111,28 +171,27 @@ def _texture_of(mesh: Any) -> Image.Image | None:
     return texture
 
 
-def _part(mesh: Any, matrix: Floats, path: Path, *, clamped: bool) -> MeshPart:
+def _part(mesh: Any, matrix: Floats, *, clamped: bool) -> MeshPart:
     with np.errstate(all="ignore"):
         vertices = mesh.vertices.view(np.ndarray) @ matrix[:3, :3].T + matrix[:3, 3]
     faces = mesh.faces.view(np.ndarray)
     if not np.isfinite(vertices).all():
-        raise MeshError(f"{path}: a vertex is not finite", code="mesh-values", where=path)
+        raise MeshError("a vertex is not finite", code="mesh-values")
     if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
-        message = f"{path}: a face has a vertex that is not there"
-        raise MeshError(message, code="mesh-values", where=path)
+        raise MeshError("a face has a vertex that is not there", code="mesh-values")
     texture, places = _texture_of(mesh), None
     if texture is not None:
         places = np.asarray(mesh.visual.uv, dtype=np.float64)
         if places.shape != (len(vertices), 2) or not (np.abs(places) < MAX_REPEATS).all():
-            message = f"{path}: texture coordinates that are not one sane pair a vertex"
-            raise MeshError(message, code="mesh-values", where=path)
+            what = "texture coordinates that are not one sane pair a vertex"
+            raise MeshError(what, code="mesh-values")
         places = np.stack([places[:, 0], 1.0 - places[:, 1]], axis=1)  # trimesh counts from below
         if clamped:
             places = np.clip(places, 0.0, np.nextafter(1.0, 0.0))
-    return MeshPart(vertices, faces, texture, places, _vertex_colours(mesh, path))
+    return MeshPart(vertices, faces, texture, places, _vertex_colours(mesh))
 
 
-def _vertex_colours(mesh: Any, path: Path) -> npt.NDArray[np.uint8] | None:
+def _vertex_colours(mesh: Any) -> npt.NDArray[np.uint8] | None:
     if mesh.visual.kind == "vertex":
         given = mesh.visual.vertex_colors
     else:
@@ -145,70 +204,5 @@ def _vertex_colours(mesh: Any, path: Path) -> npt.NDArray[np.uint8] | None:
     elif colours.dtype == np.uint16:
         colours = colours // 257
     if colours.ndim != 2 or colours.shape[1] < 3 or len(colours) != len(mesh.vertices):
-        message = f"{path}: vertex colours that are not one colour a vertex"
-        raise MeshError(message, code="mesh-values", where=path)
+        raise MeshError("vertex colours that are not one colour a vertex", code="mesh-values")
     return colours[:, :3].astype(np.uint8)
-
-
-def _read_header(file: IO[bytes], path: Path) -> dict[str, Any]:
-    """Return the JSON of a GLB that is whole, and not larger than a building's mesh can be."""
-    size = os.fstat(file.fileno()).st_size
-    if not size:
-        raise MeshError(f"{path}: is empty", code="mesh-empty", where=path)
-    if size > MAX_FILE:
-        message = f"{path}: {size:,} bytes; at most {MAX_FILE:,} are read"
-        raise MeshError(message, code="mesh-too-large", where=path)
-    head = file.read(20)
-    if len(head) < 20 or head[:4] != _MAGIC:
-        message = f"{path}: expected a GLB, which begins with 'glTF', found {head[:4]!r}"
-        raise MeshError(message, code="mesh-no-glb", where=path)
-    _, length, text_length = struct.unpack("<III", head[4:16])
-    if length != size:
-        what = "is cut off" if length > size else "goes on after its end"
-        message = f"{path}: {what}: it says {length:,} bytes and has {size:,}"
-        raise MeshError(message, code="mesh-length", where=path)
-    tree: dict[str, Any] = json.loads(file.read(min(text_length, MAX_JSON)))
-    return tree
-
-
-def _check_tree(tree: dict[str, Any], path: Path) -> None:
-    """Refuse what trimesh does not read, or misreads, and more triangles than a building has."""
-    used = {str(name) for name in tree.get("extensionsRequired", [])} & set(_COMPRESSED)
-    if used:
-        message = f"{path}: is compressed by {min(used)}, which this program does not read"
-        raise MeshError(message, code="mesh-compressed", where=path)
-    if any("uri" in one for one in (*tree.get("buffers", []), *tree.get("images", []))):
-        message = f"{path}: its buffer or an image is not in the file"
-        raise MeshError(message, code="mesh-elsewhere", where=path)
-    accessors = tree["accessors"]
-    corners = 0
-    for mesh in tree.get("meshes", []):
-        for primitive in mesh["primitives"]:
-            if primitive.get("mode") == _FAN:
-                message = f"{path}: holds a triangle fan, which this program does not read"
-                raise MeshError(message, code="mesh-fan", where=path)
-            listed = primitive.get("indices", primitive["attributes"]["POSITION"])
-            corners += accessors[listed]["count"]
-    if corners > 3 * MAX_FACES:
-        message = f"{path}: {corners // 3:,} triangles; at most {MAX_FACES:,} are read"
-        raise MeshError(message, code="mesh-too-large", where=path)
-
-
-def _check_samplers(tree: dict[str, Any], path: Path) -> bool:
-    """Return whether textures end at their edges; refuse other ways than these and repeats."""
-    wraps = {
-        sampler.get(side, _REPEAT)
-        for sampler in tree.get("samplers", [])
-        for side in ("wrapS", "wrapT")
-    }
-    if not wraps <= {_REPEAT} and not wraps <= {_CLAMP}:
-        message = f"{path}: its textures repeat in mirrors, or some repeat and some end"
-        raise MeshError(message, code="mesh-texture", where=path)
-    for number, material in enumerate(tree.get("materials", [])):
-        texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture") or {}
-        if texture.get("texCoord", 0) != 0 or "KHR_texture_transform" in texture.get(
-            "extensions", {}
-        ):
-            message = f"{path}: material {number} moves its texture, or has a second one"
-            raise MeshError(message, code="mesh-texture", where=path)
-    return wraps == {_CLAMP}

@@ -16,20 +16,17 @@ from pathlib import Path
 import numpy as np
 
 from bsg_data.arrays import Floats, Ints, find_runs
-from bsg_data.geometry.colour_labels import (
-    BLACK,
-    FIRST,
-    UNLISTED,
-    ColourLabels,
+from bsg_data.geometry.colour_labels import BLACK, FIRST, UNLISTED, ColourLabels, LabelSheet
+from bsg_data.geometry.gltf import MeshError, MeshPart, naming, read_parts
+from bsg_data.geometry.surfaces import (
+    CELL,
     Labels,
-    LabelSheet,
-)
-from bsg_data.geometry.gltf import MeshError, MeshPart, read_parts
-from bsg_data.geometry.surface_cells import CELL, SurfaceCells, join_cells, keep_largest_parts
-from bsg_data.geometry.triangles import (
+    SurfaceCells,
     divide_triangle,
     find_longest,
     find_spans,
+    join_cells,
+    keep_largest_parts,
     measure_areas,
     split_corners,
     take_corners,
@@ -68,15 +65,16 @@ def survey_mesh(
     Raises:
         MeshError: if the file cannot be read, is JPEG unasked, or is another scene's.
     """
-    palette = ColourLabels(colours, snap_colours)
-    tally = _Tally(len(colours) + FIRST, path)
-    for _, parts in groupby(read_parts(path), key=lambda part: id(part.texture)):
-        sheet = None
-        for part in parts:
-            if part.texture is not None and sheet is None:
-                sheet = LabelSheet(palette.label(part.texture, path))
-            tally.add(part, sheet, palette)
-    tally.refuse_strangers()
+    with naming(path):
+        palette = ColourLabels(colours, snap_colours)
+        tally = _Tally(len(colours) + FIRST)
+        for _, parts in groupby(read_parts(path), key=lambda part: id(part.texture)):
+            sheet = None
+            for part in parts:
+                if part.texture is not None and sheet is None:
+                    sheet = LabelSheet(palette.label(part.texture))
+                tally.add(part, sheet, palette)
+        tally.refuse_strangers()
     return tally.summarise(_cover(tally, palette, sha256=hash_file(path)))
 
 
@@ -102,8 +100,7 @@ def _cover(tally: _Tally, palette: ColourLabels, *, sha256: str) -> MeshCoverage
 class _Tally:
     """The sums over all faces, by label, and the cells that each label reaches."""
 
-    def __init__(self, labels: int, path: Path) -> None:
-        self._path = path
+    def __init__(self, labels: int) -> None:
         self.area = np.zeros(labels)
         self.uncoloured = 0.0
         self.faces = 0
@@ -116,7 +113,7 @@ class _Tally:
     def add(self, part: MeshPart, sheet: LabelSheet | None, palette: ColourLabels) -> None:
         """Add the faces of a part."""
         if np.abs(part.vertices).max(initial=0) > CELL * 2**15 - 1:
-            raise MeshError(f"{self._path}: it is kilometres wide; are its units metres?")
+            raise MeshError("it is kilometres wide; are its units metres?")
         self.faces += len(part.faces)
         vertices = np.ascontiguousarray(part.vertices.T)
         vertex_labels = spots = None
@@ -201,9 +198,7 @@ class _Tally:
         """
         self._samples += int((parts**2).sum())
         if self._samples > _MOST_SAMPLES:
-            raise MeshError(
-                f"{self._path}: its faces are too large, or cover their textures too often"
-            )
+            raise MeshError("its faces are too large, or cover their textures too often")
         parts = np.where(parts > 16, np.ceil(parts / 8) * 8, parts).astype(np.int64)  # few groups
         for n in np.unique(parts):
             faces = np.flatnonzero(parts == n)
@@ -240,22 +235,22 @@ class _Tally:
             self._cells = [join_cells(self._cells)]
             self._held = len(self._cells[0].keys)
             if self._held > _MOST_CELLS:
-                raise MeshError(f"{self._path}: its surface is larger than that of any building")
+                raise MeshError("its surface is larger than that of any building")
 
     def refuse_strangers(self) -> None:
         """Refuse a mesh that does not show the instances that its annotation lists."""
         coloured, listed = float(self.area.sum()), float(self.area[FIRST:].sum())
         whole = coloured + self.uncoloured
         if not whole > 0:
-            raise MeshError(f"{self._path}: its triangles have no area")
+            raise MeshError("its triangles have no area")
         if self.uncoloured > 0.5 * whole:
             raise MeshError(
-                f"{self._path}: {self.uncoloured / whole:.0%} of its surface has neither a texture "
+                f"{self.uncoloured / whole:.0%} of its surface has neither a texture "
                 "with coordinates nor vertex colours: not a semantic mesh"
             )
         if not listed >= _OWN_SHARE * whole:
             raise MeshError(
-                f"{self._path}: only {listed / whole:.0%} of its surface has a colour that the "
+                f"only {listed / whole:.0%} of its surface has a colour that the "
                 "annotation lists: it is another scene's, or not a semantic mesh"
             )
 

@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
+from importlib import resources
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
+from pydantic import ConfigDict
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Counts, Floats
+from bsg_data.errors import RecipeError
+from bsg_data.recipes import Record
 from bsg_data.scene.scene_graph import SceneObject
-from bsg_data.synthetic.rates import SyntheticError, SyntheticRates
 
 MAX_SCENES = 10_000_000  # the digits of a scene id number no more
 MAX_ROOMS, MAX_OBJECTS = 100_000, 4_000_000  # each object has one of 16.7 million colours
@@ -27,8 +29,54 @@ _HM3D_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scene
 _VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
 
-Counts = npt.NDArray[np.int64]
 Placed = tuple[str, int]  # raw name, region id
+
+
+class SyntheticError(RecipeError, ValueError):
+    """Report buildings that cannot be drawn as asked."""
+
+
+class SyntheticRates(Record):
+    """What synthetic buildings are drawn from: K room types, C named categories and the rare ones.
+
+    Vectors `[C + 1]` end with all rare categories together. Spreads are variances of gamma factors
+    of mean 1.
+    """
+
+    model_config = ConfigDict(extra="ignore")
+
+    categories: tuple[str, ...]  # corrected names `[C]`
+    # mean place of a category in the list of its room, 0 first and 1 last `[C + 1]`
+    order: tuple[float, ...]
+    regularity: tuple[float, ...]  # share of the mean count that neither varies nor grows `[C + 1]`
+    structure: tuple[int, ...]  # 1 for walls, floors, doors, ..., 0 for furnishing `[C + 1]`
+    style: tuple[float, ...]  # spread of a category between buildings `[C + 1]`
+    burst: tuple[float, ...]  # spread of a category between rooms `[C + 1]`
+    # spread between buildings of all furnishing, and of all structure `[2]`
+    richness: tuple[float, float]
+    sizes: tuple[float, ...]  # spread of the size of a room, per type `[K]`
+    # how much of its room's size structure follows, 0 to 1; furnishing follows it all
+    growth: float
+    rates: tuple[tuple[float, ...], ...]  # mean counts `[K, C + 1]`
+    rooms: tuple[float, ...]  # weights of 0, 1, 2, ... rooms in a building.
+    # (largest number of rooms, per type the weights of 0, 1, 2, ... rooms), ascending.
+    bins: tuple[tuple[int, tuple[tuple[float, ...], ...]], ...]
+    # per category (raw spelling, weight) `[C]`
+    spellings: tuple[tuple[tuple[str, float], ...], ...]
+    # concentrations of a building's urns of spellings and of rare names; small means that it keeps
+    # to one
+    novelty: tuple[float, float]
+    starts_at_one: float  # probability that the first region id is 1, not 0
+    gap: float  # probability that region ids skip some
+    stray: float  # mean number of instances per room that are listed elsewhere
+    shuffled: float  # probability that the rows are out of order
+    null_region: float  # probability that some instances are in region -1
+
+
+def load_rates() -> SyntheticRates:
+    """Load the rates that the package ships."""
+    path = resources.files("bsg_data.synthetic").joinpath("rates.json")
+    return SyntheticRates.model_validate_json(path.read_text(encoding="utf-8"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from bsg_data.arrays import Bools, Floats
 from bsg_data.geometry.placement import CEILING, FLOOR, STAIRS
 from bsg_data.scene.scene_graph import Box
 from bsg_data.synthetic.floor_plan import DOOR_HEIGHT, HEIGHT, STOREY, FloorPlan, Rectangle
 
-Floats = npt.NDArray[np.float64]
 Texels = npt.NDArray[np.int32]
 
 UNLISTED = -1  # and below: colours that no instance has
@@ -92,14 +92,9 @@ class Surface:
     across: Floats  # direction of the columns, a unit vector `[3]`
     upward: Floats  # direction of the rows, a unit vector `[3]`
     texels: Texels  # labels `[rows, columns]`; `UNLISTED` and below are no instance's
-    specks: npt.NDArray[np.bool_]  # which texels are painted astray
+    specks: Bools  # which texels are painted astray
 
-    @property
-    def normal(self) -> Floats:
-        """Return the direction that the surface faces."""
-        return np.cross(self.across, self.upward)
-
-    def box_of(self, chosen: npt.NDArray[np.bool_], *, texel: float) -> Box:
+    def box_of(self, chosen: Bools, *, texel: float) -> Box:
         """Return the box of some of its texels `[rows, columns]`, at least one."""
         rows, columns = (np.flatnonzero(chosen.any(axis=axis)) for axis in (1, 0))
         column = np.array([columns[0], columns[-1] + 1])[:, None, None]
@@ -180,7 +175,8 @@ class _Room:
         below = height == self._floor
         corner = (x if below else end, y, height)
         across = (1.0 if below else -1.0, 0.0, 0.0)
-        return self._surface(corner, across, (0.0, 1.0, 0.0), self._rectangle.sides())
+        sides = self._rectangle.sides()
+        return _make(self._room, corner, across, (0.0, 1.0, 0.0), sides, self._texel)
 
     def _walls(self) -> list[Surface]:
         """Return the four walls, facing inwards: along x at low y, then against the clock."""
@@ -192,28 +188,11 @@ class _Room:
             ((a, d), (1.0, 0.0), along),
             ((a, b), (0.0, 1.0), deep),
         )
+        up = (0.0, 0.0, 1.0)
         return [
-            self._surface((x, y, z), (*across, 0.0), (0.0, 0.0, 1.0), (length, HEIGHT))
+            _make(self._room, (x, y, z), (*across, 0.0), up, (length, HEIGHT), self._texel)
             for (x, y), across, length in walls
         ]
-
-    def _surface(
-        self,
-        corner: tuple[float, float, float],
-        across: tuple[float, float, float],
-        upward: tuple[float, float, float],
-        size: tuple[float, float],
-        label: int = 0,
-    ) -> Surface:
-        columns, rows = (max(1, round(side / self._texel)) for side in size)
-        return Surface(
-            room=self._room,
-            corner=np.array(corner),
-            across=np.array(across),
-            upward=np.array(upward),
-            texels=np.full((rows, columns), label, dtype=np.int32),
-            specks=np.zeros((rows, columns), dtype=bool),
-        )
 
     def _hang(
         self,
@@ -289,22 +268,30 @@ class _Room:
         return np.clip(self._rng.lognormal(-1.6, 0.6, 3), 0.06, 1.2)
 
 
+def _make(
+    room: int,
+    corner: npt.ArrayLike,
+    across: npt.ArrayLike,
+    upward: npt.ArrayLike,
+    size: Sequence[float],
+    texel: float,
+    label: int = 0,
+) -> Surface:
+    """Return a surface of one label."""
+    columns, rows = (max(1, round(side / texel)) for side in size)
+    texels = np.full((rows, columns), label, dtype=np.int32)
+    axes = np.array(corner), np.array(across), np.array(upward)
+    return Surface(room, *axes, texels, np.zeros_like(texels, dtype=bool))
+
+
 def _cuboid(room: int, corner: Floats, size: Floats, label: int, texel: float) -> list[Surface]:
     """Return the six faces of a cuboid, facing outwards."""
     faces = []
     for axis in range(3):
-        first, second = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
-        sides = size[(axis + 1) % 3], size[(axis + 2) % 3]
-        for across, upward, lengths, depth in (
-            (first, second, sides, size[axis]),
-            (second, first, sides[::-1], 0.0),
-        ):
-            columns, rows = (max(1, round(length / texel)) for length in lengths)
-            texels = np.full((rows, columns), label, dtype=np.int32)
-            start = corner + depth * np.eye(3)[axis]
-            faces.append(
-                Surface(room, start, across, upward, texels, np.zeros_like(texels, dtype=bool))
-            )
+        a, b = (axis + 1) % 3, (axis + 2) % 3
+        first, second, far = np.eye(3)[a], np.eye(3)[b], corner + size[axis] * np.eye(3)[axis]
+        faces.append(_make(room, far, first, second, (size[a], size[b]), texel, label))
+        faces.append(_make(room, corner, second, first, (size[b], size[a]), texel, label))
     return faces
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import struct
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from bsg_data.arrays import Floats
 from bsg_data.files import encode_json
 from bsg_data.scene.scene_graph import Box
 from bsg_data.synthetic.floor_plan import FloorPlan
@@ -26,7 +28,6 @@ from bsg_data.synthetic.furnishing import Surface
 Colours = Literal["texture", "vertex", "both"]
 UpAxis = Literal["y", "z"]
 
-Floats = npt.NDArray[np.float64]
 Bytes = npt.NDArray[np.uint8]
 
 _PNG_LEVEL = 6
@@ -298,26 +299,20 @@ def measure_truth(
 
     `box` and `centroid` are those of every texel of an instance, `main_box` leaves its specks out.
     """
-    boxes: dict[int, list[Box]] = {}
-    mains: dict[int, list[Box]] = {}
-    moments: dict[int, Floats] = {}
+    boxes: dict[int, list[Box]] = defaultdict(list)
+    mains: dict[int, list[Box]] = defaultdict(list)
+    moments: dict[int, Floats] = defaultdict(lambda: np.zeros(4))  # texels times place, texels
     for surface in surfaces:
-        for label in np.unique(surface.texels):
-            if label <= 0:
-                continue
+        for label in filter(lambda label: label > 0, np.unique(surface.texels).tolist()):
             chosen = surface.texels == label
-            box = surface.box_of(chosen, texel=texel)
-            boxes.setdefault(int(label), []).append(box)
+            boxes[label].append(surface.box_of(chosen, texel=texel))
             rows, columns = np.nonzero(chosen)
             middle = texel * np.array([columns.mean() + 0.5, rows.mean() + 0.5])
             at = surface.corner + middle[0] * surface.across + middle[1] * surface.upward
-            moment = len(rows) * np.array([*at, 1.0])
-            moments[int(label)] = moments.get(int(label), np.zeros(4)) + moment
+            moments[label] = moments[label] + len(rows) * np.array([*at, 1.0])
             main = chosen & ~surface.specks
             if main.any():
-                whole = bool((main == chosen).all())
-                main_box = box if whole else surface.box_of(main, texel=texel)
-                mains.setdefault(int(label), []).append(main_box)
+                mains[label].append(surface.box_of(main, texel=texel))
     return {
         "instances": {
             str(label): {
@@ -325,7 +320,7 @@ def measure_truth(
                 "area": round(float(moments[label][3]) * texel**2, 6),
                 "centroid": [round(float(v), 6) for v in moments[label][:3] / moments[label][3]],
                 "box": _join(boxes[label]),
-                "main_box": _join(mains.get(label, [])),
+                "main_box": _join(mains[label]),
             }
             for label in sorted(boxes)
         },

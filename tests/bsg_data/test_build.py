@@ -29,8 +29,7 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef
-from bsg_data.synthetic.buildings import write_synthetic
-from bsg_data.synthetic.geometry import GeometryOptions
+from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:

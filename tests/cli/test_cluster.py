@@ -19,8 +19,7 @@ from bsg_cli.data import main as data
 from bsg_data.build import build_dataset
 from bsg_data.errors import BSGError
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.synthetic.buildings import write_synthetic
-from bsg_data.synthetic.geometry import GeometryOptions
+from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 

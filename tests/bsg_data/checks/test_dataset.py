@@ -25,8 +25,7 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.table import ObjectTable
-from bsg_data.synthetic.buildings import write_synthetic
-from bsg_data.synthetic.geometry import GeometryOptions
+from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 
 def edit(dataset: Path, file: str, change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:

@@ -17,8 +17,7 @@ from bsg_data.exports.habitat import encode_regions, find_orientation
 from bsg_data.geometry.placement import STAIRS, UPRIGHT
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.synthetic.buildings import write_synthetic
-from bsg_data.synthetic.geometry import GeometryOptions
+from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 EXAMPLE = REPOSITORY.parent / "shared" / "sources" / "habitat_semantic_config_example.json"
 CUBE = Box((0, 0, 0), (1, 1, 1))

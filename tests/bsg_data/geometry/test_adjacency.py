@@ -74,12 +74,6 @@ def test_a_door_reaches_a_slanted_room_by_its_footprint(gap: float, joins: bool)
     assert ("door" in joined.values()) == joins
 
 
-def test_without_doors_boxes_decide() -> None:
-    found = methods(connect_rooms(graph(ROW)))
-    assert set(found.values()) == {"boxes"}
-    assert all(4 not in pair for pair in found)
-
-
 @pytest.mark.parametrize("owner", [1, 2])
 def test_stairs_join_the_rooms_at_their_ends(owner: int) -> None:
     lower, upper = room(1, (0, 0, 0), (4, 4, 2.6)), room(2, (0, 0, 2.9), (4, 4, 5.5))

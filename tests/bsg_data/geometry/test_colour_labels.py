@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -28,7 +26,7 @@ def test_every_texel_has_the_label_of_its_colour(mode: str, picture: np.ndarray)
     image = Image.fromarray(np.array(SHADES, dtype=np.uint8)[picture])
     image = image.quantize(8) if mode == "P" else image.convert(mode)
     labels = ColourLabels(COLOURS, None)
-    np.testing.assert_array_equal(labels.label(image, Path("m")), np.array(LABELS)[picture])
+    np.testing.assert_array_equal(labels.label(image), np.array(LABELS)[picture])
     counts = [(picture == LABELS.index(label)).sum() for label in range(len(LABELS))]
     assert labels.texels.tolist() == counts
     assert labels.count_unlisted() == int((picture == 3).any())
@@ -40,16 +38,8 @@ def test_a_texture_is_labelled_in_bands() -> None:
     picture[600:, 1] = 1
     labels = ColourLabels(COLOURS, None)
     image = Image.fromarray(np.array(SHADES, dtype=np.uint8)[picture])
-    np.testing.assert_array_equal(labels.label(image, Path("m")), np.array(LABELS)[picture])
+    np.testing.assert_array_equal(labels.label(image), np.array(LABELS)[picture])
     assert labels.texels.tolist() == [0, 0, 1700, 500]
-
-
-def test_a_place_beyond_the_palette_is_no_colour() -> None:
-    image = Image.fromarray(np.array([[0, 1, 200]], dtype=np.uint8)).convert("P")
-    image.putpalette([255, 0, 0, 9, 9, 9])
-    labels = ColourLabels(COLOURS, None)
-    assert labels.label(image, Path("m")).tolist() == [[FIRST, UNLISTED, UNLISTED]]
-    assert labels.count_unlisted() >= 1
 
 
 sheets = hnp.arrays(

@@ -18,8 +18,7 @@ from bsg_data.scene.scene_graph import Box
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
 from bsg_data.sources.room_layouts import WithLayouts, read_layout
-from bsg_data.synthetic.buildings import write_synthetic
-from bsg_data.synthetic.geometry import GeometryOptions
+from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 LAYOUT = """\
 rooms:

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_data.synthetic.floor_plan import DOORWAY, WALL, Rectangle, draw_floor_plan
+from bsg_data.synthetic.floor_plan import DOORWAY, WALL, draw_floor_plan
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -47,11 +47,3 @@ def test_doorways_fit_into_a_wall_of_both_rooms(rooms: int, seed: int) -> None:
     for stairs in plan.stairs:
         lower, upper = stairs.rooms
         assert plan.storeys[upper] == plan.storeys[lower] + 1
-
-
-def test_rectangles_by_hand() -> None:
-    one, other = Rectangle((0, 0), (4, 3)), Rectangle((3, 1), (6, 2))
-    assert one.meet(other) == Rectangle((3, 1), (4, 2))
-    assert one.sides() == (4, 3)
-    assert one.cut(1, 1, 2) == Rectangle((0, 1), (4, 2))
-    assert one.grow(-0.5) == Rectangle((0.5, 0.5), (3.5, 2.5))

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.geometry.surface_cells import CELL, SurfaceCells, join_cells, keep_largest_parts
+from bsg_data.geometry.surfaces import CELL, SurfaceCells, keep_largest_parts
 
 # A label and the middle of a cell, in cells.
 spots = st.lists(
@@ -56,9 +56,3 @@ def test_the_largest_part_is_that_of_a_graph_of_touching_cells(
         own = [part for part in parts if part[0][0] == label]
         expected += min(own, key=lambda part: (-len(part), part[0]))  # of equal ones the first
     np.testing.assert_array_equal(kept.keys, make_cells(expected).keys)
-
-
-def test_joined_cells_are_those_of_all_points() -> None:
-    one, other = make_cells([(2, 0, 0, 0), (2, 1, 0, 0)]), make_cells([(2, 1, 0, 0), (3, 0, 0, 0)])
-    assert len(join_cells([one, other]).keys) == 3
-    assert len(join_cells([]).keys) == 0

@@ -1,4 +1,7 @@
-"""Find the grid cells that surfaces touch, and the largest connected part of each surface."""
+"""Surfaces as triangles, and as the cells of a grid that they touch.
+
+Triangles are three arrays of corners, one row per axis, because sums of rows are faster.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,58 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.arrays import Floats, find_runs
-from bsg_data.geometry.colour_labels import Labels
+from bsg_data.arrays import Floats, Ints, find_runs
+
+Labels = npt.NDArray[np.uint16]
 
 CELL = 0.1  # metres; what is closer than two of these is one part
+# Columns beside that of a cell, as differences of keys: half of the eight, and its own.
+_COLUMNS = tuple(
+    np.uint64(x * 2**32 + y * 2**16) for x, y in ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))
+)
+
+
+def take_corners(points: Floats, faces: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return the corners `[D, F]` each of faces `[3, F]` of points `[D, V]`."""
+    return points[:, faces[0]], points[:, faces[1]], points[:, faces[2]]
+
+
+def split_corners(corners: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the corners `[3, F]` each of triangles `[F, 3, 3]`."""
+    a, b, c = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    return a, b, c
+
+
+def find_spans(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats]:
+    """Return the lowest and the highest coordinates of triangles."""
+    return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+
+
+def measure_areas(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Return the area of every triangle `[F]`."""
+    (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return np.asarray(np.sqrt(x * x + y * y + z * z) / 2)
+
+
+def find_longest(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Return the longest side of every triangle `[F]`."""
+    sides = [x * x + y * y + z * z for x, y, z in (b - a, c - b, a - c)]
+    return np.asarray(np.sqrt(np.maximum(np.maximum(sides[0], sides[1]), sides[2])))
+
+
+def divide_triangle(n: int, start: int, stop: int) -> Floats:
+    """Return centroids of the small triangles of a triangle cut n times, as weights `[..., 3]`.
+
+    There are n² in n rows; these are of rows `start` to `stop`.
+    """
+    rows, columns = np.meshgrid(np.arange(start, stop), np.arange(n), indexing="ij")
+    row, column = rows.ravel(), columns.ravel()
+    upright, flipped = row + column < n, row + column < n - 1
+    first = np.stack([row[upright] + 1 / 3, column[upright] + 1 / 3], axis=1)
+    second = np.stack([row[flipped] + 2 / 3, column[flipped] + 2 / 3], axis=1)
+    two = np.concatenate([first, second]) / n
+    return np.concatenate([1 - two.sum(axis=1, keepdims=True), two], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +95,7 @@ class SurfaceCells:
 
 
 def join_cells(cells: Sequence[SurfaceCells]) -> SurfaceCells:
-    """Return the cells of all, every cell once."""
-    if not cells:
-        return SurfaceCells(np.zeros(0, dtype=np.uint64), np.zeros((0, 3)), np.zeros((0, 3)))
+    """Return the cells of one surface or more, every cell once."""
     return SurfaceCells(
         np.concatenate([one.keys for one in cells]),
         np.concatenate([one.low for one in cells]),
@@ -82,9 +131,3 @@ def keep_largest_parts(cells: SurfaceCells) -> SurfaceCells:
     best = np.where(size == np.repeat(most, counts), part, part.max() + 1)
     kept = part == np.repeat(np.minimum.reduceat(best, starts), counts)  # ties: the first
     return SurfaceCells(keys[kept], cells.low[kept], cells.high[kept])
-
-
-# Columns beside that of a cell, as differences of keys: half of the eight, and its own.
-_COLUMNS = tuple(
-    np.uint64(x * 2**32 + y * 2**16) for x, y in ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))
-)
