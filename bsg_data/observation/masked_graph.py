@@ -13,7 +13,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import OtherObjects, count_cells, to_histograms
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.files import AnyPath
-from bsg_data.observation.hidden_objects import sample_hidden, sample_others
+from bsg_data.observation.hidden_objects import sample_hidden, sample_others, sample_unknown
 from bsg_data.observation.masks import sample_view, sample_withheld
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.view import View
@@ -33,7 +33,8 @@ def mask_scene(
 
     Its histograms equal the inputs of `bsg-data pairs`. A mask says how many objects of each class
     and room are hidden, not which. This function hides those that are listed last. Withheld classes
-    are left out, and the graph does not say which: give `list_withheld` to `observation`.
+    are left out, and the graph does not say which: give `list_withheld` to `observation`. It does
+    say which classes a detector of few words knows.
 
     Args:
         graph: of the whole building.
@@ -86,8 +87,20 @@ def _mask(
         adjacency=tuple((a, b) for a, b in ways.among(view.nodes).pairs.tolist()),
         building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
         source=graph.source,
+        detector=_list_known(recipe, class_space, **which),
     )
     return partial, to_histograms(cells)
+
+
+def _list_known(
+    recipe: MaskRecipe, class_space: ClassSpace, *, scene_id: str, draw: int
+) -> tuple[tuple[str, int], ...] | None:
+    """Return the classes that the robot's detector knows; None: all."""
+    names = class_space.classes
+    unknown, _ = sample_unknown(recipe, scene_id=scene_id, draw=draw, classes=len(names))
+    if not unknown.any():
+        return None
+    return tuple((name, index) for index, name in enumerate(names) if not unknown[index])
 
 
 def _count(graph: SceneGraph, class_space: ClassSpace) -> tuple[Counts, OtherObjects, list[int]]:

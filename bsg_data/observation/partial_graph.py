@@ -149,6 +149,9 @@ class PartialGraph:
         building_kind: one of `BUILDING_KINDS`; None if unknown.
         source: kind of source with the same names and counting of objects, e.g. `hm3d`; None if
             unknown.
+        detector: the words that the robot's detector knows, each with its class, None for one
+            outside the classes. Absence of any other class says nothing, in searched rooms too.
+            None: it knows every class.
     """
 
     scene_id: str
@@ -159,6 +162,7 @@ class PartialGraph:
     adjacency: tuple[tuple[int, int], ...] = ()
     building_kind: str | None = None
     source: str | None = None
+    detector: tuple[tuple[str, int | None], ...] | None = None
 
     def share_with(self, shares: Sequence[float]) -> float:
         """Return the hidden share of the building if its rooms have these shares, `[R]`.
@@ -202,6 +206,9 @@ class PartialGraph:
             without = withheld.astype(bool)
         else:
             without = np.isin(np.arange(cells.shape[1]), list(withheld)) & (share > 0)[:, None]
+        if self.detector is not None:  # a class that was seen is known, whoever saw it
+            known = {index for _, index in self.detector if index is not None}
+            without = without | ~(cells.any(axis=0) | np.isin(np.arange(cells.shape[1]), [*known]))
         return Observation.of_building(
             self.scene_id,
             View(visited, share, without, np.arange(len(cells))),
@@ -294,9 +301,11 @@ def hide_of_room(graph: PartialGraph, room_index: int, share: ShareBelief) -> Pa
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
     """Return the graph with the classes that another class map gives its objects."""
     found = [class_map.classify(obj.raw_category) for obj in graph.objects]
+    words = graph.detector
     return replace(
         graph,
         class_space=class_map.space,
+        detector=words and tuple((word, class_map.classify(word).class_index) for word, _ in words),
         objects=tuple(
             replace(obj, category=one.category, class_index=one.class_index)
             for obj, one in zip(graph.objects, found, strict=True)

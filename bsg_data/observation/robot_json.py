@@ -10,7 +10,8 @@
         {"id": "hall", "visited": false, "room_type": "corridor"}
       ],
       "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null}],
-      "adjacency": [["kitchen", "hall"]]
+      "adjacency": [["kitchen", "hall"]],
+      "detector": ["fridge", "chair", "cup"]
     }
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
@@ -29,7 +30,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
@@ -60,6 +61,7 @@ _WORDS = {  # of JSON, where pydantic's are of Python's types
     "model_type": "expected a JSON object (docs/belief.md)",
     "dataclass_type": "expected a JSON object (docs/belief.md)",
     "tuple_type": "expected a JSON list",
+    "dict_type": "expected a JSON list of words",
 }
 _ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
 _SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
@@ -112,6 +114,11 @@ class _Object(Record):
     position: Position | None = None
 
 
+def _list_words(said: Any) -> Any:
+    are_words = isinstance(said, list) and all(isinstance(word, str) for word in said)
+    return dict.fromkeys(said) if are_words else said
+
+
 class _Graph(Record):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
     version: Annotated[Literal[1], Number] = 1
@@ -124,6 +131,8 @@ class _Graph(Record):
     ]
     objects: tuple[_Object, ...] = ()
     adjacency: tuple[tuple[Id, Id], ...] = ()
+    # A list of words; or word → class, as `encode_robot_graph` writes them.
+    detector: Annotated[dict[Text, Text | None] | None, BeforeValidator(_list_words)] = None
 
 
 _KEYS = {
@@ -196,7 +205,8 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
     for obj in document.objects:
         called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
         room = _find(obj.room, index, called) if obj.room is not None else 0
-        objects.append(SeenObject(obj.id, room, obj.category, *_classify(obj, by), obj.position))
+        found = _classify(obj.category, obj.corrected, obj.class_name, by)
+        objects.append(SeenObject(obj.id, room, obj.category, *found, obj.position))
     share = document.hidden_share
     if share is None:
         share = float(np.mean([room.hidden_share for room in rooms])) if rooms else VAGUE.mean
@@ -209,19 +219,27 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         adjacency=tuple(sorted({_connect(ends, index) for ends in document.adjacency})),
         building_kind=document.building_kind,
         source=document.source,
+        detector=None
+        if document.detector is None
+        else tuple(
+            (word, _classify(word, None, stated, by)[1])
+            for word, stated in document.detector.items()
+        ),
     )
 
 
-def _classify(obj: _Object, by: ClassMap | ClassSpace) -> tuple[str | None, int | None]:
-    """Return the corrected name and the class of an object."""
+def _classify(
+    word: str, corrected: str | None, stated: str | None, by: ClassMap | ClassSpace
+) -> tuple[str | None, int | None]:
+    """Return the corrected name and the class of a word, which a document may state."""
     if isinstance(by, ClassMap):
-        known = by.classify(obj.category)
+        known = by.classify(word)
         return known.category, known.class_index
-    if obj.class_name is None:
-        return obj.corrected, None
-    if obj.class_name not in by.classes:
-        raise RecipeError(f"objects: {obj.id}: {obj.class_name!r} is no class of {by.name}")
-    return obj.corrected, by.classes.index(obj.class_name)
+    if stated is None:
+        return corrected, None
+    if stated not in by.classes:
+        raise RecipeError(f"{word[:SHOWN]!r}: {stated!r} is no class of {by.name}")
+    return corrected, by.classes.index(stated)
 
 
 def _connect(ends: tuple[str, str], index: Mapping[str, int]) -> tuple[int, int]:
@@ -282,7 +300,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     `parse_robot_graph` reads it back, with the same class map or with the graph's class space.
     """
     names, classes = [room.name for room in graph.rooms], graph.class_space.classes
-    return {
+    said: dict[str, Any] = {
         "format": "bsg-partial-graph",
         "version": 1,
         **{name: getattr(graph, name) for name in GRAPH_WORDS},
@@ -300,6 +318,9 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
         ],
         "adjacency": [[names[a - 1], names[b - 1]] for a, b in graph.adjacency],
     }
+    if graph.detector is not None:
+        said["detector"] = {w: None if c is None else classes[c] for w, c in graph.detector}
+    return said
 
 
 def _encode_room(room: KnownRoom) -> dict[str, Any]:

@@ -172,9 +172,12 @@ def test_what_cannot_be_is_refused() -> None:
         discover(GRAPH, KnownRoom("a", 1.0))
 
 
+@pytest.mark.parametrize("detector", [0.0, 1.0])
 @pytest.mark.parametrize("strategy", MASKS.names())
-def test_a_mask_leaves_the_histograms_of_its_pairs(dataset: Path, strategy: str) -> None:
-    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=4, withhold=0.2)
+def test_a_mask_leaves_the_histograms_of_its_pairs(
+    dataset: Path, strategy: str, detector: float
+) -> None:
+    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=4, withhold=0.2, detector=detector)
     manifest = read_manifest(dataset)
     cells = read_cells(dataset)
     for graph in read_scene_graphs(dataset):

@@ -18,7 +18,12 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
-from bsg_data.observation.partial_graph import KnownRoom, SeenObject, check_report
+from bsg_data.observation.partial_graph import (
+    KnownRoom,
+    SeenObject,
+    check_report,
+    reclassify,
+)
 from bsg_data.observation.robot_json import (
     RobotGraphError,
     encode_robot_graph,
@@ -27,6 +32,7 @@ from bsg_data.observation.robot_json import (
     parse_robot_graph,
     read_robot_graph,
 )
+from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.surroundings import BUILDING_KINDS
 
 SAID: dict[str, Any] = {
@@ -99,6 +105,7 @@ def test_any_graph_is_read_back(
             }
             for number, c in enumerate(categories)
         ],
+        "detector": data.draw(st.none() | st.lists(st.sampled_from(["bed", "sofa", "tap", "x<y"]))),
     }
     graph = parse_robot_graph(said, path=Path("x"))
     written = json.loads(json.dumps(encode_robot_graph(graph)))
@@ -135,6 +142,8 @@ def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
         ({"version": True}, "version: "),
         ({"building_kind": "castle"}, "building_kind: "),
         ({"source": ""}, "source: "),
+        ({"detector": "chair"}, "detector: expected a JSON list of words"),
+        ({"detector": ["chair", 5]}, "detector: expected a JSON list of words"),
         ({"rooms": 5}, "rooms: expected a JSON list"),
         ({"rooms": [5]}, "room number 1: expected a JSON object"),
         ({"rooms": [{"id": "a"}, {"id": "a"}]}, "room id 'a'"),
@@ -219,6 +228,24 @@ def test_a_room_type_that_models_do_not_know_is_a_note() -> None:
         "'patient room' as infirmary, 'zzqx' as unknown",
     )
     assert note_room_types(parse_robot_graph(SAID, path=Path("x"))) == ()
+
+
+def test_a_detector_of_few_words_says_nothing_of_other_classes() -> None:
+    rooms = [{"id": "kitchen", "hidden_share": 0}, {"id": "hall", "visited": False}]
+    said = {**SAID, "rooms": rooms, "detector": ["fridge", "Couch", "flibber"]}
+    graph = parse_robot_graph(
+        {**said, "objects": [*SAID["objects"], {"id": "3", "room": "hall", "category": "bed"}]},
+        path=Path("x"),
+    )
+    seen = graph.observation()
+    known = [graph.class_space.classes.index(name) for name in ("refrigerator", "couch", "bed")]
+    assert not seen.withheld[:, known].any()  # the bed was seen
+    assert np.delete(seen.withheld, known, axis=1).all()
+    assert (seen.cell_share[1] == np.where(seen.withheld[1], 1, 0)).all()  # a searched room
+    assert reclassify(graph, load_class_map("hm3d-wide-v1")).detector == tuple(
+        (word, None if name is None else load_class_map("hm3d-wide-v1").classes.index(name))
+        for word, name in (("fridge", "refrigerator"), ("Couch", "couch"), ("flibber", None))
+    )
 
 
 def test_a_graph_has_a_bound_of_rooms() -> None:
