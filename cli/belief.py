@@ -17,12 +17,14 @@ import bsg_models
 from bsg_cli.find import find_things
 from bsg_cli.options import (
     PATH,
-    PagePath,
+    choice_option,
     data_option,
     force_option,
+    html_option,
     json_option,
     mask_options,
     model_option,
+    number_option,
     out_option,
     seed_option,
     split_option,
@@ -65,20 +67,13 @@ _MOST_CLASSLESS = 3  # names in the note on objects without a class
     help="Say where a thing is, and where to go first. THING is any word. Repeat it for several.",
 )
 @click.option("--from", "here", metavar="ROOM", help="With --find: the room of the robot.")
-@click.option(
+@choice_option(
     "--mode",
-    type=click.Choice(["complete", "unseen"]),
+    ["complete", "unseen"],
+    "Blind nodes to add: as many as expected, or one for each top unseen class.",
     default="complete",
-    show_default=True,
-    help="Blind nodes to add: as many as expected, or one for each top unseen class.",
 )
-@click.option(
-    "--top",
-    type=click.IntRange(min=1),
-    default=3,
-    show_default=True,
-    help="Number of unseen classes per room.",
-)
+@number_option("--top", "Number of unseen classes per room.", default=3)
 @out_option(
     "Write the belief graphs. The suffix sets the format: .json, .tables, .dsg.json or .html."
 )
@@ -88,7 +83,7 @@ _MOST_CLASSLESS = 3  # names in the note on objects without a class
     help="Write one graph as Spark-DSG JSON. A graph of Hydra keeps all that it had.",
 )
 @click.option("--tables", type=PATH, help="Write all graphs as a folder of parquet tables.")
-@click.option("--html", type=PagePath(), help="Write the explorer, one HTML page.")
+@html_option("Write the explorer, one HTML page.")
 @force_option
 @json_option
 def main(

@@ -23,10 +23,9 @@ from bsg_data.observation.masks import MASKS
 from bsg_data.scene.class_map import list_class_maps
 from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
 from bsg_models.search.catalogue import PLANNERS
-from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.catalogue import ZOO as MODELS
 
-__all__ = ["MASKS", "PLANNERS"]  # registries: they read their names on first use
-MODELS = ZOO
+__all__ = ["MASKS", "MODELS", "PLANNERS"]  # registries: they read their names on first use
 WORLDS = ("star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry")
 DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
 MESH_SIZES = ("small", "full")
@@ -61,7 +60,8 @@ def complete_list(names: Callable[[click.Context], Iterable[str]]) -> Complete:
 
     def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
         before, comma, begun = text.rpartition(",")
-        return [CompletionItem(f"{before}{comma}{name}") for name in _fitting(names(ctx), begun)]
+        found = (name for name in names(ctx) if name.startswith(begun))
+        return [CompletionItem(f"{before}{comma}{name}") for name in found]
 
     return complete
 
@@ -70,21 +70,13 @@ def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
     """Return a completer for one name or a path."""
 
     def complete(ctx: click.Context, _: click.Parameter, text: str) -> list[CompletionItem]:
-        found = [CompletionItem(name) for name in _fitting(names(), text)]
+        found = (CompletionItem(name) for name in names() if name.startswith(text))
         return [CompletionItem(text, type="file"), *found]
 
     return complete
 
 
-def _shipped_models() -> tuple[str, ...]:
-    """Return the names of the shipped models; no names if their list is damaged."""
-    try:
-        return bsg_models.shipped_names()
-    except BSGError:
-        return ()
-
-
-complete_model = complete_names_or_files(_shipped_models)
+complete_model = complete_names_or_files(lambda: bsg_models.shipped_names())
 complete_class_map = complete_names_or_files(list_class_maps)
 
 
@@ -99,7 +91,3 @@ def classes_of_dataset(ctx: click.Context) -> tuple[str, ...]:
         return tuple(map(str, json.loads(data)["class_space"]["classes"]))
     except (BSGError, ValueError, KeyError, TypeError, RecursionError):
         return load_class_space(DEFAULT_CLASS_SPACE).classes
-
-
-def _fitting(names: Iterable[str], begun: str) -> list[str]:
-    return [name for name in names if name.startswith(begun)]

@@ -12,9 +12,9 @@ import bsg_models
 from bsg_cli.choices import complete_model
 from bsg_cli.options import (
     PATH,
-    PagePath,
     data_option,
     force_option,
+    html_option,
     json_option,
     mask_options,
     out_option,
@@ -48,7 +48,7 @@ from bsg_data.tables import format_text
 @click.option("--write-predictions", type=PATH, help="Folder for the predictions of the RUNs.")
 @out_option("Folder of the results.  [default: evaluation in the first RUN]")
 @resamples_option(200)
-@click.option("--html", type=PagePath(), help="Also write all results as one HTML page.")
+@html_option("Also write all results as one HTML page.")
 @click.option("--all-metrics", is_flag=True, help="Also print every metric.")
 @seed_option()
 @force_option

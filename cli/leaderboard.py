@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from bsg_cli.options import (
     data_option,
     force_option,
     json_option,
+    number_option,
     out_option,
     resamples_option,
     seed_option,
@@ -33,6 +33,8 @@ from bsg_cli.terminal import (
 )
 from bsg_data.tables import format_text
 
+_STEPS = {"train": "run", "combine": "run", "measure": "model"}  # step of the work → its unit
+
 
 @click.command("bsg-leaderboard", cls=Command)
 @data_option("Dataset. It is copied and stays unchanged.")
@@ -48,20 +50,8 @@ from bsg_data.tables import format_text
     show_default=True,
     help="Masks to measure on, with commas.",
 )
-@click.option(
-    "--folds",
-    type=click.IntRange(min=3),
-    default=5,
-    show_default=True,
-    help="Number of folds.",
-)
-@click.option(
-    "--draws",
-    type=click.IntRange(min=1),
-    default=5,
-    show_default=True,
-    help="Masks per building.",
-)
+@number_option("--folds", "Number of folds.", default=5, least=3)
+@number_option("--draws", "Masks per building.", default=5)
 @out_option("Folder of the results.  [default: leaderboard]")
 @resamples_option(200)
 @workers_option
@@ -93,11 +83,17 @@ def main(
     out = out or Path("leaderboard")
     bsg_models.refuse_finished(out, force=force)
     recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
+    pool = worker_pool(workers, writes=[out])
     try:
-        pool = worker_pool(workers, writes=[out])
-        with pool as executor, _bars() as progress:
+        with pool as executor, ExitStack() as stack:
+            bars = {
+                what: stack.enter_context(progress_bar(what, unit=unit))
+                for what, unit in _STEPS.items()
+            }
             board = bsg_models.make_leaderboard(
-                dataset, out, chosen, recipe, executor=executor, progress=progress
+                *(dataset, out, chosen, recipe),
+                executor=executor,
+                progress=lambda what, done, total: bars[what](done, total),
             )
     except KeyboardInterrupt:
         print_note(f"{out}: finished runs are kept; run the same command again to continue")
@@ -132,15 +128,3 @@ def _choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
     if len(chosen) < len(names):
         raise click.UsageError("--models names a model twice; name each model once")
     return chosen
-
-
-@contextmanager
-def _bars() -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a callback (what, done, total) that draws one bar for each step of the work."""
-    with (
-        progress_bar("train", unit="run") as train,
-        progress_bar("combine", unit="run") as combine,
-        progress_bar("measure", unit="model") as measure,
-    ):
-        bars = {"train": train, "combine": combine, "measure": measure}
-        yield lambda what, done, total: bars[what](done, total)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable
 from functools import wraps
@@ -20,23 +19,12 @@ from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Decorator = Callable[[Function], Function]
-
-
-class Fraction(click.FloatRange):
-    """A number from 0 to 1; `nan` is refused."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number, or refuse it."""
-        number = super().convert(value, param, ctx)
-        if math.isnan(number):
-            self.fail(f"expected a number from 0 to 1, found {value}", param, ctx)
-        return float(number)
+PATH = click.Path(path_type=Path)
+MOST_WORKERS = 1024  # each is a process; one machine has no use for more
 
 
 class RegistryChoice(click.Choice[str]):
-    """One name of a registry; the names are read only when the option is used."""
+    """One name of a registry."""
 
     def __init__(self, registry: Registry[Any]) -> None:
         super().__init__(registry.names())
@@ -44,7 +32,6 @@ class RegistryChoice(click.Choice[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the name, or refuse it and list the nearest and all known names."""
-        self.choices = self._registry.names()
         try:
             self._registry.require([value])
         except RecipeError as error:
@@ -52,40 +39,34 @@ class RegistryChoice(click.Choice[str]):
         return super().convert(value, param, ctx)
 
 
-PATH = click.Path(path_type=Path)
-
-
-class PagePath(click.Path):
-    """The path of an HTML page that a command writes."""
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Return the path; refuse one that a browser would not open as a page."""
-        path = Path(os.fsdecode(super().convert(value, param, ctx)))
-        if path.suffix.casefold() not in (".html", ".htm"):
-            self.fail(f"{path}: expected the name of a page, such as page.html", param, ctx)
-        return path
-
-
-class DatasetPath(click.Path):
-    """The path of a dataset that a command reads; one that is missing or damaged is refused."""
-
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Read the manifest, before slow modules are imported, and return the path."""
-        path = Path(os.fsdecode(super().convert(value, param, ctx)))
-        if ctx is None or not ctx.resilient_parsing:  # a shell that completes waits for nothing
+def require_datasets(
+    ctx: click.Context, _: click.Parameter, value: Path | tuple[Path, ...] | None
+) -> Any:
+    """Read the manifests of datasets before slow modules are imported; a callback of options."""
+    if not ctx.resilient_parsing:  # a shell that completes waits for nothing
+        for path in value if isinstance(value, tuple) else filter(None, [value]):
             bsg_data.read_manifest(path)
-        return path
+    return value
 
 
-MOST_WORKERS = 1024  # each is a process; one machine has no use for more
+def _require_page(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
+    if path is not None and path.suffix.casefold() not in (".html", ".htm"):
+        raise click.BadParameter(f"{path}: expected the name of a page, such as page.html")
+    return path
+
+
 json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
+dataset_argument = click.argument(
+    "dataset", type=PATH, callback=require_datasets, metavar="DATASET"
+)
+class_map_option = click.option(
+    "--class-map",
+    default=DEFAULT_CLASS_MAP,
+    show_default=True,
+    help="A published version, or the path of your own NAME.csv.",
+    shell_complete=complete_class_map,
+)
 
 
 def workers_option(function: Function) -> Function:
@@ -117,24 +98,10 @@ def workers_option(function: Function) -> Function:
     return cast(Function, command)
 
 
-dataset_argument = click.argument("dataset", type=DatasetPath(), metavar="DATASET")
-class_map_option = click.option(
-    "--class-map",
-    default=DEFAULT_CLASS_MAP,
-    show_default=True,
-    help="A published version, or the path of your own NAME.csv.",
-    shell_complete=complete_class_map,
-)
-source_map_option = click.option(
-    "--class-map",
-    help="A published version, or the path of your own NAME.csv.  [default: the source's]",
-    shell_complete=complete_class_map,
-)
-
-
 def data_option(text: str, *, required: bool = True) -> Decorator[Any]:
     """Return `--data`, the dataset for a command that uses models."""
-    return click.option("--data", "dataset", type=DatasetPath(), required=required, help=text)
+    how: Any = {"type": PATH, "callback": require_datasets, "required": required}
+    return click.option("--data", "dataset", help=text, **how)
 
 
 def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
@@ -153,59 +120,72 @@ def out_option(text: str, *, required: bool = False) -> Decorator[Any]:
     return click.option("--out", type=PATH, required=required, help=text)
 
 
+def html_option(text: str) -> Decorator[Any]:
+    """Return `--html`, the path of a page that a browser opens."""
+    return click.option("--html", type=PATH, callback=_require_page, help=text)
+
+
+def number_option(name: str, text: str, *, default: int, least: int = 1) -> Decorator[Any]:
+    """Return an option that is an integer of `least` or more."""
+    kind = click.IntRange(min=least)
+    return click.option(name, type=kind, default=default, show_default=True, help=text)
+
+
 def seed_option(text: str = "Random seed.") -> Decorator[Any]:
     """Return `--seed`."""
-    return click.option(
-        "--seed", type=click.IntRange(min=0), default=0, show_default=True, help=text
-    )
-
-
-def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> Decorator[Any]:
-    """Return `--split`, which selects the buildings."""
-    names = click.Choice(["train", "val", "test", *more])
-    return click.option("--split", type=names, default=default, show_default=True, help=text)
-
-
-def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorator[Any]:
-    """Return `--mask`, `--fraction`, `--withhold` and `--parts`, which say how to hide objects."""
-
-    def decorate(function: Function) -> Function:
-        fraction = click.option(
-            "--fraction",
-            type=Fraction(0, 1, min_open=min_open),
-            default=0.5,
-            show_default=True,
-            help=how_much,
-        )
-        withhold = click.option(
-            "--withhold",
-            type=Fraction(0, 1),
-            default=0.0,
-            show_default=True,
-            help="Share of the classes to hide everywhere except in searched rooms.",
-        )
-        parts = click.option(
-            "--parts",
-            is_flag=True,
-            help="Hide the parts of hidden objects: the curtain rod of a hidden curtain.",
-        )
-        mask = click.option(
-            "--mask", type=RegistryChoice(MASKS), default="uniform", show_default=True, help=how
-        )
-        return mask(fraction(withhold(parts(function))))
-
-    return decorate
+    return number_option("--seed", text, default=0, least=0)
 
 
 def resamples_option(default: int) -> Decorator[Any]:
     """Return `--resamples`, the number of bootstrap resamples."""
-    return click.option(
-        "--resamples",
-        type=click.IntRange(min=0),
-        default=default,
-        show_default=True,
-        help="Bootstrap resamples of the buildings; 0: no intervals.",
+    text = "Bootstrap resamples of the buildings; 0: no intervals."
+    return number_option("--resamples", text, default=default, least=0)
+
+
+def choice_option(name: str, names: list[str], text: str, *, default: str) -> Decorator[Any]:
+    """Return an option that is one of a few names."""
+    kind = click.Choice(names)
+    return click.option(name, type=kind, default=default, show_default=True, help=text)
+
+
+def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> Decorator[Any]:
+    """Return `--split`, which selects the buildings."""
+    return choice_option("--split", ["train", "val", "test", *more], text, default=default)
+
+
+def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorator[Any]:
+    """Return `--mask`, `--fraction`, `--withhold` and `--parts`, which say how to hide objects."""
+    options = (
+        click.option(
+            "--mask", type=RegistryChoice(MASKS), default="uniform", show_default=True, help=how
+        ),
+        click.option(
+            "--fraction",
+            type=click.FloatRange(0, 1, min_open=min_open),
+            default=0.5,
+            show_default=True,
+            help=how_much,
+        ),
+        click.option(
+            "--withhold",
+            type=click.FloatRange(0, 1),
+            default=0.0,
+            show_default=True,
+            help="Share of the classes to hide everywhere except in searched rooms.",
+        ),
+        click.option(
+            "--parts",
+            is_flag=True,
+            help="Hide the parts of hidden objects: the curtain rod of a hidden curtain.",
+        ),
     )
+
+    def decorate(function: Function) -> Function:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return decorate
 
 
 def split_names(text: str | None, *, option: str) -> tuple[str, ...] | None:

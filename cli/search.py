@@ -17,11 +17,13 @@ from bsg_cli.choices import (
 )
 from bsg_cli.options import (
     PATH,
+    choice_option,
     data_option,
     force_option,
     json_option,
     mask_options,
     model_option,
+    number_option,
     out_option,
     resamples_option,
     seed_option,
@@ -41,18 +43,9 @@ from bsg_cli.terminal import (
 )
 
 
-class _SearchNumber(click.ParamType[int | str]):
-    """The number of a search, from 0, or `auto` for an instructive one."""
-
-    name = "search"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> int | str:
-        """Return the number or `auto`, or refuse it."""
-        if value == "auto":
-            return "auto"
-        return int(click.IntRange(min=0).convert(value, param, ctx))
+def _read_number(value: str) -> int | str:
+    """Return the number of a search, from 0, or `auto` for an instructive one."""
+    return "auto" if value == "auto" else int(click.IntRange(min=0)(value))
 
 
 @click.command("bsg-search", cls=Command)
@@ -77,12 +70,11 @@ class _SearchNumber(click.ParamType[int | str]):
     f"{', '.join(WORLDS[:5])}. Distances as costs: {', '.join(WORLDS[5:])}.  "
     f"[default: {','.join(DEFAULT_WORLDS)}, and {' or '.join(WORLDS[5:])} if the dataset has it]",
 )
-@click.option(
+@choice_option(
     "--task",
-    type=click.Choice(["single", "all", "both"]),
+    ["single", "all", "both"],
+    "Find one instance of each class, find all instances, or do both tasks.",
     default="both",
-    show_default=True,
-    help="Find one instance of each class, find all instances, or do both tasks.",
 )
 @click.option(
     "--artifacts",
@@ -91,27 +83,9 @@ class _SearchNumber(click.ParamType[int | str]):
     show_default=True,
     help="Classes to search for: `every`, `room-specific`, or names with commas.",
 )
-@click.option(
-    "--at-once",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Number of classes per search.",
-)
-@click.option(
-    "--episodes",
-    type=click.IntRange(min=1),
-    default=200,
-    show_default=True,
-    help="Searches per building and world.",
-)
-@click.option(
-    "--masks",
-    type=click.IntRange(min=1),
-    default=10,
-    show_default=True,
-    help="Masks per building; the searches use them in turn.",
-)
+@number_option("--at-once", "Number of classes per search.", default=1)
+@number_option("--episodes", "Searches per building and world.", default=200)
+@number_option("--masks", "Masks per building; the searches use them in turn.", default=10)
 @mask_options(
     "What the robot has seen before the search.",
     "Share of the objects to hide; the artifact is always hidden.",
@@ -123,17 +97,16 @@ class _SearchNumber(click.ParamType[int | str]):
     help="For the task `all`: the robot stops once it believes with at most this probability that "
     "anything is left. Several values with commas.",
 )
-@click.option(
+@choice_option(
     "--truth",
-    type=click.Choice(["real", "posterior"]),
+    ["real", "posterior"],
+    "Where the artifacts are; `posterior` draws their places from the model's first belief.",
     default="real",
-    show_default=True,
-    help="Where the artifacts are; `posterior` draws their places from the model's first belief.",
 )
 @resamples_option(1000)
 @click.option(
     "--trace",
-    type=_SearchNumber(),
+    type=_read_number,
     metavar="[N]",
     is_flag=False,
     flag_value="auto",
@@ -175,11 +148,8 @@ def main(
       bsg-search --data dataset
       bsg-search --model run --data dataset --worlds star:1-10 --artifacts stove,bed --trace
     """
-    lists = {
-        "planners": split_names(planners, option="--planners"),
-        "worlds": split_names(worlds, option="--worlds"),
-        "artifacts": split_names(artifacts, option="--artifacts"),
-    }
+    given = {"planners": planners, "worlds": worlds, "artifacts": artifacts}
+    lists = {name: split_names(text, option=f"--{name}") for name, text in given.items()}
     require_known("planner", lists["planners"] or (), PLANNERS)
     kinds = [world.partition(":")[0] for world in lists["worlds"] or ()]
     require_known("world", kinds, WORLDS)

@@ -28,22 +28,15 @@ def format_results(
 def _format_short(tasks: Sequence[bsg_models.WorldResult]) -> str:
     """Return the table of one world: what each planner saves in each task, and its wins."""
     first = tasks[0]
-    rows = [
-        (name, *(cell for one in tasks for cell in _short_cells(one, one.savings[name])))
-        for name in first.savings
-    ]
+    rows: list[list[object]] = []
+    for name in first.savings:
+        rows.append([name])
+        for one in tasks:
+            saving = one.savings[name]
+            rows[-1] += [_percent(saving.saved), round(100 * saving.wins / one.searches)]
     header = [cell for one in tasks for cell in (f"{one.task}: saved, %", "wins, %")]
-    return "\n".join(
-        [
-            f"{first.world}: {first.searches:,} searches of {first.buildings} buildings per task",
-            *_ranked_first(first),
-            format_text(rows, header=["planner", *header]),
-        ]
-    )
-
-
-def _short_cells(one: bsg_models.WorldResult, saving: bsg_models.Saving) -> tuple[object, ...]:
-    return _percent(saving.saved), round(100 * saving.wins / one.searches)
+    title = f"{first.world}: {first.searches:,} searches of {first.buildings} buildings per task"
+    return f"{title}{_rate_belief(first)}\n{format_text(rows, header=['planner', *header])}"
 
 
 def _format_long(one: bsg_models.WorldResult) -> str:
@@ -54,51 +47,43 @@ def _format_long(one: bsg_models.WorldResult) -> str:
     )
     rows = [
         (
-            name,
-            _percent(saving.saved),
-            _percent(saving.beyond_routing, interval=False),
-            _percent(saving.of_oracle, interval=False),
-            f"{100 * saving.mean:.1f}",
-            f"{100 * saving.median:.1f}",
-            saving.wins,
-            saving.ties,
-            saving.losses,
-            f"{saving.cost:.2f}",
-            f"{saving.entered:.1f}",
+            *(name, _percent(saving.saved)),
+            *(
+                _percent(share, interval=False)
+                for share in (saving.beyond_routing, saving.of_oracle)
+            ),
+            *(f"{100 * share:.1f}" for share in (saving.mean, saving.median)),
+            *(saving.wins, saving.ties, saving.losses),
+            *(f"{saving.cost:.2f}", f"{saving.entered:.1f}"),
         )
         for name, saving in one.savings.items()
     ]
-    searches = f"{one.searches:,} searches of {one.buildings} buildings"
-    lines = [f"{one.world}, {one.task}: {searches}", *_ranked_first(one)]
-    return "\n".join([*lines, format_text(rows, header=header)])
+    title = f"{one.world}, {one.task}: {one.searches:,} searches of {one.buildings} buildings"
+    return f"{title}{_rate_belief(one)}\n{format_text(rows, header=header)}"
 
 
 def _format_stops(one: bsg_models.WorldResult) -> str:
     rows = [
         (
             name,
-            _percent(stop.saved),
-            _percent(stop.missed),
-            _percent(stop.incomplete),
+            *map(_percent, (stop.saved, stop.missed, stop.incomplete)),
             f"{stop.entered:.1f}",
         )
         for name, stop in one.stops.items()
     ]
     header = ("stops at", "saved, %", "missed, %", "incomplete, %", "rooms")
-    return (
-        f"{one.task}: expected-cost stops by itself; baseline: all rooms, nearest first\n"
-        + format_text(rows, header=header, numeric=header)
-    )
+    title = f"{one.task}: expected-cost stops by itself; baseline: all rooms, nearest first"
+    return f"{title}\n{format_text(rows, header=header, numeric=header)}"
 
 
-def _ranked_first(one: bsg_models.WorldResult) -> list[str]:
+def _rate_belief(one: bsg_models.WorldResult) -> str:
     """Return a line that says how good the first belief is; no line without a belief."""
     if math.isnan(one.ranked_first):
-        return []
-    return [
-        f"the likeliest room holds one in {one.ranked_first:.0%} of searches, a random room in "
+        return ""
+    return (
+        f"\nthe likeliest room holds one in {one.ranked_first:.0%} of searches, a random room in "
         f"{one.chance:.0%}"
-    ]
+    )
 
 
 def _percent(value: bsg_models.Estimate, *, interval: bool = True) -> str:

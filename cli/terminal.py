@@ -19,7 +19,7 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 from threading import Thread, current_thread, main_thread
 from types import FrameType
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn
 
 import click
 from pydantic import ValidationError
@@ -32,8 +32,10 @@ from bsg_data.recipes import name_fault
 from bsg_data.tables import is_obeyed, make_plain
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
-NO_MEMORY = "Error: not enough memory; free some, or give the command fewer --workers if it has any"
 SECONDS_BETWEEN_LINES = 30.0  # of progress, if stderr is no terminal
+
+
+Progress = Callable[..., None]  # called with units done, units in all, and a few words about them
 
 
 class _AskedToEndError(KeyboardInterrupt):
@@ -67,29 +69,16 @@ class Command(click.Command):
             error.message = make_plain(error.message)  # type: ignore[misc]
             error.show()
             sys.exit(error.exit_code)
-        except BSGError as error:
-            print_note(f"Error: {error}")
-            sys.exit(WRONG_USAGE if isinstance(error, RecipeError) else FAILED)
-        except ValidationError as error:  # a request refuses its values
-            print_note(f"Error: {name_fault(error)}")
-            sys.exit(WRONG_USAGE)
         except (click.Abort, KeyboardInterrupt) as error:  # click turns Ctrl-C into Abort
-            cause = error.__cause__ or error
-            asked = isinstance(cause, _AskedToEndError)
+            asked = isinstance(error.__cause__ or error, _AskedToEndError)
             print_note("asked to end" if asked else "interrupted")
             sys.exit(ENDED if asked else INTERRUPTED)
-        except MemoryError:
-            print_note(NO_MEMORY)
-            sys.exit(FAILED)
-        except ModuleNotFoundError as error:
-            if "pip install" not in str(error):  # no package of an extra
-                raise
-            print_note(f"Error: {error}")
-            sys.exit(FAILED)
-        except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            print_note(f"Error: {where}{error.strerror or error}")
-            sys.exit(FAILED)
+        except (BSGError, ValidationError, MemoryError, ModuleNotFoundError, OSError) as error:
+            if isinstance(error, ModuleNotFoundError) and "pip install" not in str(error):
+                raise  # no package of an extra
+            print_note(f"Error: {_describe_error(error)}")
+            wrong = isinstance(error, RecipeError | ValidationError)  # a request refuses its values
+            sys.exit(WRONG_USAGE if wrong else FAILED)
         sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -97,6 +86,17 @@ class CommandGroup(Command, click.Group):
     """A group of commands."""
 
     command_class = Command
+
+
+def _describe_error(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        return name_fault(error)
+    if isinstance(error, MemoryError):
+        return "not enough memory; free some, or give the command fewer --workers if it has any"
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror or error}"
+    return str(error)
 
 
 @contextmanager
@@ -117,18 +117,15 @@ def _ended_in_order() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-class Progress(Protocol):
-    """A callback for progress."""
-
-    def __call__(self, done: int, total: int, said: str = "") -> None:
-        """Take the units done, the units in all, and a few words about them."""
-
-
 @contextmanager
 def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
-    """Yield a callback that draws a bar on stderr, or prints lines if that is no terminal."""
+    """Yield a callback (done, total, words) that draws a bar on stderr.
+
+    If that is no terminal, it prints a line once in `SECONDS_BETWEEN_LINES`; shorter work prints
+    nothing.
+    """
     if not sys.stderr.isatty():
-        yield tell_now_and_then(what, unit=unit)
+        yield _tell_now_and_then(what, unit=unit)
         return
     with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False) as bar:
 
@@ -140,19 +137,13 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
         yield report
 
 
-def tell_now_and_then(
-    what: str, *, unit: str, clock: Callable[[], float] = time.monotonic
-) -> Progress:
-    """Return a callback that prints the progress on stderr, once in `SECONDS_BETWEEN_LINES`.
-
-    Shorter work prints nothing.
-    """
-    told = clock()
+def _tell_now_and_then(what: str, *, unit: str) -> Progress:
+    told = time.monotonic()
     first: tuple[int, float] | None = None
 
     def report(done: int, total: int, said: str = "") -> None:
         nonlocal told, first
-        now = clock()
+        now = time.monotonic()
         first = first or (done, now)
         if now - told < SECONDS_BETWEEN_LINES or done >= total:
             return

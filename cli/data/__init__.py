@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import click
 
-from bsg_cli.data import (
-    build,
-    check,
-    export,
-    finalise,
-    info,
-    map,  # noqa: A004
-    merge,
-    pairs,
-    split,
-    synth,
-)
+from bsg_cli.data.build import build, finalise, merge
+from bsg_cli.data.export import export
+from bsg_cli.data.info import check, info
+from bsg_cli.data.map import class_maps
+from bsg_cli.data.pairs import pairs
+from bsg_cli.data.split import split
+from bsg_cli.data.synth import synth
 from bsg_cli.terminal import CommandGroup
 
 
@@ -34,5 +29,5 @@ def main() -> None:
 
 
 # in working order, as the cheat sheet has them
-for module in (synth, build, finalise, split, pairs, check, info, map, merge, export):
-    main.add_command(module.command)
+for command in (synth, build, finalise, split, pairs, check, info, class_maps, merge, export):
+    main.add_command(command)

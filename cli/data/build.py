@@ -1,4 +1,4 @@
-"""`bsg-data build`: build a dataset of scene graphs from a source."""
+"""`bsg-data build`, `finalise` and `merge`: make a dataset of a source, its parts, or datasets."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 import click
 
 import bsg_data
-from bsg_cli.choices import complete_names_or_files
-from bsg_cli.data.totals import format_losses, format_totals
+from bsg_cli.choices import complete_class_map, complete_names_or_files
+from bsg_cli.data.totals import format_losses, format_sources, format_totals
 from bsg_cli.options import (
     PATH,
     force_option,
     json_option,
     out_option,
-    source_map_option,
+    require_datasets,
     workers_option,
 )
 from bsg_cli.terminal import (
@@ -34,19 +34,12 @@ from bsg_data.errors import BSGError
 from bsg_data.sources.catalogue import SOURCES, parse_options
 
 
-class _PartNumber(click.ParamType[tuple[int, int]]):
-    """The number of a part of a build, `I/N`."""
-
-    name = "part"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Return both numbers, or refuse them."""
-        found = re.fullmatch(r"(\d+)/(\d+)", str(value), re.ASCII)
-        if found is None or not 1 <= int(found[1]) <= int(found[2]):
-            self.fail(f"{value!r}: expected I/N with I from 1 to N, such as 3/10", param, ctx)
-        return int(found[1]), int(found[2])
+def _read_part(value: str) -> tuple[int, int]:
+    """Return the number of a part of a build and of how many, `I/N`."""
+    found = re.fullmatch(r"(\d+)/(\d+)", value, re.ASCII)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise click.BadParameter(f"{value!r}: expected I/N with I from 1 to N, such as 3/10")
+    return int(found[1]), int(found[2])
 
 
 @click.command("build", cls=Command)
@@ -85,12 +78,16 @@ class _PartNumber(click.ParamType[tuple[int, int]]):
     help="Folder of DomestiGraph YAML: labels, boxes and connections of rooms.",
 )
 @out_option("Dataset to write.", required=True)
-@source_map_option
+@click.option(
+    "--class-map",
+    help="A published version, or the path of your own NAME.csv.  [default: the source's]",
+    shell_complete=complete_class_map,
+)
 @workers_option
 @click.option(
     "--parts",
     "part",
-    type=_PartNumber(),
+    type=_read_part,
     metavar="I/N",
     help="Build only part I of N, in any order, on any machine that sees --out; run "
     "`bsg-data finalise` at the end.",
@@ -102,21 +99,16 @@ class _PartNumber(click.ParamType[tuple[int, int]]):
 )
 @force_option
 @json_option
-def command(
-    hm3d: Path | None,
-    hm3d_stats: Path | None,
-    named: tuple[str, Path] | None,
-    words: tuple[str, ...],
-    meshes: bool,
-    snap_colours: int | None,
-    room_layouts: Path | None,
+def build(
     out: Path,
-    class_map: str | None,
     workers: Workers,
     part: tuple[int, int] | None,
+    room_layouts: Path | None,
+    as_json: bool,
+    class_map: str | None,
     strict: bool,
     force: bool,
-    as_json: bool,
+    **chosen: Any,
 ) -> None:
     """Build a dataset of scene graphs from one source.
 
@@ -128,21 +120,7 @@ def command(
       bsg-data build --hm3d buildings --out dataset --parts 3/10
       bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
-    name, path = _choose_source(hm3d, hm3d_stats, named)
-    own = _split_words(words)
-    if snap_colours is not None and not meshes:
-        raise click.UsageError(
-            "--snap-colours needs meshes and --no-meshes leaves them out; give one of them"
-        )
-    if name == "hm3d-stats" and (snap_colours is not None or not meshes):
-        raise click.UsageError(
-            "--hm3d-stats has no meshes: --snap-colours and --no-meshes need --hm3d"
-        )
-    options = parse_options(name, own)
-    if not meshes:
-        options["meshes"] = False
-    if snap_colours is not None:
-        options["snap_colours"] = snap_colours
+    name, path, options = _choose_source(**chosen)
     reads = [path, *([] if room_layouts is None else [room_layouts])]
     if workers.scheduler is not None:
         reads = [place.absolute() for place in reads]  # workers run in other folders
@@ -163,7 +141,7 @@ def command(
             how |= {"executor": executor, "progress": note}
             if part is not None:
                 built = extend.build_part(source, out, extend.Part(*part), **how)
-                _tell_part(built, part, out, as_json=as_json)
+                _print_part(built, part, out, as_json=as_json)
                 return
             manifest = bsg_data.build_dataset(source, out, **how)
     except (BSGError, KeyboardInterrupt):
@@ -172,15 +150,12 @@ def command(
                 f"finished shards are in {out}.partial; run the same command again to continue"
             )
         raise
-    if as_json:
-        print_json(manifest.model_dump(mode="json", exclude={"files"}))
-        return
-    print_text(format_totals(manifest))
-    print_text(format_losses(manifest))
-    print_text(f"dataset in {out}")
+    _print_built(manifest, format_losses(manifest), out, as_json=as_json)
 
 
-def _tell_part(built: extend.BuiltPart, part: tuple[int, int], out: Path, *, as_json: bool) -> None:
+def _print_part(
+    built: extend.BuiltPart, part: tuple[int, int], out: Path, *, as_json: bool
+) -> None:
     """Print what a part built and how many shards are still missing."""
     number, of = part
     if as_json:
@@ -194,10 +169,22 @@ def _tell_part(built: extend.BuiltPart, part: tuple[int, int], out: Path, *, as_
     print_text(f"{then}; after the last part run: bsg-data finalise {out}")
 
 
+def _print_built(manifest: extend.Manifest, more: str, out: Path, *, as_json: bool) -> None:
+    if as_json:
+        print_json(manifest.model_dump(mode="json", exclude={"files"}))
+    else:
+        print_text(f"{format_totals(manifest)}\n{more}\ndataset in {out}")
+
+
 def _choose_source(
-    hm3d: Path | None, hm3d_stats: Path | None, named: tuple[str, Path] | None
-) -> tuple[str, Path]:
-    """Return name and path of the source; `--hm3d PATH` means `--source hm3d PATH`."""
+    hm3d: Path | None,
+    hm3d_stats: Path | None,
+    named: tuple[str, Path] | None,
+    words: tuple[str, ...],
+    meshes: bool,
+    snap_colours: int | None,
+) -> tuple[str, Path, dict[str, Any]]:
+    """Return name, path and options of the source; `--hm3d PATH` means `--source hm3d PATH`."""
     given = [("hm3d", hm3d), ("hm3d-stats", hm3d_stats), *([named] if named else [])]
     sources = [(name, path) for name, path in given if path is not None]
     if len(sources) != 1:
@@ -205,7 +192,22 @@ def _choose_source(
             f"expected one source, found {len(sources)}; give one source: --hm3d PATH, "
             "--hm3d-stats ZIP or --source NAME PATH"
         )
-    return sources[0]
+    name, path = sources[0]
+    own = _split_words(words)
+    if snap_colours is not None and not meshes:
+        raise click.UsageError(
+            "--snap-colours needs meshes and --no-meshes leaves them out; give one of them"
+        )
+    if name == "hm3d-stats" and (snap_colours is not None or not meshes):
+        raise click.UsageError(
+            "--hm3d-stats has no meshes: --snap-colours and --no-meshes need --hm3d"
+        )
+    options = parse_options(name, own)
+    if not meshes:
+        options["meshes"] = False
+    if snap_colours is not None:
+        options["snap_colours"] = snap_colours
+    return name, path, options
 
 
 def _split_words(words: tuple[str, ...]) -> dict[str, str]:
@@ -220,3 +222,50 @@ def _split_words(words: tuple[str, ...]) -> dict[str, str]:
             raise click.UsageError(f"--option {name} is there twice; give it once")
         options[name] = value
     return options
+
+
+@click.command("finalise", cls=Command)
+@click.argument("dataset", type=PATH, metavar="DATASET")
+@force_option
+@json_option
+def finalise(dataset: Path, force: bool, as_json: bool) -> None:
+    """Finish a dataset that `bsg-data build --parts` built.
+
+    Every file is compared with the report of its part. If a file is missing or damaged, the error
+    names the part to run again. The bytes equal those of a build without parts.
+
+    \b
+    Example:
+      bsg-data finalise dataset
+    """
+    with progress_bar("finalise", unit="shard") as report:
+        manifest = extend.finalise_dataset(dataset, force=force, progress=report)
+    _print_built(manifest, format_losses(manifest), dataset, as_json=as_json)
+
+
+@click.command("merge", cls=Command)
+@click.argument(
+    "datasets",
+    type=PATH,
+    callback=require_datasets,
+    nargs=-1,
+    required=True,
+    metavar="DATASET DATASET ...",
+)
+@out_option("Dataset to write.", required=True)
+@force_option
+@json_option
+def merge(datasets: tuple[Path, ...], out: Path, force: bool, as_json: bool) -> None:
+    """Merge datasets of one class space into one.
+
+    Rows keep their source. Splits and pairs are not copied: make them again.
+
+    \b
+    Example:
+      bsg-data merge hm3d behavior --out both
+    """
+    with progress_bar("merge", unit="scene") as report:
+        manifest = bsg_data.merge_datasets(datasets, out, force=force, progress=report)
+    if any(bsg_data.read_manifest(dataset).split is not None for dataset in datasets):
+        print_note(f"splits and pairs were not copied; next: bsg-data split {out}")
+    _print_built(manifest, f"\n{format_sources(out)}\n", out, as_json=as_json)

@@ -25,7 +25,7 @@ from bsg_data.exports.catalogue import EXPORTS
 @out_option("Folder to write to. Other files in it stay.", required=True)
 @force_option
 @json_option
-def command(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> None:
+def export(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> None:
     """Write a dataset in the format of another program; habitat needs geometry.
 
     habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim.

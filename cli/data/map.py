@@ -23,7 +23,7 @@ _WITHOUT_CLASS = {
 
 
 @click.group("map", cls=CommandGroup)
-def command() -> None:
+def class_maps() -> None:
     """List, show, measure and compare class maps.
 
     \b
@@ -32,7 +32,7 @@ def command() -> None:
     """
 
 
-@command.command("list")
+@class_maps.command("list")
 @json_option
 def _map_list(as_json: bool) -> None:
     """List the published class maps.
@@ -44,16 +44,11 @@ def _map_list(as_json: bool) -> None:
     rows = extend.published_maps().values()
     maps = [(row, bsg_data.load_class_map(row.class_map)) for row in rows]
     if as_json:
+        own = ("class_space", "source", "rules")
         print_json(
             [
-                {
-                    "version": row.class_map,
-                    "class_space": row.class_space,
-                    "source": row.source,
-                    "rules": row.rules,
-                    "sha256": loaded.sha256,
-                    "classes": loaded.classes,
-                }
+                {"version": row.class_map, **{name: getattr(row, name) for name in own}}
+                | {"sha256": loaded.sha256, "classes": loaded.classes}
                 for row, loaded in maps
             ]
         )
@@ -91,7 +86,7 @@ def _describe(answer: Mapping[str, Any], version: str, index: int | None) -> Ite
         yield f"{len(spellings)} spellings: {', '.join(map(repr, spellings))}"
 
 
-@command.command("show")
+@class_maps.command("show")
 @click.argument("category")
 @class_map_option
 @json_option
@@ -128,7 +123,7 @@ def _map_show(category: str, class_map: str, as_json: bool) -> None:
         raise click.exceptions.Exit(1)
 
 
-@command.command("coverage")
+@class_maps.command("coverage")
 @dataset_argument
 @click.option(
     "--class-map",
@@ -143,23 +138,22 @@ def _map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
     Example:
       bsg-data map coverage dataset
     """
-    manifest = bsg_data.read_manifest(dataset)
     loaded = None if class_map is None else bsg_data.load_class_map(class_map)
     coverage = extend.measure_coverage(dataset, loaded)
     if as_json:
         print_json(coverage)
         return
     left_out = coverage.pop("most_left_out")
-    named = manifest.class_map_names if loaded is None else loaded.version
+    names = bsg_data.read_manifest(dataset).class_map_names if loaded is None else loaded.version
     rows = [(what, _show(value)) for what, value in coverage.items()]
-    print_text(format_text(rows, header=("", named)))
+    print_text(format_text(rows, header=("", names)))
     if left_out:
         most = [(name, f"{count:,}") for name, count in left_out.items()]
         header = ("most frequent left out", "instances")
         print_text("\n" + format_text(most, header=header))
 
 
-@command.command("compare")
+@class_maps.command("compare")
 @dataset_argument
 @click.option(
     "--class-map",
@@ -187,36 +181,32 @@ def _map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> N
             f"each map looks up all objects, although the dataset was built with several maps "
             f"({', '.join(sorted(built))}); `bsg-data map coverage` counts it as built"
         )
-    coverages = [extend.measure_coverage(dataset, one) for one in maps]
-    for coverage in coverages:
-        del coverage["most_left_out"]
-    frames = [extend.count_classes(dataset, one).set_index("class") for one in maps]
+    coverages, frames = {}, {}
+    for one in maps:
+        coverages[one.version] = extend.measure_coverage(dataset, one)
+        del coverages[one.version]["most_left_out"]
+        frames[one.version] = extend.count_classes(dataset, one).set_index("class")
     if as_json:
         print_json(
             {
-                one.version: {"coverage": coverage, "classes": frame.to_dict(orient="index")}
-                for one, coverage, frame in zip(maps, coverages, frames, strict=True)
+                name: {"coverage": coverage, "classes": frames[name].to_dict(orient="index")}
+                for name, coverage in coverages.items()
             }
         )
         return
-    header = ("", *(one.version for one in maps))
-    rows = [(what, *(_show(one[what]) for one in coverages)) for what in coverages[0]]
-    print_text(format_text(rows, header=header))
-    classes = sorted({name for frame in frames for name in frame.index})
+    first = next(iter(coverages.values()))
+    rows = [(what, *(_show(one[what]) for one in coverages.values())) for what in first]
+    print_text(format_text(rows, header=("", *coverages)))
     header = (
-        *("class", *(f"instances {one.version}" for one in maps)),
-        *(f"{what} {one.version}" for what in ("rooms", "two or more") for one in maps),
+        *("class", *(f"instances {name}" for name in frames)),
+        *(f"{what} {name}" for what in ("rooms", "two or more") for name in frames),
     )
+    columns = [
+        frame[column] for column in ("instances", "rooms", "doubles") for frame in frames.values()
+    ]
     cells = [
-        (
-            name,
-            *(
-                f"{frame.loc[name, column]:,}" if name in frame.index else "-"
-                for column in ("instances", "rooms", "doubles")
-                for frame in frames
-            ),
-        )
-        for name in classes
+        (name, *(f"{column[name]:,}" if name in column else "-" for column in columns))
+        for name in sorted({name for frame in frames.values() for name in frame.index})
     ]
     print_text("\n" + format_text(cells, header=header))
 

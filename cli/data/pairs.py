@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -13,6 +14,7 @@ from bsg_cli.options import (
     force_option,
     json_option,
     mask_options,
+    number_option,
     seed_option,
     workers_option,
 )
@@ -39,29 +41,13 @@ from bsg_data import extend
     type=click.IntRange(min=1),
     help="With --mask tour: number of rooms that were found, instead of --fraction of them.",
 )
-@click.option(
-    "--draws",
-    type=click.IntRange(min=1),
-    default=10,
-    show_default=True,
-    help="Masks per building.",
-)
+@number_option("--draws", "Masks per building.", default=10)
 @seed_option()
 @workers_option
 @force_option
 @json_option
-def command(
-    dataset: Path,
-    mask: str,
-    fraction: float,
-    withhold: float,
-    parts: bool,
-    rooms: int | None,
-    draws: int,
-    seed: int,
-    workers: Workers,
-    force: bool,
-    as_json: bool,
+def pairs(
+    dataset: Path, draws: int, workers: Workers, force: bool, as_json: bool, **mask: Any
 ) -> None:
     """Draw masks and write input and target histograms.
 
@@ -71,26 +57,13 @@ def command(
       bsg-data pairs dataset --mask explore --withhold 0.2 --force
       bsg-data pairs dataset --mask tour --rooms 3 --force
     """
-    chosen = {
-        "strategy": mask,
-        "fraction": fraction,
-        "seed": seed,
-        "withhold": withhold,
-        "parts": parts,
-        "rooms": rooms,
-    }
-    recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(chosen), draws=draws)
+    mask["strategy"] = mask.pop("mask")
+    recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(mask), draws=draws)
     left_out: list[str] = []
     pool = worker_pool(workers, reads=[dataset], writes=[dataset / "pairs"])
     with pool as executor, progress_bar("pairs", unit="file") as report:
-        manifest = bsg_data.write_pairs(
-            dataset,
-            recipe,
-            force=force,
-            executor=executor,
-            progress=report,
-            left_out=left_out.append,
-        )
+        how: Any = {"force": force, "executor": executor, "progress": report}
+        manifest = bsg_data.write_pairs(dataset, recipe, left_out=left_out.append, **how)
     if left_out:
         buildings = "1 building gets" if len(left_out) == 1 else f"{len(left_out):,} buildings get"
         print_note(
@@ -98,7 +71,7 @@ def command(
             f"is {left_out[0]}"
         )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
-    if extend.MASKS[mask].reads_connections:
+    if extend.MASKS[recipe.mask.strategy].reads_connections:
         bare = bsg_data.Dataset.open(dataset).count_unconnected()
         if bare:
             print_note(
@@ -107,13 +80,8 @@ def command(
             )
     hashes = extend.hash_splits(bsg_data.Dataset.open(dataset))
     if as_json:
-        answer = {
-            "recipe": recipe.model_dump(mode="json"),
-            "rows": rows,
-            "left_out": left_out,
-            "masks_sha256": hashes,
-        }
-        print_json(answer)
+        answer = {"recipe": recipe.model_dump(mode="json"), "rows": rows, "left_out": left_out}
+        print_json({**answer, "masks_sha256": hashes})
     else:
         print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
         print_text(format_hashes(hashes))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -29,7 +30,7 @@ from bsg_cli.terminal import Command, print_json, print_text
 @seed_option()
 @force_option
 @json_option
-def command(
+def split(
     dataset: Path,
     ratios: tuple[float, float, float] | None,
     official: bool,
@@ -48,23 +49,16 @@ def command(
         raise click.UsageError(
             "--ratios, --official and --folds exclude each other; give one of them"
         )
-    manifest = bsg_data.split_dataset(
-        dataset, _recipe(ratios, official=official, folds=folds, seed=seed), force=force
-    )
-    sizes = {
-        name: len(ids) for name, ids in bsg_data.read_splits(dataset, manifest=manifest).items()
-    }
+    chosen: dict[str, Any] = {"ratios": ratios or (0.8, 0.1, 0.1)}
+    if official:
+        chosen = {"method": "official", "ratios": (0.9, 0.1, 0.0)}
+    elif folds is not None:
+        chosen = {"method": "folds", "ratios": None, "folds": folds}
+    recipe = bsg_data.SplitRecipe(seed=seed, **chosen)
+    manifest = bsg_data.split_dataset(dataset, recipe, force=force)
+    splits = bsg_data.read_splits(dataset, manifest=manifest)
+    sizes = {name: len(ids) for name, ids in splits.items()}
     if as_json:
-        print_json({"recipe": manifest.model_dump(mode="json")["split"], "scenes": sizes})
+        print_json({"recipe": recipe.model_dump(mode="json"), "scenes": sizes})
     else:
         print_text(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
-
-
-def _recipe(
-    ratios: tuple[float, float, float] | None, *, official: bool, folds: int | None, seed: int
-) -> bsg_data.SplitRecipe:
-    if official:
-        return bsg_data.SplitRecipe(method="official", seed=seed, ratios=(0.9, 0.1, 0.0))
-    if folds is not None:
-        return bsg_data.SplitRecipe(method="folds", seed=seed, ratios=None, folds=folds)
-    return bsg_data.SplitRecipe(seed=seed, ratios=ratios or (0.8, 0.1, 0.1))

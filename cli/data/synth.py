@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -63,19 +64,17 @@ from bsg_data import extend
 @workers_option
 @force_option
 @json_option
-def command(
+def synth(
     out: Path,
     scenes: int,
     rooms: int | None,
     objects: int | None,
     geometry: bool,
-    size: str | None,
-    coloured_by: str | None,
-    up_axis: str | None,
     seed: int,
     workers: Workers,
     force: bool,
     as_json: bool,
+    **chosen: Any,
 ) -> None:
     """Write synthetic buildings in the file layout of HM3D.
 
@@ -85,11 +84,10 @@ def command(
       bsg-data synth --out places --scenes 5 --geometry
       bsg-data synth --out towers --scenes 1 --rooms 10000
     """
-    chosen = {"size": size, "coloured_by": coloured_by, "up_axis": up_axis}
     given = {name: value for name, value in chosen.items() if value is not None}
     if given and not geometry:
         raise click.UsageError(f"--{next(iter(given)).replace('_', '-')} needs --geometry")
-    options = extend.GeometryOptions(**given) if geometry else None  # type: ignore[arg-type]
+    options = extend.GeometryOptions(**given) if geometry else None
     if not (geometry or rooms or objects) and workers.scheduler is None:
         workers = Workers(1)  # for small buildings one process is faster
     pool = worker_pool(workers, writes=[out])

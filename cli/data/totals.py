@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from bsg_data import extend
 from bsg_data.tables import format_text
@@ -11,22 +13,16 @@ from bsg_data.tables import format_text
 
 def format_totals(manifest: extend.Manifest) -> str:
     """Return the totals of a dataset as one line."""
-    t = manifest.totals
+    t, space = manifest.totals, manifest.class_space
+    others = sorted({entry.version for entry in manifest.class_maps} - {space.name})
+    maps = f" by the class map {', '.join(others)}" if others else ""
     placed = (
         f"; {t.placed:,} with geometry, {t.adjacent:,} pairs of adjacent rooms" if t.placed else ""
     )
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
-        f"{t.classified:,} in {len(manifest.class_space.classes)} classes of "
-        f"{manifest.class_space.name}{_name_maps(manifest)}{placed}"
+        f"{t.classified:,} in {len(space.classes)} classes of {space.name}{maps}{placed}"
     )
-
-
-def _name_maps(manifest: extend.Manifest) -> str:
-    """Name the class maps other than the one named like the class space."""
-    names = {source.class_map.version for source in manifest.sources}
-    others = sorted(names - {manifest.class_space.name})
-    return f" by the class map {', '.join(others)}" if others else ""
 
 
 def format_hashes(hashes: Mapping[str, str]) -> str:
@@ -39,23 +35,22 @@ def format_sources(dataset: Path) -> str:
 
     The share divides the objects with a class by all objects that are not building structure.
     """
+    shown = {
+        "buildings": "buildings",
+        "rooms": "rooms",
+        "objects": "objects",
+        "classified": "with a class",
+        "classes": "classes",
+        "share": "of non-structure",
+        "unmapped": "unmapped",
+        "placed": "with places",
+        "connections": "adjacent rooms",
+    }
     rows = [
-        (
-            row["source"],
-            *(f"{row[name]:,}" for name in ("buildings", "rooms", "objects", "classified")),
-            row["classes"],
-            f"{row['share']:.1%}",
-            f"{row['unmapped']:,}",
-            f"{row['placed']:,}",
-            f"{row['connections']:,}",
-        )
+        (row["source"], *(f"{row[name]:{'.1%' if name == 'share' else ','}}" for name in shown))
         for row in extend.count_sources(dataset).to_dict(orient="records")
     ]
-    header = (
-        *("source", "buildings", "rooms", "objects", "with a class", "classes", "of non-structure"),
-        *("unmapped", "with places", "adjacent rooms"),
-    )
-    return format_text(rows, header=header)
+    return format_text(rows, header=("source", *shown.values()), numeric=("classes",))
 
 
 def format_losses(manifest: extend.Manifest, *, most: int = 20) -> str:
@@ -90,22 +85,16 @@ def format_losses(manifest: extend.Manifest, *, most: int = 20) -> str:
 
 
 def _mesh_line(meshes: list[extend.MeshCoverage]) -> str:
-    texels, area = sum(m.texels for m in meshes), sum(m.area for m in meshes)
-    names = {
-        "listed": "listed",
-        "snapped": "snapped",
-        "black": "black (background)",
-        "unlisted": "unlisted",
-    }
-    shares = ", ".join(
-        f"{sum(getattr(m, name) for m in meshes) / max(texels, 1):.1%} {shown}"
-        for name, shown in names.items()
-        if name != "snapped" or any(m.snapped for m in meshes)
-    )
+    def total(name: str) -> Any:
+        return sum(map(attrgetter(name), meshes))
+
+    texels, snapped = total("texels"), ["snapped"] if total("snapped") else []
+    shown = ("listed", *snapped, "black", "unlisted")
+    shares = ", ".join(f"{total(name) / max(texels, 1):.1%} {name}" for name in shown)
+    shares = shares.replace(" black", " black (background)")
     pixels = f"of {texels:,} texels {shares}; " if texels else ""
-    listed = sum(m.listed_area for m in meshes) / max(area, 1e-9)
-    missing = sum(m.without_geometry for m in meshes)
+    listed = total("listed_area") / max(total("area"), 1e-9)
     return (
-        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {area:,.0f} m² is of listed objects; "
-        f"listed objects without a surface: {missing:,}"
+        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {total('area'):,.0f} m² is of listed "
+        f"objects; listed objects without a surface: {total('without_geometry'):,}"
     )

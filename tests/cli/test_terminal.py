@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 import bsg_models
-from bsg_cli.terminal import Command, print_json, print_text, progress_bar, tell_now_and_then
+from bsg_cli.terminal import Command, print_json, print_text, progress_bar
 from bsg_data.errors import BSGError
 
 SCRIPT = """
@@ -94,13 +94,15 @@ def test_workers_import_nothing_from_the_working_folder(tmp_path: Path) -> None:
 
 
 def test_long_work_says_a_line_now_and_then_off_a_terminal(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seconds = iter([0.0, 5.0, 31.0, 40.0, 61.5, 70.0])
-    report = tell_now_and_then("train", unit="epoch", clock=lambda: next(seconds))
-    for epoch in (20, 46, 55, 70):
-        report(epoch, 1160, f"val {epoch}")
-    report(1160, 1160)
+    monkeypatch.setattr(time, "monotonic", lambda: next(seconds))
+    with progress_bar("train", unit="epoch") as report:
+        for epoch in (20, 46, 55, 70):
+            report(epoch, 1160, f"val {epoch}")
+        report(1160, 1160)
+    monkeypatch.undo()
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.splitlines() == [

@@ -1,3 +1,5 @@
+"""`bsg-data build`, `finalise` and `merge`."""
+
 from __future__ import annotations
 
 import json
@@ -18,24 +20,13 @@ from bsg_data.checks.dataset import check_dataset
 def test_losses_are_reported_in_one_table(hm3d_folder: Path, tmp_path: Path) -> None:
     write_scene(hm3d_folder, "00042-broken00000", b"HM3D Semantic Annotations\n1,\x1b[31m\n")
     result = run("build", "--hm3d", hm3d_folder, "--out", tmp_path / "d", "--workers", "1")
+    assert result.stdout.startswith("12 scenes, 90 rooms, ")
     assert "skipped scenes: 1, unmapped objects: 66" in result.stdout
     assert "00042-broken00000" in result.stdout
     assert "zzqx thing" in result.stdout
     assert "\x1b" not in result.stdout  # a name cannot write to the terminal
-
-
-def test_one_source_is_needed() -> None:
     run("build", "--out", "x", code=2)
     run("build", "--out", "x", "--hm3d", "a", "--hm3d-stats", "b", code=2)
-
-
-def test_a_folder_without_scenes_is_said(tmp_path: Path) -> None:
-    result = run("build", "--hm3d", tmp_path, "--out", tmp_path / "d", code=1)
-    assert "no scene found" in result.stderr
-
-
-def _count_reports(partial: Path) -> int:
-    return len(list(partial.glob(".build/part-*.json")))
 
 
 @pytest.mark.heavy
@@ -51,7 +42,7 @@ def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int)
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
-    while _count_reports(tmp_path / "out.partial") < 1 and child.poll() is None:
+    while not list(tmp_path.glob("out.partial/.build/part-*.json")) and child.poll() is None:
         time.sleep(0.005)
     child.send_signal(sign)
     _, errors = child.communicate(timeout=60)
@@ -67,45 +58,48 @@ def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int)
     assert check_dataset(tmp_path / "out") == ()
 
 
-TABLE = "scene,room,category\nflat,kitchen,stove\nhouse,bath,toilet\n"
-
-
-def test_a_source_takes_options_of_its_own(tmp_path: Path) -> None:
-    (tmp_path / "objects.csv").write_text(TABLE, "utf-8")
-    terms = ("licence=CC-BY-4.0", "homepage=https://example.org/?a=b", "citation=Doe, 2026")
-    options = [word for term in terms for word in ("--option", term)]
-    result = run(
-        *("build", "--source", "table", tmp_path / "objects.csv", *options),
-        *("--out", tmp_path / "d", "--workers", "1", "--json"),
-    )
-    (source,) = json.loads(result.stdout)["sources"]
-    assert source["terms"]["licence"] == "CC-BY-4.0"
-    assert source["terms"]["homepage"] == "https://example.org/?a=b"
-
-
-def test_a_table_needs_no_option_and_takes_a_map_of_ones_own(tmp_path: Path) -> None:
-    (tmp_path / "objects.csv").write_text(TABLE.replace("stove", "Herd"), "utf-8")
+def test_a_source_takes_options_and_a_map_of_its_own(tmp_path: Path) -> None:
+    table = "scene,room,category\nflat,kitchen,Herd\nhouse,bath,toilet\n"
+    (tmp_path / "objects.csv").write_text(table, "utf-8")
     (tmp_path / "mine.csv").write_text("raw_category,category,class\nHerd,stove,stove\n", "utf-8")
     words = ("build", "--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
-    result = run(*words, "--class-map", tmp_path / "mine.csv", "--workers", "1")
-    assert "1 in 45 classes" in result.stdout
-    assert "toilet" in result.stdout  # is in no row of the map
-    assert "matterport" not in (tmp_path / "d" / "README.md").read_text("utf-8").casefold()
+    terms = ("licence=CC-BY-4.0", "homepage=https://example.org/?a=b", "citation=Doe, 2026")
+    options = [word for term in terms for word in ("--option", term)]
+    one = ("--workers", "1", "--class-map", tmp_path / "mine.csv")
+    (source,) = json.loads(run(*words, *options, *one, "--json").stdout)["sources"]
+    assert source["terms"]["licence"] == "CC-BY-4.0"
+    assert source["terms"]["homepage"] == "https://example.org/?a=b"
+    plain = run(*words, *one, "--force").stdout
+    assert "1 in 45 classes" in plain
+    assert "toilet" in plain  # is in no row of the map
+    for wrong in (["licence"], ["licence=MIT", "--option", "licence=MIT"]):
+        run(*words, "--option", *wrong, code=2)
+    assert "did you mean licence?" in run(*words, "--option", "license=MIT", code=1).stderr
 
 
-@pytest.mark.parametrize(
-    ("words", "code", "expected"),
-    [
-        (("--option", "licence"), 2, "expected NAME=VALUE"),
-        (("--option", "licence=MIT", "--option", "licence=MIT"), 2, "licence is there twice"),
-        (("--option", "license=MIT"), 1, "did you mean licence?"),
-        (("--option", "licence=MIT"), 1, "give licence, homepage and citation"),
-    ],
-)
-def test_options_that_are_none(
-    tmp_path: Path, words: tuple[str, ...], code: int, expected: str
-) -> None:
-    (tmp_path / "objects.csv").write_text(TABLE, "utf-8")
-    source = ("--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
-    result = run("build", *source, *words, code=code)
-    assert expected in result.output
+def test_parts_and_then_the_whole(hm3d_folder: Path, tmp_path: Path) -> None:
+    words = ("build", "--hm3d", hm3d_folder, "--out", tmp_path / "out", "--workers", 1)
+    first = run(*words, "--parts", "2/2").stdout
+    assert first.startswith("part 2 of 2: 0 shards, 0 scenes\n1 shard is still missing")
+    refused = run("finalise", tmp_path / "out", code=1)
+    assert "1 of 1 shards missing or damaged; run these again by --parts: 1/2" in refused.stderr
+    second = json.loads(run(*words, "--parts", "1/2", "--json").stdout)
+    assert second == {"part": 1, "of": 2, "shards": [0], "scenes": 12, "missing": []}
+    assert "12 scenes" in run("finalise", tmp_path / "out").stdout
+    assert "is finished already" in run("finalise", tmp_path / "out", code=1).stderr
+    for part in ("0/3", "4/3", "3", "a/b"):
+        assert "expected I/N" in run(*words, "--parts", part, code=2).stderr
+
+
+def test_two_datasets_become_one(dataset: Path, tmp_path: Path) -> None:
+    run("synth", "--out", tmp_path / "made", "--scenes", "4")
+    run("build", "--hm3d", tmp_path / "made", "--out", tmp_path / "synthetic")
+    words = ("merge", dataset, tmp_path / "synthetic", "--out", tmp_path / "both")
+    result = run(*words)
+    assert "16 scenes" in result.stdout
+    assert "next: bsg-data split" in result.stderr
+    info = json.loads(run("info", tmp_path / "both", "--json").stdout)
+    found = {row["source"]: row["buildings"] for row in info["by_source"]}
+    assert found == {"hm3d": 12, "synthetic": 4}
+    run(*words, code=1)
+    run("merge", dataset, "--out", tmp_path / "more", code=2)
