@@ -14,13 +14,14 @@ from bsg_models.robot.seen_building import open_graph
 OFFICE = REPOSITORY / "docs" / "office.json"
 
 
-def call(*words: object, stdin: str | None = None) -> Result:
-    return CliRunner().invoke(main, [str(word) for word in words], input=stdin)
+def call(*words: object, stdin: str | None = None, code: int = 0) -> Result:
+    done = CliRunner().invoke(main, [str(word) for word in words], input=stdin)
+    assert done.exit_code == code, done.output
+    return done
 
 
 def test_rooms_are_ranked_and_the_first_is_named() -> None:
     done = call(OFFICE, "--model", "mixture", "--find", "microwave", "--from", "waiting-room")
-    assert done.exit_code == 0, done.output
     lines = done.stdout.splitlines()
     assert lines[0].split() == ["room", "P(microwave)", "expected", "more", "seen", "cost"]
     assert lines[1].startswith("kitchen (B: shared kitchen)")
@@ -32,7 +33,6 @@ def test_rooms_are_ranked_and_the_first_is_named() -> None:
 def test_json_tells_ids_and_the_numbers_of_python() -> None:
     words = ("--model", "mixture", "--find", "sofa", "--json", "--from", "C: meeting room")
     done = call("-", *words, stdin=OFFICE.read_text("utf-8"))
-    assert done.exit_code == 0, done.output
     answer, seen = json.loads(done.stdout), open_graph(OFFICE, model="mixture")
     assert answer["class"] == "couch"
     assert answer["how"] == "'sofa' is one of the class 'couch'"
@@ -47,7 +47,6 @@ def test_json_tells_ids_and_the_numbers_of_python() -> None:
 def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
     words = (OFFICE, "--model", "mixture", "--find", "microwave", "--find", "sofa")
     done = call(*words, "--find", "microwave", "--from", "waiting-room")
-    assert done.exit_code == 0, done.output
     seen = open_graph(OFFICE, model="mixture")
     first = seen.next_room(["microwave", "sofa"], here="waiting-room")
     assert done.stdout.count("P(microwave)") == done.stdout.count("P(couch)") == 1
@@ -64,7 +63,6 @@ def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
 
 def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
     done = call(OFFICE, "--model", "mixture", "--find", "shoes")
-    assert done.exit_code == 0, done.output
     assert "by the model universal-wide" in done.stdout
     assert "cost" not in done.stdout
     assert "'shoes' is one of the class 'shoe'" in done.stderr
@@ -81,4 +79,4 @@ def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
     ],
 )
 def test_what_cannot_be_asked_is_wrong_usage(words: tuple[object, ...]) -> None:
-    assert call(*words, "--model", "mixture").exit_code == 2
+    call(*words, "--model", "mixture", code=2)

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from bsg_cli import choices
-from bsg_cli.options import Fraction, split_names, workers_option
+from bsg_cli.options import split_names, workers_option
 from bsg_cli.registry import COMMANDS
 from bsg_data.synthetic.building import MAX_OBJECTS, MAX_ROOMS, MAX_SCENES
 from bsg_data.synthetic.meshes import SIZES
@@ -44,14 +44,6 @@ def test_a_list_has_each_name_once() -> None:
     assert split_names(None, option="--worlds") is None
     with pytest.raises(click.UsageError):
         split_names(" ,", option="--worlds")
-
-
-@pytest.mark.parametrize(("text", "code"), [("0", 0), ("1", 0), ("nan", 2), ("1.01", 2), ("-1", 2)])
-def test_a_fraction_is_a_number_from_0_to_1(text: str, code: int) -> None:
-    command = click.command()(
-        click.option("--fraction", type=Fraction(0, 1))(lambda fraction: None)
-    )
-    assert CliRunner().invoke(command, ["--fraction", text]).exit_code == code
 
 
 def test_no_machine_is_asked_for_processes_without_end() -> None:

@@ -14,36 +14,19 @@ def estimate(value: float, low: float = NAN, high: float = NAN) -> Estimate:
     return Estimate(value, low, high, nodes=200)
 
 
-def saving(value: float, low: float, high: float) -> Saving:
-    return Saving(
-        saved=estimate(value, low, high),
-        beyond_routing=estimate(NAN),
-        of_oracle=estimate(0.5),
-        mean=-1.5,
-        median=0.25,
-        wins=150,
-        ties=20,
-        losses=30,
-        cost=12.345,
-        entered=3.21,
-    )
+def saving(*saved: float) -> Saving:
+    shares = (estimate(*saved), estimate(NAN), estimate(0.5))
+    return Saving(*shares, -1.5, 0.25, wins=150, ties=20, losses=30, cost=12.345, entered=3.21)
 
 
-RESULT = WorldResult(
-    world="tree:1-10",
-    task="single",
-    buildings=10,
-    searches=200,
-    ranked_first=0.34,
-    chance=0.12,
-    savings={"nearest": saving(0, 0, 0), "ratio": saving(0.4321, 0.391, 0.466)},
-    stops={},
-)
-TASKS = [RESULT, dataclasses.replace(RESULT, task="all")]
+def study(task: str, **changed: object) -> WorldResult:
+    savings = {"nearest": saving(0, 0, 0), "ratio": saving(0.4321, 0.391, 0.466)}
+    result = WorldResult("tree:1-10", task, 10, 200, 0.34, 0.12, savings, stops={})
+    return dataclasses.replace(result, **changed)
 
 
 def test_a_world_by_hand() -> None:
-    (table,) = format_results(TASKS)
+    (table,) = format_results([study("single"), study("all")])
     assert table.splitlines() == [
         "tree:1-10: 200 searches of 10 buildings per task",
         "the likeliest room holds one in 34% of searches, a random room in 12%",
@@ -54,29 +37,24 @@ def test_a_world_by_hand() -> None:
 
 
 def test_a_table_fits_80_characters_with_every_planner_of_ours() -> None:
-    worst = dict.fromkeys(PLANNERS, saving(-1.2345, -2.001, -1.001))
+    bad = estimate(-1.2345, -2.001, -1.001)
     stop = Stop(
-        saved=estimate(-1.2345, -2.001, -1.001),
-        missed=estimate(0.9999, 0.9876, 1),
-        incomplete=estimate(1, 1, 1),
-        entered=123.4,
+        saved=bad, missed=estimate(0.9, 0.8, 1), incomplete=estimate(1, 1, 1), entered=123.4
     )
-    tasks = [
-        dataclasses.replace(one, world="complete-paths:1.5-10.5", searches=145_000, savings=worst)
-        for one in TASKS
-    ]
-    tasks[1] = dataclasses.replace(tasks[1], stops={"0.001": stop})
-    tables = list(format_results(tasks))
+    worst = {
+        "world": "complete-paths:1.5-10.5",
+        "searches": 145_000,
+        "savings": dict.fromkeys(PLANNERS, saving(-1.2345, -2.001, -1.001)),
+    }
+    tables = list(
+        format_results([study("single", **worst), study("all", stops={"0.001": stop}, **worst)])
+    )
     assert len(tables) == 2
     assert max(len(line) for table in tables for line in table.splitlines()) <= 80
 
 
 def test_what_is_unknown_is_a_dash_or_left_out() -> None:
-    without = dataclasses.replace(
-        RESULT,
-        ranked_first=NAN,
-        savings={"nearest": saving(0, NAN, NAN), "ratio": saving(NAN, NAN, NAN)},
-    )
-    (table,) = format_results([without])
+    savings = {"nearest": saving(0), "ratio": saving(NAN)}
+    (table,) = format_results([study("single", ranked_first=NAN, savings=savings)])
     assert "likeliest" not in table
     assert [line.split()[1] for line in table.splitlines()[-2:]] == ["0.0", "-"]
