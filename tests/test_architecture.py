@@ -26,7 +26,7 @@ HOUSE = (
     "bsg_data.geometry",
     "bsg_data.sources",
     "bsg_data.dataset",
-    "bsg_data.build_shards bsg_data.observation",
+    "bsg_data.observation",
     "bsg_data.build bsg_data.synthetic bsg_data.checks bsg_data.exports",
     "bsg_data.merge",
     "bsg_data.testing",

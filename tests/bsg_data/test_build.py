@@ -347,7 +347,7 @@ def test_a_bug_of_a_source_names_the_scene(hm3d_folder: Path, tmp_path: Path) ->
                 raise KeyError("colour")
             return super().read(ref, class_map)
 
-    with pytest.raises(RuntimeError, match=r"'hm3d' has a bug: scene '00005-.* raised KeyError"):
+    with pytest.raises(RuntimeError, match=r"'hm3d' has a bug: scene 00005-.* raised KeyError"):
         build_dataset(Buggy(hm3d_folder), tmp_path / "out")
 
 
