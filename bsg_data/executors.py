@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager
-from itertools import islice
+from itertools import count, islice
 from typing import Any, TypeVar
 
 from bsg_data.errors import BSGError
 
 Result = TypeVar("Result")
-WINDOW = 512  # largest number of tasks submitted and not done; bounds workers and memory
+WINDOW = 512  # largest number of tasks begun and not yielded; bounds workers and memory
 
 
 def run_all(
@@ -24,20 +22,19 @@ def run_all(
 ) -> list[Result]:
     """Call `function` on every task and return the results in the order of the tasks.
 
-    At most `WINDOW` tasks are submitted and not done.
-
     Args:
         function: called with the elements of a task; importable by name for process pools.
         tasks: arguments of each call.
         executor: runs the tasks in parallel; None runs them one by one in this process.
         progress: called with (tasks done, tasks in all) after each task.
     """
-    report = progress or (lambda done, total: None)
-    results: dict[int, Result] = {}
-    for number, result in _run(function, tasks, executor):
-        results[number] = result
-        report(len(results), len(tasks))
-    return [results[number] for number in range(len(results))]
+    done = count(1)
+
+    def report() -> None:
+        if progress is not None:
+            progress(next(done), len(tasks))
+
+    return list(run_in_order(function, tasks, executor=executor, report=report))
 
 
 def run_in_order(
@@ -45,47 +42,33 @@ def run_in_order(
     tasks: Iterable[tuple[Any, ...]],
     *,
     executor: Executor | None = None,
+    report: Callable[[], None] = lambda: None,
 ) -> Iterator[Result]:
-    """Yield the results of any number of tasks in order, with at most `WINDOW` in memory."""
+    """Yield the results of any number of tasks in order, with at most `WINDOW` in memory.
+
+    `report` is called when a task is done. A fault of a task is raised as soon as it is known.
+    """
     if executor is None:
-        yield from (function(*task) for task in tasks)
-        return
-    waiting: deque[Future[Result]] = deque()
-    with _cancelled_when_left(waiting):
         for task in tasks:
-            if len(waiting) == WINDOW:
-                yield waiting.popleft().result()
-            waiting.append(executor.submit(function, *task))
-        while waiting:
-            yield waiting.popleft().result()
-
-
-def _run(
-    function: Callable[..., Result],
-    tasks: Iterable[tuple[Any, ...]],
-    executor: Executor | None,
-) -> Iterator[tuple[int, Result]]:
-    """Yield number and result of every task as soon as it is done."""
-    numbered = enumerate(tasks)
-    if executor is None:
-        yield from ((number, function(*task)) for number, task in numbered)
+            result = function(*task)
+            report()
+            yield result
         return
+    numbered, turn = enumerate(tasks), 0
     waiting: dict[Future[Result], int] = {}
-    with _cancelled_when_left(waiting):
+    ready: dict[int, Result] = {}
+    try:
         while True:
-            for number, task in islice(numbered, WINDOW - len(waiting)):
+            for number, task in islice(numbered, WINDOW - len(waiting) - len(ready)):
                 waiting[executor.submit(function, *task)] = number
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                yield waiting.pop(future), future.result()
-
-
-@contextmanager
-def _cancelled_when_left(waiting: Collection[Future[Any]]) -> Iterator[None]:
-    """Cancel waiting tasks when the block ends, and explain the death of a worker."""
-    try:
-        yield
+                ready[waiting.pop(future)] = future.result()
+                report()
+            while turn in ready:
+                yield ready.pop(turn)
+                turn += 1
     except BrokenExecutor as error:
         raise BSGError(
             "a worker process died (killed, or out of memory?); fewer --workers need less memory"

@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from filelock import FileLock, Timeout
 
-from bsg_data.errors import DatasetError
+from bsg_data.errors import BSGError, DatasetError
 
 AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes for a path
+# Settings of matplotlib for all figures: names are shown as they are, a $ as a $.
+PLAIN_TEXT: Final[dict[Any, Any]] = {"text.usetex": False, "text.parse_math": False}
+
+
+class FigureError(BSGError):
+    """Report a figure that cannot be drawn, though its file could be written."""
 
 
 def resolve_links(path: AnyPath) -> Path:
     """Return the absolute path without links."""
-    path = Path(path)
-    loop = DatasetError(
-        f"{path}: a link on the way leads to itself; name another place, or remove the link"
-    )
-    try:
-        real = path.resolve()
-    except RuntimeError as error:  # up to Python 3.12
-        raise loop from error
-    try:
-        real.stat()
-    except OSError as error:
-        if error.errno == errno.ELOOP:  # later ones return the link itself
-            raise loop from error
-    return real
+    return Path(os.path.realpath(path))
 
 
 @contextmanager
@@ -44,7 +36,8 @@ def open_beside(path: Path) -> Iterator[Path]:
     the block raises. The data are flushed before the rename, and the name before the function
     returns.
     """
-    _refuse_devices(path)
+    if path.exists() and not (path.is_file() or path.is_dir()):  # a rename would replace it
+        raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")
     partial = path.with_name(f".{path.name}.partial")
     try:
         try:
@@ -68,6 +61,26 @@ def write_bytes(path: Path, data: bytes) -> None:
     """
     with open_beside(path) as partial, partial.open("xb") as file:
         file.write(data)
+
+
+def write_figure(figure: Any, path: Path, **how: Any) -> None:
+    """Draw a figure of matplotlib as `open_beside` does; the suffix names its format."""
+    if not path.suffix:  # matplotlib would take another path
+        raise BSGError(f"{path}: no suffix names the format of the figure; take {path}.png")
+    try:
+        with open_beside(path) as partial:
+            figure.savefig(partial, format=path.suffix[1:], **how)
+    except (ValueError, RuntimeError) as error:  # it lists what it knows; .pgf needs LaTeX
+        raise FigureError(f"{path}: the figure cannot be written ({error})") from error
+
+
+@contextmanager
+def noting_failures(notes: list[str]) -> Iterator[None]:
+    """Add a note if the figure of the block cannot be drawn, so that finished work is kept."""
+    try:
+        yield
+    except FigureError as error:
+        notes.append(f"note: a figure is missing: {error}")
 
 
 def encode_json(value: object, **style: Any) -> str:
@@ -106,12 +119,6 @@ def refuse_links(root: Path, path: Path) -> None:
             )
 
 
-def _refuse_devices(path: Path) -> None:
-    """Refuse a path that is a device, a pipe or a socket, because a rename would replace it."""
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")
-
-
 def flush_file(path: Path) -> None:
     """Flush the data of a file to the disk."""
     descriptor = os.open(path, os.O_RDWR)  # Windows flushes only what is open for writing
@@ -144,9 +151,7 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
         wait: seconds to wait for the current holder.
     """
     folder = resolve_links(folder)  # a link and what it leads to have one lock
-    if not folder.name:
-        raise DatasetError(f"{folder}: cannot be written to; choose a folder below it")
-    path = folder.with_name(f".{folder.name}.lock")
+    path = folder.parent / f".{folder.name}.lock"
     if not path.parent.is_dir():  # filelock would make it
         raise DatasetError(f"{path.parent}: no such folder")
     lock = FileLock(path)
@@ -159,8 +164,6 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
             where=folder,
         ) from error
     except OSError as error:
-        if error.errno == errno.ENAMETOOLONG:
-            raise DatasetError(f"{folder}: the name is too long; choose a shorter one") from error
         raise DatasetError(
             f"{folder}: cannot be locked by {path} ({error.strerror or error}); to write into a "
             "folder you need permission to write beside it"
@@ -169,8 +172,7 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
         yield
     finally:
         # Removed while it is held: a process that waits on the removed file opens a new one, for
-        # filelock compares the two. A file with content is not ours; filelock 4.1 has emptied it.
+        # filelock compares the two.
         with suppress(OSError):
-            if path.stat().st_size == 0:
-                path.unlink()
+            path.unlink()
         lock.release()

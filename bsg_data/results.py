@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -26,9 +26,7 @@ _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 
 
 @contextmanager
-def write_results(
-    folder: Path, *, report: str, force: bool = True, refuse: Callable[[], None] | None = None
-) -> Iterator[Path]:
+def write_results(folder: Path, *, report: str, force: bool = True) -> Iterator[Path]:
     """Yield an empty folder to write into, and put its files in place with a seal.
 
     Files of the old seal that are not written again are removed. All other files stay.
@@ -37,20 +35,14 @@ def write_results(
         folder: of the results; one with another kind of results is refused.
         report: name of the file that marks this kind of results.
         force: whether old results are replaced.
-        refuse: called when the folder is locked, to raise an error if anything is in the way.
     """
     folder = resolve_links(folder)
-    before: dict[str, str] = {}
+    refuse_other_results(folder, report)
+    _refuse_taken(folder / report, force=force)
     was_killed = (folder / UNFINISHED).is_dir()  # then files without a seal are its own
-
-    def look() -> None:
-        if refuse is not None:
-            refuse()
-        refuse_other_results(folder, report)
-        refuse_file(folder / report, force=force, sealed=True)
-        before.update(_list_sealed(folder))
-
-    def seal(staged: Path) -> list[str]:
+    with _staging(folder) as staged:
+        before = _list_sealed(folder)
+        yield staged
         names = list_files(staged)
         new = {*names, SEAL} - {*before, *([SEAL] if before else [])}
         for name in () if was_killed else sorted(new):
@@ -62,43 +54,33 @@ def write_results(
                     where=folder / name,
                 )
         write_seal(staged, names)
-        return [name for name in before if name not in names]
-
-    with write_together(folder, refuse=look, finish=seal) as staged:
-        yield staged
+        put_in_place(folder, leaving=before.keys() - names)
 
 
 @contextmanager
-def write_together(
-    folder: Path,
-    *,
-    refuse: Callable[[], None] | None = None,
-    finish: Callable[[Path], Collection[str]] | None = None,
-) -> Iterator[Path]:
-    """Lock a folder, yield an empty folder to write into, and put its files in place at the end.
+def write_together(folder: Path) -> Iterator[Path]:
+    """Lock a folder, yield an empty folder to write into, and put its files in place at the end."""
+    with _staging(folder) as staged:
+        yield staged
+        put_in_place(folder)
 
-    Args:
-        folder: that the files go to; it is created.
-        refuse: called when the folder is locked, to raise an error if anything is in the way.
-        finish: called with the folder of new files; returns the old files that go.
-    """
+
+@contextmanager
+def _staging(folder: Path) -> Iterator[Path]:
+    """Lock a folder, which is created, and yield an empty folder in it, which is removed."""
     refuse_datasets(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with hold(folder):
-            if refuse is not None:
-                refuse()
             is_new, staged = not folder.exists(), folder / UNFINISHED
             remove_unfinished(folder)
             staged.mkdir(parents=True)
             try:
                 yield staged
-                put_in_place(folder, leaving=finish(staged) if finish is not None else ())
             finally:
                 with suppress(OSError):
                     remove_unfinished(folder)
-                if is_new:
-                    with suppress(OSError):
+                    if is_new:
                         folder.rmdir()  # unless anything is in it
     except OSError as error:
         message = f"{folder}: cannot be written ({error.strerror or error})"
@@ -139,35 +121,33 @@ def list_files(folder: Path) -> list[str]:
     return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir())
 
 
-def refuse_datasets(path: Path, *, is_file: bool = False) -> None:
+def refuse_datasets(path: Path) -> None:
     """Refuse to write into a dataset, because a dataset lists and hashes all its files.
 
     Call this before anything is written, also before a lock: its file lies beside the folder.
     """
-    folder = resolve_links(path.parent if is_file else path)
-    for outer in (folder, *folder.parents):
+    place = resolve_links(path)
+    for outer in (place, *place.parents):
         if (outer / _DATASET).is_file():
             message = f"{path}: is in the dataset {outer}; choose another place"
             raise DatasetError(message, code="inside-dataset", where=path)
 
 
-def refuse_file(path: Path, *, force: bool, sealed: bool = False) -> None:
-    """Refuse to write a file into a dataset, over sealed results, or, without `force`, at all.
-
-    Args:
-        path: of the file.
-        force: whether an old file is replaced.
-        sealed: whether it may be one of sealed results, because it is written with all of them.
-    """
-    refuse_datasets(path, is_file=True)
+def refuse_file(path: Path, *, force: bool) -> None:
+    """Refuse to write a file into a dataset, over sealed results, or, without `force`, at all."""
+    refuse_datasets(path)
     place = resolve_links(path.parent) / path.name  # a link to the folder leads to the same file
-    for folder in () if sealed else place.parents:
+    for folder in place.parents:
         if place.name == SEAL or place.relative_to(folder).as_posix() in _list_sealed(folder):
             raise DatasetError(
                 f"{path}: is one of the results that {SEAL} lists in {folder}; name another file",
                 code="sealed-file",
                 where=path,
             )
+    _refuse_taken(path, force=force)
+
+
+def _refuse_taken(path: Path, *, force: bool) -> None:
     if path.exists() and not force:
         message = f"{path}: is there already; --force replaces it"
         raise DatasetError(message, code="path-taken", where=path)

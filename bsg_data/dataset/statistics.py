@@ -15,8 +15,7 @@ import pyarrow.compute as pc
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import read_table, stream_table
 from bsg_data.errors import BSGError, ask_to_install
-from bsg_data.figure_file import PLAIN_TEXT, write_figure
-from bsg_data.files import AnyPath
+from bsg_data.files import PLAIN_TEXT, AnyPath, write_figure
 from bsg_data.results import refuse_file
 from bsg_data.scene.class_map import ClassMap, Role
 

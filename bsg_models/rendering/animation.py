@@ -20,8 +20,7 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from bsg_data.errors import RecipeError
-from bsg_data.figure_file import PLAIN_TEXT
-from bsg_data.files import write_bytes
+from bsg_data.files import PLAIN_TEXT, write_bytes
 from bsg_models.rendering.plan import PlannedRoom
 from bsg_models.rendering.replay import Replay, Visit, Walk
 

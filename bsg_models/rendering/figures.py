@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from bsg_data.arrays import Floats
-from bsg_data.figure_file import PLAIN_TEXT, noting_failures, write_figure
-from bsg_data.files import stem_of
+from bsg_data.files import PLAIN_TEXT, noting_failures, stem_of, write_figure
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.details import ShownNodes
 from bsg_models.evaluation.metrics import correlation_matrix, normalise

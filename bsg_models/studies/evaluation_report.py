@@ -114,9 +114,8 @@ def report_evaluation(
     if into is not None:
         refuse_datasets(into)
     folder = request.folder
-    with write_results(
-        folder, report=REPORT, force=request.force, refuse=lambda: refuse_run(folder)
-    ) as staged:
+    refuse_run(folder)
+    with write_results(folder, report=REPORT, force=request.force) as staged:
         with ExitStack() as open_files:
             comparison = compare_runs(
                 request.runs,

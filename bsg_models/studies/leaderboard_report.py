@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bsg_data.errors import DatasetError
-from bsg_data.figure_file import noting_failures
-from bsg_data.files import AnyPath, encode_json, write_bytes
+from bsg_data.files import AnyPath, encode_json, noting_failures, write_bytes
 from bsg_data.results import refuse_other_results, write_results
 from bsg_data.tables import escape_markdown, format_markdown, mark_code
 from bsg_models.evaluation.bootstrap import Estimate

@@ -7,8 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from bsg_data.figure_file import noting_failures
-from bsg_data.files import AnyPath
+from bsg_data.files import AnyPath, noting_failures
 from bsg_data.results import require_seal
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.rendering.figures import plot_learning_curve

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.figure_file import noting_failures
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import encode_json, noting_failures, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.results import refuse_file, write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
@@ -77,9 +76,8 @@ def report_search(
     folder = request.folder
     if request.animation is not None:
         refuse_file(request.animation, force=request.force)
-    with write_results(
-        folder, report=_REPORT, force=request.force, refuse=lambda: refuse_run(folder)
-    ) as staged:
+    refuse_run(folder)
+    with write_results(folder, report=_REPORT, force=request.force) as staged:
         data = Dataset.open(request.dataset)
         classes = data.manifest.class_space.classes
         chosen, notes = choose_buildings(request, data)

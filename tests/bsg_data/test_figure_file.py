@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from bsg_data.errors import BSGError
-from bsg_data.figure_file import FigureError, noting_failures, write_figure
+from bsg_data.files import FigureError, noting_failures, write_figure
 
 
 class Cut:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from bsg_cli import train
 from bsg_cli.evaluate import main
-from bsg_data.figure_file import FigureError, write_figure
+from bsg_data.files import FigureError, write_figure
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.results import read_seal
 from bsg_models.evaluation.catalogue import head_value

@@ -11,7 +11,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from PIL import Image
 
-from bsg_data.figure_file import write_figure
+from bsg_data.files import write_figure
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.details import ShownNodes
 from bsg_models.rendering import figures

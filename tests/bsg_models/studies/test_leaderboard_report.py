@@ -13,7 +13,7 @@ import pytest
 from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.manifest import Manifest, SourceEntry, Totals
 from bsg_data.errors import DatasetError
-from bsg_data.figure_file import FigureError
+from bsg_data.files import FigureError
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import list_values
