@@ -370,7 +370,7 @@ def _make_shard(build: _Build, folder: Path, number: int) -> _Share:
     left_out = [skip for reading in readings for skip in reading.left_out]
     update = {
         "files": write_shards(graphs, folder, part=number, class_space=class_map.space),
-        "totals": _count(graphs),
+        "totals": count_totals(graphs),
         "skipped": tuple(_without_root(skip, build.source.path) for skip in skipped),
         "left_out": tuple(_without_root(skip, build.source.path) for skip in left_out),
         "meshes": {one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
@@ -413,7 +413,8 @@ def _without_root(skip: SkippedScene, root: Path) -> SkippedScene:
     return replace(skip, reason=reason.replace(f"{root}/", ""))
 
 
-def _count(graphs: Sequence[SceneGraph]) -> Totals:
+def count_totals(graphs: Sequence[SceneGraph]) -> Totals:
+    """Return the sums over some scene graphs."""
     objects = [obj for graph in graphs for obj in graph.objects]
     return Totals(
         scenes=len(graphs),

@@ -1,22 +1,22 @@
 """Check that a dataset agrees with its manifest, and its tables with each other.
 
-Nothing here trusts the writer: every fact is read again from the files.
+Nothing here trusts the writer: every fact is read again from the files. The rows of a part are made
+into scene graphs, which must keep their rules and give the same rows again.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from itertools import zip_longest
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise, zip_longest
 from pathlib import Path
 
 import pyarrow as pa
 
-from bsg_data.checks.edges import check_edges
-from bsg_data.checks.nodes import ObjectCheck, check_rooms
-from bsg_data.checks.pairs import PairCheck
-from bsg_data.checks.part import Fault, FileReader, Part
-from bsg_data.checks.scenes import Census, check_scenes, check_splits
+from bsg_data.build import count_totals
+from bsg_data.checks.graphs import find_faults
+from bsg_data.checks.pairs import check_pairs, check_splits
 from bsg_data.dataset.commit import is_own, list_strays
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.kept_maps import KEPT
@@ -26,17 +26,31 @@ from bsg_data.dataset.manifest import (
     MANIFEST,
     FileEntry,
     Manifest,
+    Totals,
     read_card_hashes,
     read_hashed_manifest,
 )
+from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import TABLES
-from bsg_data.errors import ClassMapError
+from bsg_data.dataset.shards import read_file
+from bsg_data.errors import BSGError, ClassMapError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import DATASET_CARD
-from bsg_data.observation.pairs import split_of_file
-from bsg_data.scene.class_map import load_class_map, published_maps
+from bsg_data.scene.class_map import ClassMap, load_class_map, parse_own_map
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
+from bsg_data.scene.scene_graph import SceneGraph, building_hash
+
+_NAMED = 3  # places named for each fault; the others are counted
+_Tables = Mapping[str, pa.Table]
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault of a dataset: where it is, and what is wrong."""
+
+    where: str
+    what: str
 
 
 def check_dataset(
@@ -55,140 +69,213 @@ def check_dataset(
     """
     dataset = Path(dataset)
     manifest, sha256 = read_hashed_manifest(dataset)
-    files = FileReader(dataset, manifest, progress)
-    faults = [*_check_classes(manifest), *_check_kept_maps(dataset, manifest)]
-    faults += _check_strays(dataset, manifest)
-    faults += _check_recipes(manifest)
-    census = Census()
-    faults += _check_tables(files, manifest, census)
-    splits = [files.read(entry) for entry in manifest.files_of("splits")]
-    if not files.faults:
-        faults += census.compare(manifest)
-    if not (faults or files.faults) and manifest.split is not None:
+    check = _Check(dataset, manifest, progress)
+    check.faults += _check_files(dataset, manifest)
+    scenes = _check_tables(check)
+    splits = [check.read(entry) for entry in manifest.files_of("splits")]
+    if not check.faults and manifest.split is not None:
         table = pa.concat_tables(splits)
-        faults += check_splits(table, census, manifest.split)
-        faults += _check_pairs(files, Dataset(dataset, manifest, sha256), table)
-    return tuple(dict.fromkeys([*faults, *files.faults]))
+        check.add("splits", check_splits(table, scenes, manifest.split))
+        if manifest.pairs is not None and not check.faults:
+            check.add("pairs", check_pairs(Dataset(dataset, manifest, sha256), table, check.read))
+    return (*dict.fromkeys(check.faults), *check.count_others())
 
 
-def _check_tables(files: FileReader, manifest: Manifest, census: Census) -> Iterator[Fault]:
-    """Check the rows of all parts, one after another.
+@dataclass(eq=False)
+class _Check:
+    """A check of a dataset, and the faults found so far."""
+
+    dataset: Path
+    manifest: Manifest
+    progress: Callable[[int, int], None] | None
+    faults: list[Fault] = field(default_factory=list)
+    _times: Counter[Fault] = field(default_factory=Counter)
+    _done: int = 0
+
+    def read(self, entry: FileEntry) -> pa.Table | None:
+        """Read a file; None if it has a fault."""
+        found: list[str] = []
+        try:
+            table = read_file(self.dataset, entry, manifest=self.manifest)
+            if len(table) != entry.rows:
+                found.append(f"expected {entry.rows} rows, found {len(table)}")
+            found += [
+                f"column {column.name} has nulls and must not"
+                for column in table.schema
+                if not column.nullable and table[column.name].null_count
+            ]
+        except BSGError as error:
+            found.append(str(error))
+        self.faults += [Fault(entry.path, what) for what in found]
+        self._done += 1
+        if self.progress is not None:
+            self.progress(self._done, len(self.manifest.files))
+        return None if found else table
+
+    def add(self, where: str, faults: Iterator[tuple[str, str]]) -> None:
+        """Add faults, each by its place and rule: the first of each rule are named."""
+        for place, rule in faults:
+            self._times[Fault(where, rule)] += 1
+            if self._times[Fault(where, rule)] <= _NAMED:
+                self.faults.append(Fault(where, f"{place}: {rule}"))
+
+    def count_others(self) -> Iterator[Fault]:
+        """Yield how many faults of each rule were not named."""
+        for fault, times in self._times.items():
+            if times > _NAMED:
+                yield Fault(fault.where, f"… and {times - _NAMED} more: {fault.what}")
+
+
+def _check_tables(check: _Check) -> pa.Table:
+    """Check the rows of all parts one after another, and return words of all scenes.
 
     Parts with a damaged file are skipped; that file is a fault already.
     """
+    manifest = check.manifest
     entries = {name: manifest.files_of(name) for name in TABLES}
     numbers = {name: len(some) for name, some in entries.items()}
     if len(set(numbers.values())) > 1:
         found = ", ".join(f"{number} of {name}" for name, number in numbers.items())
-        yield Fault(MANIFEST, f"expected as many parts of each table, found {found}")
-    objects = ObjectCheck(manifest)
+        what = f"expected as many parts of each table, found {found}"
+        check.faults.append(Fault(MANIFEST, what))
+    maps = _load_class_maps(check)
+    totals, scenes = [], [TABLES["scenes"].empty_table()]
     for number, row in enumerate(zip_longest(*entries.values())):
-        read = [None if entry is None else files.read(entry) for entry in row]
+        read = [None if entry is None else check.read(entry) for entry in row]
         tables = {name: table for name, table in zip(TABLES, read, strict=True) if table}
         if len(tables) == len(TABLES):
-            yield from _check_part(Part.of(number, tables), census, objects)
-    yield from objects.faults
+            scenes.append(tables["scenes"])
+            totals.append(_check_part(check, f"part {number}", tables, maps))
+    every = pa.concat_tables(
+        table.select(["scene_id", "source", "source_split", "up_axis"]) for table in scenes
+    )
+    check.add("scenes", _check_order(every["scene_id"].to_pylist()))
+    if not check.faults:
+        sums = _check_sums(manifest, every, Totals.sum(totals))
+        check.faults += [Fault(MANIFEST, what) for what in sums]
+    return every
 
 
-def _check_part(part: Part, census: Census, objects: ObjectCheck) -> Iterator[Fault]:
-    """Check one part; if its rows belong to other scenes, check nothing else."""
-    faults = list(census.add(part))
-    if len(set(part.scene_ids)) == len(part.scene_ids):
-        faults += check_scenes(part)
-    yield from faults
-    if not faults:
-        yield from objects.add(part)
-        yield from check_rooms(part)
-        yield from check_edges(part)
+def _check_part(
+    check: _Check, part: str, tables: _Tables, maps: Mapping[str, ClassMap | None]
+) -> Totals:
+    """Check the scene graphs of one part, and return their sums."""
+    ids = tables["scenes"]["scene_id"].to_pylist()
+    if len(set(ids)) < len(ids):
+        return Totals()  # the order of the scenes tells
+    try:
+        graphs = list(assemble_graphs(dict(tables)))
+    except ValueError as error:
+        check.add("rooms", iter([(part, f"a footprint is no polygon ({error})")]))
+        return Totals()
+    before = len(check.faults)
+    for graph in graphs:
+        if graph.class_map not in maps:
+            check.add("scenes", iter([(graph.scene_id, "its class map is none of the manifest")]))
+        for table, name, rule in find_faults(graph, maps.get(graph.class_map)):
+            check.add(table, iter([(", ".join(filter(None, (graph.scene_id, name))), rule)]))
+    if len(check.faults) == before:
+        for table, place, rule in _compare(graphs, tables, check.manifest.class_space.classes):
+            check.add(table, iter([(f"{part}{place}", rule)]))
+    return count_totals(graphs)
 
 
-def _check_pairs(files: FileReader, data: Dataset, splits: pa.Table) -> Iterator[Fault]:
-    """Check the pairs file by file against their parts of the tables."""
-    manifest = data.manifest
-    if manifest.pairs is None:
-        return
-    split_of = dict(zip(*(splits[name].to_pylist() for name in ("scene_id", "split")), strict=True))
-    pairs = PairCheck(data, split_of, manifest.pairs)
-    for entry in _by_place(manifest.files_of("pairs")):
-        table = files.read(entry)
-        if table is not None:
-            yield from pairs.add(entry, table)
-    yield from pairs.finish()
+def _compare(
+    graphs: Sequence[SceneGraph], tables: _Tables, classes: tuple[str, ...]
+) -> Iterator[tuple[str, str, str]]:
+    """Yield table, place and fault of rows that do not follow from the scene graphs."""
+    columns = collect_columns(graphs, classes=classes)
+    for name, schema in TABLES.items():
+        found, expected = tables[name], pa.Table.from_pydict(columns[name], schema=schema)
+        if len(found) != len(expected):
+            what = "has rows of other scenes, or not one row for each"
+            yield name, "", f"{what}: expected {len(expected)}, found {len(found)}"
+            continue
+        for column in schema.names:
+            if not found[column].equals(expected[column]):
+                pairs = zip(expected[column].to_pylist(), found[column].to_pylist(), strict=True)
+                row, (a, b) = next((r, pair) for r, pair in enumerate(pairs) if pair[0] != pair[1])
+                where = f", {found['scene_id'][row]}"
+                yield name, where, f"{column} in row {row}: expected {a!r}, found {b!r}"
+                break
 
 
-def _by_place(pairs: Sequence[FileEntry]) -> list[FileEntry]:
-    """Return the files of pairs, sorted by their position in their split.
+def _check_order(ids: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Check that scenes are sorted, and that each building is there once."""
+    scenes = Counter(ids)
+    yield from ((scene, "is there twice") for scene, times in scenes.items() if times > 1)
+    for before, after in pairwise(ids):
+        if after < before:
+            yield after, "is not sorted by scene_id"
+    buildings = Counter(map(building_hash, scenes))
+    yield from ((name, "has two scene ids") for name, times in buildings.items() if times > 1)
 
-    Every split has its scenes in order, so files of the same parts become neighbours.
+
+def _check_sums(manifest: Manifest, scenes: pa.Table, totals: Totals) -> Iterator[str]:
+    """Compare what the manifest says of all scenes with them."""
+    listed = {source.kind for source in manifest.sources}
+    for kind in sorted(set(scenes["source"].to_pylist()) ^ listed):
+        yield f"source {kind} is not in both the manifest and the scenes"
+    for name, stated in manifest.totals:
+        counted = getattr(totals, name)
+        if stated != counted:
+            yield f"totals.{name}: expected {counted}, found {stated}"
+    rows = zip(scenes["scene_id"].to_pylist(), scenes["up_axis"].to_pylist(), strict=True)
+    for scene in sorted(
+        {scene for scene, axis in rows if axis}.symmetric_difference(manifest.meshes)
+    ):
+        yield f"{scene}: has a mesh in the manifest but no up_axis, or reverse"
+    for scene, mesh in manifest.meshes.items():
+        if mesh.texels != mesh.listed + mesh.snapped + mesh.black + mesh.unlisted:
+            yield f"{scene}: the texels of its mesh do not add up"
+        parts = mesh.listed_area + mesh.unlisted_area + mesh.uncoloured_area
+        if not abs(parts - mesh.area) < 0.01:
+            yield f"{scene}: the surface of its mesh does not add up"
+
+
+def _load_class_maps(check: _Check) -> dict[str, ClassMap | None]:
+    """Compare class space and class maps with those of the same names, and return the maps.
+
+    A version that two maps have stands for none.
     """
-    sizes = Counter(split_of_file(entry.path) for entry in pairs)
-    seen: Counter[str] = Counter()
-    places = []
-    for entry in pairs:
-        split = split_of_file(entry.path)
-        places.append(seen[split] / sizes[split])
-        seen[split] += 1
-    return [entry for _, entry in sorted(zip(places, pairs, strict=True), key=lambda row: row[0])]
+    manifest, space = check.manifest, check.manifest.class_space
+    if space.name in list_class_spaces() and space != load_class_space(space.name):
+        what = f"class space {space.name} is not the published one"
+        check.faults.append(Fault(MANIFEST, what))
+    maps: dict[str, ClassMap | None] = {entry.version: None for entry in manifest.class_maps}
+    for entry in manifest.class_maps:
+        try:
+            found = entry.read(check.dataset)
+        except ClassMapError as error:
+            check.faults.append(Fault(KEPT, str(error)))
+            continue
+        loaded = load_class_map(found) if isinstance(found, str) else parse_own_map(found)
+        if loaded.sha256 != entry.sha256 or loaded.classes != space.classes:
+            what = f"expected sha256 {loaded.sha256}, found {entry.sha256}"
+            what = f"class map {entry.version} is not the published one, or not for {space}: {what}"
+            check.faults.append(Fault(MANIFEST, what))
+        elif len(manifest.class_maps) == len(maps):
+            maps[entry.version] = loaded
+    return maps
 
 
-def _check_recipes(manifest: Manifest) -> Iterator[Fault]:
-    """Check that every recipe has files, and that all files have a recipe."""
+def _check_files(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
+    """Check that recipes and tables have files, and that cards are there and nothing else."""
     for table, recipe in (("splits", manifest.split), ("pairs", manifest.pairs)):
         if bool(manifest.files_of(table)) != (recipe is not None):
             yield Fault(MANIFEST, f"has a recipe of {table} without files, or files without one")
     for table in TABLES:
         if not manifest.files_of(table):
             yield Fault(MANIFEST, f"lists no file of {table}")
-
-
-def _check_classes(manifest: Manifest) -> Iterator[Fault]:
-    """Compare class space and class maps with the published ones of the same names."""
-    space = manifest.class_space
-    try:
-        if space.name in list_class_spaces() and space != load_class_space(space.name):
-            yield Fault(MANIFEST, f"class space {space.name} is not the published one")
-        for ours in manifest.class_maps:
-            if ours.version in published_maps():
-                published = load_class_map(ours.version).sha256
-                if published != ours.sha256:
-                    yield Fault(
-                        MANIFEST,
-                        f"class map {ours.version} is not the published one: expected sha256 "
-                        f"{published}, found {ours.sha256}",
-                    )
-    except ClassMapError as error:
-        yield Fault(MANIFEST, str(error))
-
-
-def _check_kept_maps(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
-    """Compare the class maps that the dataset keeps with their hashes."""
-    try:
-        for entry in manifest.class_maps:
-            entry.read(dataset)
-    except ClassMapError as error:
-        yield Fault(KEPT, str(error))
-
-
-def _check_strays(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
     for name in list_strays(dataset, manifest):
+        what = "not of this program; move it away"
         if is_own(name):
-            yield Fault(
-                name,
-                "is not in the manifest: a command was stopped here; the next command that changes "
-                "the dataset removes it",
-            )
-        else:
-            yield Fault(name, "is not in the manifest and not of this program; move it away")
+            what = "a command was stopped here; the next command that changes it removes it"
+        yield Fault(name, f"is not in the manifest: {what}")
+    hashes = read_card_hashes(dataset)
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; build, split or pairs writes it again")
-    for name, expected in read_card_hashes(dataset).items():
-        if not (dataset / name).is_file():
-            continue
-        try:
-            found = hash_file(dataset / name, DATASET_CARD)
-        except OSError as error:
-            yield Fault(name, f"cannot be read ({error.strerror or error})")
-            continue
-        if found != expected:
+        elif (found := hash_file(dataset / name, DATASET_CARD)) != hashes[name]:
+            expected = hashes[name]
             yield Fault(name, f"was changed: expected sha256 {expected[:12]}…, found {found[:12]}…")

@@ -1,21 +1,19 @@
-"""Check that pairs follow from the tables and their recipe."""
+"""Check that splits and pairs follow from the tables and their recipes: both are drawn again."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
-from bsg_data.arrays import Counts, Ints
-from bsg_data.checks.part import NULL, Fault, Words
+from bsg_data.arrays import find_runs
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.dataset.manifest import FileEntry
+from bsg_data.dataset.splits import assign_splits
+from bsg_data.errors import RecipeError
 from bsg_data.observation.pairs import (
     fits_pairs,
     list_column,
@@ -23,141 +21,99 @@ from bsg_data.observation.pairs import (
     sample_pairs,
     split_of_file,
 )
-from bsg_data.observation.view import View
-from bsg_data.recipes import PairsRecipe
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+
+_Faults = Iterator[tuple[str, str]]  # place and rule
 
 
-class PairCheck:
-    """Check the pairs of a dataset file by file against its tables and recipes."""
+def check_splits(splits: pa.Table, scenes: pa.Table, recipe: SplitRecipe) -> _Faults:
+    """Check that every scene is in the split of the recipe, once, and in no other."""
+    own, sources = (_map_scenes(scenes, name) for name in ("source_split", "source"))
+    try:
+        expected = Counter(assign_splits(own, recipe, sources=sources).items())
+    except RecipeError as error:
+        yield "the split", f"cannot be made by the recipe: {error}"
+        return
+    rows = zip(splits["scene_id"].to_pylist(), splits["split"].to_pylist(), strict=True)
+    found = Counter(rows)
+    for scene, split in sorted(found - expected):
+        yield f"{scene}, {split}", "is not its split by the recipe, or is there twice"
+    for scene, split in sorted(expected - found):
+        yield f"{scene}, {split}", "is its split by the recipe, but not there"
 
-    def __init__(self, data: Dataset, splits: Mapping[str, str], recipe: PairsRecipe) -> None:
-        """Start a check for a dataset with sound tables; `splits` is scene id → split."""
-        self._data, self._splits, self._recipe = data, splits, recipe
-        self._files: Counter[str] = Counter()
 
-    def add(self, entry: FileEntry, table: pa.Table) -> Iterator[Fault]:
-        """Check one file of pairs."""
-        own = split_of_file(entry.path)
-        names = Words.of(table["scene_id"])
-        first = np.flatnonzero(np.diff(names.codes, prepend=NULL))
-        runs = Counter(names.codes[first].tolist())
-        self._files.update(names.names)
-        pairs = _Pairs.of(table)
-        for start, end in pairwise([*first, len(table)]):
-            code = int(names.codes[start])
-            name, where = names.names[code], f"{entry.path}, {names.names[code]}"
-            if self._splits.get(name) != own:
-                yield Fault(where, f"expected split {own}, found {self._splits.get(name)}")
-            elif name not in self._data:
-                yield Fault(where, "is no scene of the dataset")
-            elif runs[code] > 1:
-                yield Fault(where, "its rows are not consecutive")
+def check_pairs(
+    data: Dataset, splits: pa.Table, read: Callable[[FileEntry], pa.Table | None]
+) -> _Faults:
+    """Check the pairs file by file against their parts of the tables.
+
+    Args:
+        data: a dataset with sound tables and pairs.
+        splits: its table of splits.
+        read: reads a file; None if it has a fault.
+    """
+    entries, recipe = data.manifest.files_of("pairs"), data.manifest.pairs or PairsRecipe()
+    split_of, times = _map_scenes(splits, "split"), Counter[str]()
+    for entry in _sort_by_place(entries):
+        table = read(entry)
+        for scene, rows in () if table is None else _group(table):
+            where, split = f"{entry.path}, {scene}", split_of.get(scene)
+            times[scene] += 1
+            if split != split_of_file(entry.path):
+                yield where, f"expected split {split_of_file(entry.path)}, found {split}"
             else:
-                yield from self._check_scene(where, name, pairs.take(int(start), int(end)))
+                yield from ((where, rule) for rule in _compare(data, scene, rows, recipe))
+    for scene in sorted(split_of):
+        expected = int(fits_pairs(data.cells(scene)))
+        if times[scene] != expected:
+            yield scene, f"has pairs in {times[scene]} places, expected {expected}"
 
-    def finish(self) -> Iterator[Fault]:
-        """Check that every scene with a split has pairs, in one file.
 
-        Scenes that the format of pairs cannot hold must have none.
-        """
-        for scene in sorted(self._splits.keys() - self._files.keys()):
-            if fits_pairs(self._data.cells(scene)):
-                yield Fault("pairs", f"{scene} has none")
-        for scene in sorted(scene for scene, files in self._files.items() if files > 1):
-            yield Fault("pairs", f"{scene} is in two files")
+def _map_scenes(table: pa.Table, column: str) -> dict[str, str]:
+    return dict(zip(table["scene_id"].to_pylist(), table[column].to_pylist(), strict=True))
 
-    def _check_scene(self, where: str, scene: str, pairs: _Pairs) -> Iterator[Fault]:
-        cells, draws = self._data.cells(scene), self._recipe.draws
-        nodes = pairs.view.nodes
-        starts = np.flatnonzero(nodes == 0)
-        rising = np.diff(nodes, prepend=-1) > 0
-        rising[starts] = True
-        if (
-            len(starts) != draws
-            or starts[0] != 0
-            or not rising.all()
-            or nodes.max() >= len(cells)
-            or (pairs.draw != np.arange(draws).repeat(np.diff(starts, append=len(nodes)))).any()
-        ):
-            expected = f"expected draws 0..{draws - 1} of nodes 0..{len(cells) - 1}, in order"
-            yield Fault(where, f"{expected}; found {len(starts)} draws in {len(nodes)} rows")
-            return
-        views = [pairs.view.take(a, b) for a, b in pairwise([*starts.tolist(), len(nodes)])]
-        inputs, targets = (counts.astype(np.int64) for counts in (pairs.inputs, pairs.targets))
-        there = np.concatenate([view.cut(cells) for view in views])
-        faults = [
-            *_check_histograms(where, inputs, targets, there, starts),
-            *_check_view(where, pairs.view, inputs, targets),
-        ]
-        yield from faults
-        if not faults and not self._is_drawn(scene, views, inputs):
-            yield Fault(where, "is not the mask of its recipe, or another NumPy drew it")
 
-    def _is_drawn(self, scene: str, views: Sequence[View], inputs: Counts) -> bool:
-        """Say whether views and inputs `[P, C]` of a scene follow from the recipe."""
-        drawn, shown, _ = sample_pairs(
-            self._data.cells(scene),
-            self._recipe,
-            scene_id=scene,
-            connections=self._data.connections(scene),
-            nameable=self._data.nameable(scene),
+def _sort_by_place(entries: tuple[FileEntry, ...]) -> list[FileEntry]:
+    """Return the files of pairs, sorted by their position in their split.
+
+    Every split has its scenes in order, so files of the same parts become neighbours.
+    """
+    sizes = Counter(split_of_file(entry.path) for entry in entries)
+    number = len("00000.parquet")
+    return sorted(
+        entries,
+        key=lambda entry: int(entry.path[-number:][:5]) / sizes[split_of_file(entry.path)],
+    )
+
+
+def _group(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:
+    """Yield the rows of one scene after another; rows that lie apart are two groups."""
+    names = table["scene_id"].combine_chunks()
+    starts, _ = find_runs(names.dictionary_encode().indices.to_numpy())
+    for start, end in pairwise([*starts.tolist(), len(table)]):
+        yield names[start].as_py(), table.slice(start, end - start)
+
+
+def _compare(data: Dataset, scene: str, rows: pa.Table, recipe: PairsRecipe) -> Iterator[str]:
+    """Compare the pairs of a scene with those that the recipe draws."""
+    views, inputs, targets = sample_pairs(
+        data.cells(scene),
+        recipe,
+        scene_id=scene,
+        connections=data.connections(scene),
+        nameable=data.nameable(scene),
+    )
+    sizes = [len(view.nodes) for view in views]
+    view, ends = read_views(rows), np.cumsum([0, *sizes]).tolist()
+    if not np.array_equal(rows["draw"].to_numpy(), np.arange(recipe.draws).repeat(sizes)):
+        yield f"expected {len(inputs)} rows of draws 0..{recipe.draws - 1}, in order"
+    elif not np.array_equal(list_column(rows, "target"), targets):
+        yield "target is not the histogram of the objects table"
+    elif not (
+        np.array_equal(list_column(rows, "input"), inputs)
+        and all(
+            drawn.agrees(view.take(*span))
+            for drawn, span in zip(views, pairwise(ends), strict=True)
         )
-        same = all(one.agrees(view) for one, view in zip(drawn, views, strict=True))
-        return same and np.array_equal(shown, inputs)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    """The rows of P pairs."""
-
-    draw: npt.NDArray[np.int32]  # `[P]` numbers of the masks
-    inputs: npt.NDArray[np.uint16]  # `[P, C]` input histograms
-    targets: npt.NDArray[np.uint16]  # `[P, C]` target histograms
-    view: View  # view of all rows
-
-    @classmethod
-    def of(cls, table: pa.Table) -> _Pairs:
-        return cls(
-            draw=table["draw"].to_numpy(),
-            inputs=list_column(table, "input"),
-            targets=list_column(table, "target"),
-            view=read_views(table),
-        )
-
-    def take(self, first: int, last: int) -> _Pairs:
-        """Return the rows from `first` to before `last`."""
-        rows = slice(first, last)
-        return replace(
-            self,
-            draw=self.draw[rows],
-            inputs=self.inputs[rows],
-            targets=self.targets[rows],
-            view=self.view.take(first, last),
-        )
-
-
-def _check_view(where: str, view: View, inputs: Counts, targets: Counts) -> Iterator[Fault]:
-    """Check that inputs `[P, C]` are possible under the stored view."""
-    share, withheld = view.hidden_share, view.withheld.copy()
-    withheld[view.nodes == 0] = False  # the building's row sums the searched rooms
-    if not ((share >= 0) & (share <= 1)).all():
-        yield Fault(where, "hidden_share is not from 0 to 1")
-    elif (inputs[withheld] > 0).any():
-        yield Fault(where, "shows objects of a withheld class")
-    elif (inputs[share == 1] > 0).any():
-        yield Fault(where, "shows objects where hidden_share is 1")
-    elif ((share == 0)[:, None] & ~withheld & (inputs < targets)).any():
-        yield Fault(where, "hides objects where hidden_share is 0")
-
-
-def _check_histograms(
-    where: str, inputs: Counts, targets: Counts, cells: Counts, starts: Ints
-) -> Iterator[Fault]:
-    """Check histograms `[P, C]` of buildings whose first rows are `starts`."""
-    if (targets != stack_histograms(cells, starts)).any():
-        yield Fault(where, "target is not the histogram of the objects table")
-    if (inputs > targets).any():
-        yield Fault(where, "input is above target, but masks only hide objects")
-    null_region = 2 * inputs[starts] - np.add.reduceat(inputs, starts, axis=0)
-    if (null_region < 0).any() or (null_region > cells[starts]).any():
-        yield Fault(where, "the building's input is not the sum of its rooms and the null region")
+    ):
+        yield "is not the mask of its recipe, or another NumPy drew it"
