@@ -1,17 +1,24 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 
-from bsg_data.errors import DatasetError
+from bsg_data.errors import BSGError, DatasetError
 from bsg_data.files import (
+    FigureError,
+    hold,
+    noting_failures,
     open_beside,
     refuse_links,
-    resolve_links,
     stem_of,
     write_bytes,
+    write_figure,
 )
 
 
@@ -33,19 +40,6 @@ def test_a_file_is_whole_or_stays_as_it_was(tmp_path: Path) -> None:
     assert [p.name for p in path.parent.iterdir()] == ["file.json"]
 
 
-@pytest.mark.parametrize(
-    "way", ["loop", "loop/new", "missing/../loop", "dangling/../loop", "file/../loop", "to/loop"]
-)
-def test_a_way_through_a_link_that_leads_to_itself_is_refused(way: str, tmp_path: Path) -> None:
-    (tmp_path / "loop").symlink_to("other")
-    (tmp_path / "other").symlink_to("loop")
-    (tmp_path / "dangling").symlink_to("nowhere")
-    (tmp_path / "to").symlink_to(tmp_path)
-    (tmp_path / "file").touch()
-    with pytest.raises(DatasetError, match=f"{way}: a link on the way leads to itself"):
-        resolve_links(tmp_path / way)
-
-
 def test_a_link_in_the_way_is_not_followed(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_text("mine")
@@ -53,22 +47,25 @@ def test_a_link_in_the_way_is_not_followed(tmp_path: Path) -> None:
         (tmp_path / name).symlink_to(victim)
     write_bytes(tmp_path / "file", b"new")
     assert victim.read_text() == "mine"
-    assert (tmp_path / "file").read_bytes() == b"new"
     assert not (tmp_path / "file").is_symlink()
+    (tmp_path / "root").symlink_to(tmp_path, target_is_directory=True)
+    refuse_links(tmp_path / "root", tmp_path / "root" / "a" / "b")  # what the user named may be one
+    (tmp_path / "a").symlink_to(tmp_path, target_is_directory=True)
+    with pytest.raises(DatasetError, match="root/a: is a link"):
+        refuse_links(tmp_path / "root", tmp_path / "root" / "a" / "b")
 
 
-def test_what_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_what_cannot_be_written_is_named_and_what_was_there_stays(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     with pytest.raises(DatasetError, match=r"file/new: cannot be written \(Not a directory\)"):
         write_bytes(tmp_path / "file" / "new", b"")
-
-
-def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    path.mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(DatasetError, match="pipe: is a device or a pipe"):
+        write_bytes(tmp_path / "pipe", b"")
+    (tmp_path / "folder").mkdir()
     with pytest.raises(DatasetError, match="cannot be written"):
-        write_bytes(path, b"x")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
+        write_bytes(tmp_path / "folder", b"x")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder", "pipe"]
 
 
 @pytest.mark.parametrize(
@@ -79,18 +76,79 @@ def test_a_name_becomes_the_stem_of_a_file(name: str, stem: str) -> None:
     assert stem_of(name) == stem
 
 
-def test_a_place_that_a_link_leads_to_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "root").symlink_to(tmp_path / "elsewhere", target_is_directory=True)
-    root = tmp_path / "root"
-    refuse_links(root, root / "a" / "b")  # neither is there yet; the root is what the user named
-    (root / "a").symlink_to(tmp_path, target_is_directory=True)
-    with pytest.raises(DatasetError, match="root/a: is a link"):
-        refuse_links(root, root / "a" / "b")
+# Figures
 
 
-def test_a_device_is_not_replaced(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(DatasetError, match="pipe: is a device or a pipe"):
-        write_bytes(tmp_path / "pipe", b"")
-    assert (tmp_path / "pipe").is_fifo()
+def test_the_suffix_names_the_format(tmp_path: Path) -> None:
+    write_figure(Figure(), tmp_path / "a.png")
+    write_figure(Figure(), tmp_path / "new" / "a.pdf")
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "new" / "a.pdf").read_bytes().startswith(b"%PDF")
+    for name, said in (("a", "take .*a.png"), ("a.doc", "a.doc: the figure")):
+        with pytest.raises(BSGError, match=said):
+            write_figure(Figure(), tmp_path / name)
+
+
+def test_a_figure_that_cannot_be_drawn_is_a_note_and_a_full_disk_is_not(tmp_path: Path) -> None:
+    class Failing:
+        """A figure as .pgf where there is no LaTeX, or on a full disk."""
+
+        def savefig(self, fname: Any, **how: Any) -> None:
+            raise (
+                RuntimeError("no LaTeX") if how["format"] == "pgf" else OSError(28, "No space left")
+            )
+
+    notes: list[str] = []
+    with noting_failures(notes):
+        write_figure(Failing(), tmp_path / "a.pgf")
+    assert notes[0].startswith(f"note: a figure is missing: {tmp_path}/a.pgf")
+    with pytest.raises(BSGError, match="No space left") as caught, noting_failures(notes):
+        write_figure(Failing(), tmp_path / "a.png")
+    assert not isinstance(caught.value, FigureError)
+
+
+# Locks
+
+
+def test_one_holder_at_a_time_and_no_trace(tmp_path: Path) -> None:
+    folder = tmp_path / "dataset"
+    folder.mkdir()
+    (tmp_path / "link").symlink_to(folder)
+    for name in ("dataset", "link"):
+        with hold(tmp_path / name):
+            with pytest.raises(DatasetError, match="another command is writing there"):
+                hold(folder).__enter__()
+            with hold(tmp_path / "another"):
+                assert list(folder.iterdir()) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["dataset", "link"]
+
+
+def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from pathlib import Path; from bsg_data.files import hold\n"
+        "with hold(Path(sys.argv[1])): print('held', flush=True); sys.stdin.readline()\n"
+    )
+    folder = tmp_path / "dataset"
+    command = [sys.executable, "-c", code, str(folder)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"held\n"
+        with pytest.raises(DatasetError, match="wait until it is done"):
+            hold(folder).__enter__()
+        other.kill()
+    assert (tmp_path / ".dataset.lock").exists()
+    with hold(folder):
+        pass
+    assert not (tmp_path / ".dataset.lock").exists()
+
+
+def test_a_place_that_cannot_be_locked_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="nowhere: no such folder"):
+        hold(tmp_path / "nowhere" / "dataset").__enter__()
+    (tmp_path / ".other.lock").mkdir()
+    with pytest.raises(DatasetError, match=r"cannot be locked by .*\.other\.lock"):
+        hold(tmp_path / "other").__enter__()
+    (tmp_path / ".third.lock").symlink_to(tmp_path / "victim")
+    with pytest.raises(DatasetError, match="cannot be locked"):
+        hold(tmp_path / "third").__enter__()
+    assert not (tmp_path / "victim").exists()
