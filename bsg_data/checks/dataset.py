@@ -30,9 +30,8 @@ from bsg_data.dataset.manifest import (
     read_card_hashes,
     read_hashed_manifest,
 )
-from bsg_data.dataset.scene_tables import assemble_graphs, collect_columns
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import read_file
+from bsg_data.dataset.shards import assemble_graphs, make_tables, read_file
 from bsg_data.errors import BSGError, ClassMapError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
@@ -164,7 +163,7 @@ def _check_part(
     if len(set(ids)) < len(ids):
         return Totals()  # the order of the scenes tells
     try:
-        graphs = list(assemble_graphs(dict(tables)))
+        graphs = list(assemble_graphs(*tables.values()))
     except ValueError as error:
         check.add("rooms", iter([(part, f"a footprint is no polygon ({error})")]))
         return Totals()
@@ -184,14 +183,13 @@ def _compare(
     graphs: Sequence[SceneGraph], tables: _Tables, classes: tuple[str, ...]
 ) -> Iterator[tuple[str, str, str]]:
     """Yield table, place and fault of rows that do not follow from the scene graphs."""
-    columns = collect_columns(graphs, classes=classes)
-    for name, schema in TABLES.items():
-        found, expected = tables[name], pa.Table.from_pydict(columns[name], schema=schema)
+    for name, expected in make_tables(graphs, classes).items():
+        found = tables[name]
         if len(found) != len(expected):
             what = "has rows of other scenes, or not one row for each"
             yield name, "", f"{what}: expected {len(expected)}, found {len(found)}"
             continue
-        for column in schema.names:
+        for column in found.column_names:
             if not found[column].equals(expected[column]):
                 pairs = zip(expected[column].to_pylist(), found[column].to_pylist(), strict=True)
                 row, (a, b) = next((r, pair) for r, pair in enumerate(pairs) if pair[0] != pair[1])

@@ -51,17 +51,22 @@ def write_shards(
     graphs: Sequence[SceneGraph], folder: AnyPath, *, part: int, class_space: ClassSpace
 ) -> tuple[FileEntry, ...]:
     """Write one part of every table for some scenes, in the order given."""
-    columns = _collect_columns(graphs, class_space.classes)
     return tuple(
         write_parquet(
             Path(folder),
             f"{name}/part-{part:05d}.parquet",
-            [pa.table(columns[name], schema=schema)],
+            [table],
             table=name,
             class_space=class_space,
         )
-        for name, schema in TABLES.items()
+        for name, table in make_tables(graphs, class_space.classes).items()
     )
+
+
+def make_tables(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, pa.Table]:
+    """Return one part of every table for some scenes, in the order given."""
+    columns = _collect_columns(graphs, classes)
+    return {name: pa.table(columns[name], schema=schema) for name, schema in TABLES.items()}
 
 
 def read_scene_graphs(
@@ -72,7 +77,7 @@ def read_scene_graphs(
     manifest = manifest or read_manifest(dataset)
     for files in zip(*(manifest.files_of(name) for name in TABLES), strict=True):
         tables = (read_file(dataset, file, manifest=manifest) for file in files)
-        yield from _assemble_graphs(*map(_group_rows, tables))
+        yield from assemble_graphs(*tables)
 
 
 def _own_columns(schema: pa.Schema, record: type) -> list[str]:
@@ -159,13 +164,9 @@ def _group_rows(table: pa.Table) -> dict[str, list[_Row]]:
     return rows
 
 
-def _assemble_graphs(
-    scenes: dict[str, list[_Row]],
-    rooms: dict[str, list[_Row]],
-    objects: dict[str, list[_Row]],
-    edges: dict[str, list[_Row]],
-) -> Iterator[SceneGraph]:
-    """Assemble scene graphs from the rows of one shard: the inverse of `_collect_columns`."""
+def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
+    """Assemble scene graphs from one part of every table: the inverse of `make_tables`."""
+    scenes, rooms, objects, edges = map(_group_rows, tables)
     for scene_id, (scene,) in scenes.items():
         adjacent = (row for row in edges.get(scene_id, ()) if row["kind"] == "adjacent")
         yield SceneGraph(
