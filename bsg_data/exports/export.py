@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bsg_data.dataset.manifest import Manifest, read_manifest
+from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
-from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
+from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.files import AnyPath, resolve_links, write_bytes
 from bsg_data.results import write_together
 from bsg_data.scene.scene_graph import is_scene_id
@@ -55,62 +55,36 @@ def export_dataset(
     """
     dataset, out = Path(dataset), resolve_links(out)
     row, manifest = EXPORTS[to], read_manifest(dataset)
+    scenes, number, left_out = manifest.totals.scenes, Counter[str](), []
+    notes: Counter[str] = Counter()
     with write_together(out) as growing:
-        done = _encode_all(dataset, manifest, growing, row, progress=progress)
-        if not done.scenes:
+        graphs = read_scene_graphs(dataset, manifest=manifest)
+        for done, graph in enumerate(graphs, start=1):
+            encoded = row.encode(graph)
+            for name, data in encoded.files.items():
+                if not is_scene_id(name):
+                    message = f"scene {graph.scene_id!r}: {name!r} is no file name"
+                    raise DatasetError(message, code="file-name", where=graph.scene_id)
+                if not force and (out / name).exists():
+                    message = f"{out / name}: exists; --force replaces such files"
+                    raise DatasetError(message, code="path-taken", where=out / name)
+                write_bytes(growing / name, data)
+            number["files"] += len(encoded.files)
+            number["rooms"] += encoded.rooms
+            number["rooms_left_out"] += len(graph.rooms) - encoded.rooms
+            if not encoded.files:
+                left_out.append(graph.scene_id)
+            elif encoded.note:
+                notes[encoded.note] += 1
+            if progress is not None:
+                progress(done, scenes)
+        if len(left_out) == scenes:
             raise DatasetError(
-                f"{dataset}: none of its {manifest.totals.scenes:,} scenes has anything for the "
-                f"export {to!r} ({row.summary})",
+                f"{dataset}: none of its {scenes:,} scenes has anything for the export {to!r} "
+                f"({row.summary})",
                 code="export-empty",
                 where=dataset,
             )
-        if not force:
-            _refuse_replacing(growing, out)
-    return done
-
-
-def _encode_all(
-    dataset: Path,
-    manifest: Manifest,
-    growing: Path,
-    row: ExportRow,
-    *,
-    progress: Callable[[int, int], None] | None,
-) -> Exported:
-    files = rooms = rooms_left_out = 0
-    left_out: list[str] = []
-    notes: Counter[str] = Counter()
-    for number, graph in enumerate(read_scene_graphs(dataset, manifest=manifest), start=1):
-        encoded = row.encode(graph)
-        _write_scene(encoded, growing, graph.scene_id)
-        files += len(encoded.files)
-        rooms += encoded.rooms
-        rooms_left_out += len(graph.rooms) - encoded.rooms
-        if not encoded.files:
-            left_out.append(graph.scene_id)
-        elif encoded.note:
-            notes[encoded.note] += 1
-        if progress is not None:
-            progress(number, manifest.totals.scenes)
-    scenes = manifest.totals.scenes - len(left_out)
-    return Exported(files, scenes, rooms, tuple(left_out), rooms_left_out, dict(notes))
-
-
-def _write_scene(encoded: EncodedScene, growing: Path, scene_id: str) -> None:
-    for name, data in encoded.files.items():
-        if not is_scene_id(name):
-            raise DatasetError(
-                f"scene {scene_id!r}: {name!r} is no file name", code="file-name", where=scene_id
-            )
-        write_bytes(growing / name, data)
-
-
-def _refuse_replacing(growing: Path, out: Path) -> None:
-    taken = sorted(file.name for file in growing.iterdir() if (out / file.name).exists())
-    if taken:
-        more = f" and {len(taken) - 1:,} more" if len(taken) > 1 else ""
-        raise DatasetError(
-            f"{out / taken[0]}: exists{more}; --force replaces such files",
-            code="path-taken",
-            where=out / taken[0],
-        )
+    return Exported(
+        scenes=scenes - len(left_out), left_out=tuple(left_out), notes=dict(notes), **number
+    )

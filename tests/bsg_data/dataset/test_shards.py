@@ -144,11 +144,6 @@ def test_a_building_by_hand(tmp_path: Path) -> None:
     ]
 
 
-def test_a_folder_without_manifest_is_no_dataset(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="is no finished dataset"):
-        read_table(tmp_path, "rooms")
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -164,3 +159,6 @@ def test_a_manifest_changed_by_hand_is_refused(
     path.write_text(path.read_text("utf-8").replace(old, new, 1), "utf-8")
     with pytest.raises(DatasetError, match=message):
         read_manifest(dataset)
+    path.unlink()
+    with pytest.raises(DatasetError, match="is no finished dataset"):
+        read_table(dataset, "rooms")

@@ -46,17 +46,16 @@ def test_order_of_the_scenes_does_not_matter(number: int, seed: int, random: obj
     recipe = SplitRecipe(seed=seed)
     chosen = assign_splits(dict(scenes), recipe)
     assert chosen == assign_splits(ids(number), recipe)
+    assert chosen != assign_splits(ids(number), SplitRecipe(seed=seed + 1))
     assert list(chosen) == sorted(chosen)
 
 
-def test_seeds_differ() -> None:
-    assert len({tuple(assign_splits(ids(50), SplitRecipe(seed=s)).items()) for s in range(5)}) == 5
-
-
-@given(st.integers(5, 60), st.integers(2, 5))
-def test_folds_are_even_and_disjoint(number: int, folds: int) -> None:
-    recipe = SplitRecipe(method="folds", ratios=None, folds=folds)
-    found = Counter(assign_splits(ids(number), recipe).values())
+@given(st.integers(5, 60), st.integers(2, 5), st.integers(0, 3))
+def test_folds_are_even_and_disjoint(number: int, folds: int, seed: int) -> None:
+    recipe = SplitRecipe(method="folds", ratios=None, folds=folds, seed=seed)
+    chosen = assign_splits(ids(number), recipe)
+    assert chosen == assign_splits(ids(number), recipe)
+    found = Counter(chosen.values())
     assert set(found) == {f"fold-{k}" for k in range(folds)}
     assert max(found.values()) - min(found.values()) <= 1
 
@@ -79,17 +78,6 @@ def test_each_source_has_its_share_of_every_split(seed: int) -> None:
     assert set(dealt.values()) == {10}
 
 
-def test_folds_follow_from_their_seed() -> None:
-    recipes = [SplitRecipe(method="folds", ratios=None, folds=5, seed=s) for s in (0, 0, 1)]
-    first, again, other = (assign_splits(ids(50), recipe) for recipe in recipes)
-    assert first == again != other
-
-
-def test_folds_are_one_scene_each_at_most() -> None:
-    recipe = SplitRecipe(method="folds", ratios=None, folds=4)
-    assert set(assign_splits(ids(4), recipe).values()) == {f"fold-{k}" for k in range(4)}
-
-
 def test_official_holds_the_sources_val_out() -> None:
     recipe = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
     chosen = assign_splits({**ids(20), **ids(5, "val")}, recipe)
@@ -110,10 +98,7 @@ def test_official_holds_the_sources_val_out() -> None:
         (20, SplitRecipe(ratios=(0.5, 0.1, 0.1)), "add up to 1"),
         (20, SplitRecipe(ratios=(1.5, -0.5, 0.0)), "0 or more"),
         (20, SplitRecipe(ratios=(float("nan"), 0.5, 0.5)), "add up to 1"),
-        (20, SplitRecipe(ratios=(1e308, 1e308, 1.0)), "add up to 1"),  # without a warning of NumPy
-        (20, SplitRecipe(ratios=None), "add up to 1; found None"),
         (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected 2 to"),
-        (20, SplitRecipe(method="folds", ratios=None), "folds: expected 2 to .* 20; found None"),
     ],
 )
 def test_an_impossible_split_is_refused(number: int, recipe: SplitRecipe, message: str) -> None:
