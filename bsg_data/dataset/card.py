@@ -25,20 +25,14 @@ _MEANINGS = {
     "pairs": "masked input and target histograms: one row a building or room, for each draw",
 }
 _CROISSANT_TYPES = {
-    "bool": "sc:Boolean",
-    "double": "sc:Float",
-    "float": "sc:Float",
-    "int16": "sc:Integer",
-    "int32": "sc:Integer",
-    "string": "sc:Text",
-    "uint16": "sc:Integer",
-    "uint8": "sc:Integer",
+    **dict.fromkeys(("int16", "int32", "uint16", "uint8"), "sc:Integer"),
+    **dict.fromkeys(("double", "float"), "sc:Float"),
+    "bool": "sc:Boolean", "string": "sc:Text",
 }
 
 
 def write_card(manifest: Manifest) -> str:
     """Return the dataset card: Hugging Face front matter and Markdown."""
-    schemas = _schemas(manifest)
     totals = manifest.totals
     lines = [
         _front_matter(manifest),
@@ -61,15 +55,9 @@ def write_card(manifest: Manifest) -> str:
         + ".",
         "",
     ]
-    for table, schema in schemas.items():
-        lines += [
-            f"## {table}",
-            "",
-            f"{_MEANINGS[table].capitalize()}.",
-            "",
-            *column_table(schema),
-            "",
-        ]
+    for table, schema in _schemas(manifest).items():
+        lines += [f"## {table}", "", f"{_MEANINGS[table].capitalize()}.", ""]
+        lines += [*column_table(schema), ""]
     lines += _recipe_lines(manifest)
     return "\n".join(lines).rstrip() + "\n"
 

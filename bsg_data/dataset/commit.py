@@ -133,13 +133,12 @@ def growing(
         yield folder, False
         return
     with hold(out, wait=SECONDS_TO_JOIN if shared else 0.0):
-        if _settle(out) == _encode(plan):
-            yield out, True
-            return
-        require_place(out, force=force)
-        _prepare(folder, plan)
-        if not shared:
-            yield folder, False
+        done = _settle(out) == _encode(plan)
+        if not done:
+            require_place(out, force=force)
+            _prepare(folder, plan)
+        if done or not shared:
+            yield (out if done else folder), done
             return
     yield folder, False
 

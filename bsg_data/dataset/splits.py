@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.dataset.commit import name_by_content, revise
@@ -41,21 +40,20 @@ def assign_splits(
     strata: dict[str, list[str]] = {}
     for scene in ids:
         strata.setdefault("" if sources is None else sources[scene], []).append(scene)
-    if recipe.method == "folds":
-        chosen = _deal(list(strata.values()), recipe)
-    elif recipe.method == "official":
+    held: list[str] = []
+    if recipe.method == "official":
         held = [scene for scene in ids if scenes[scene] in ("val", "minival")]
-        rest = [scene for scene in ids if scenes[scene] == "train"]
-        if not held or len(held) + len(rest) < len(ids):
+        strata = {"": [scene for scene in ids if scenes[scene] == "train"]}
+        if not held or len(held) + len(strata[""]) < len(ids):
             found = Counter(str(split) for split in scenes.values())
             raise RecipeError(
                 "an official split needs scenes of the source's train and val splits only; "
                 f"found {', '.join(f'{n} of {name}' for name, n in sorted(found.items()))}. "
                 "Split by ratios or folds instead"
             )
-        chosen = {**_cut([rest], recipe), **dict.fromkeys(held, "test")}
-    else:
-        chosen = _cut(list(strata.values()), recipe)
+    shuffled = [_shuffle(stratum, recipe.seed) for stratum in strata.values()]
+    deal = _deal if recipe.method == "folds" else _cut
+    chosen = {**deal(shuffled, recipe), **dict.fromkeys(held, "test")}
     return {scene: chosen[scene] for scene in ids}
 
 
@@ -131,14 +129,9 @@ def read_splits(
                 where=manifest.files_of("splits")[0].path,
             )
         splits.setdefault(split, []).append(scene)
-    return {name: tuple(splits[name]) for name in sorted(splits, key=_rank)}
-
-
-def _rank(split: str) -> tuple[int, int, str]:
-    """Return the sort key of a split."""
-    if split in NAMES:
-        return (NAMES.index(split), 0, split)
-    return (len(NAMES), int(split.removeprefix("fold-")), split)
+    order = [name for name in NAMES if name in splits]
+    order += sorted(splits.keys() - {*NAMES}, key=lambda name: (len(name), name))  # fold-2, fold-10
+    return {name: tuple(splits[name]) for name in order}
 
 
 def _shuffle(ids: list[str], seed: int) -> list[str]:
@@ -151,12 +144,12 @@ def _deal(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
 
     The strata follow one another, so the sizes differ by at most one within each of them, too.
     """
-    shuffled = [scene for ids in strata for scene in _shuffle(ids, recipe.seed)]
-    if recipe.folds is None or not 2 <= recipe.folds <= len(shuffled):
+    scenes = [scene for stratum in strata for scene in stratum]
+    if recipe.folds is None or not 2 <= recipe.folds <= len(scenes):
         raise RecipeError(
-            f"folds: expected 2 to the number of scenes, {len(shuffled)}; found {recipe.folds}"
+            f"folds: expected 2 to the number of scenes, {len(scenes)}; found {recipe.folds}"
         )
-    return {scene: f"fold-{i % recipe.folds}" for i, scene in enumerate(shuffled)}
+    return {scene: f"fold-{i % recipe.folds}" for i, scene in enumerate(scenes)}
 
 
 def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
@@ -167,9 +160,12 @@ def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
             f"ratios: expected three numbers of 0 or more that add up to 1; found {recipe.ratios}"
         )
     chosen: dict[str, str] = {}
-    for ids in strata:
-        names = np.repeat(NAMES, _apportion(len(ids), ratios))
-        chosen.update(zip(_shuffle(ids, recipe.seed), map(str, names), strict=True))
+    for scenes in strata:
+        quotas = ratios * len(scenes)
+        sizes = np.floor(quotas + 1e-9).astype(np.int64)
+        by_remainder = np.argsort(-(quotas - sizes).round(9), kind="stable")
+        sizes[by_remainder[: len(scenes) - sizes.sum()]] += 1
+        chosen.update(zip(scenes, np.repeat(NAMES, sizes).tolist(), strict=True))
     held = set(chosen.values())
     empty = [name for name, ratio in zip(NAMES, ratios, strict=True) if ratio and name not in held]
     if empty:
@@ -178,12 +174,3 @@ def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
             "take more scenes or other ratios"
         )
     return chosen
-
-
-def _apportion(number: int, ratios: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    """Return how many of some scenes each split gets, by largest remainder."""
-    quotas = ratios * number
-    sizes = np.floor(quotas + 1e-9).astype(np.int64)
-    by_remainder = np.argsort(-(quotas - sizes).round(9), kind="stable")
-    sizes[by_remainder[: number - sizes.sum()]] += 1
-    return sizes
