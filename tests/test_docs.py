@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY, load_script
@@ -149,27 +148,27 @@ def test_the_examples_of_a_graph_of_hydra_run(
 
 
 @pytest.mark.usefixtures("run")
-def test_the_example_of_a_robot_that_searches_runs(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+def test_the_examples_beside_an_office_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The very lines of docs/search.md, beside a run and docs/office.json."""
+    """The very lines of docs/search.md and docs/hidden-share.md."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "office.json", tmp_path)
-    (block,) = read_blocks("search.md")
-    run_block("search.md", block)
-    assert capsys.readouterr().out.strip() == "2"
+    for page in ("search.md", "hidden-share.md"):
+        (block,) = read_blocks(page)
+        run_block(page, block)
+    room, belief, *presences = capsys.readouterr().out.split("\n")
+    assert (room, belief) == ("2", "57% ± 18%")
+    weighed, told = map(float, filter(None, presences))
+    assert 0 < told < weighed < 1
 
 
-def test_the_example_of_asking_a_model_runs(
-    dataset: Path, run: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("run")
+def test_the_example_of_asking_a_model_runs(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The very lines of docs/models.md, beside a folder `dataset` and a run."""
     monkeypatch.chdir(dataset.parent)
     (block,) = read_blocks("models.md")
-    names = run_block("models.md", block)
-    assert names["expectation"].presence.shape[1] == 45
+    assert run_block("models.md", block)["expectation"].presence.shape[1] == 45
 
 
 # Both are what mlcroissant uses of other libraries.
@@ -216,23 +215,6 @@ def test_the_heterogeneous_graph_goes_both_ways(
     }
     adjacent = {("room", "adjacent", "room"): [[0, 1], [1, 0], [1, 2], [2, 1]]}
     assert ends == {**down, **up, **adjacent}
-    assert read_rows(ends) == read_edges(tmp_path / "dataset"), "the way back to the table"
-
-
-def read_rows(ends: dict[tuple[str, str, str], list[list[int]]]) -> set[tuple[object, ...]]:
-    """Return the rows of the table of edges that a heterogeneous graph was made of."""
-    return {
-        (kind, source, start + (source != "building"), target, end + 1)
-        for (source, kind, target), edges in ends.items()
-        for start, end in edges
-        if kind == "contains" or (kind == "adjacent" and start < end)
-    }
-
-
-def read_edges(dataset: Path) -> set[tuple[object, ...]]:
-    columns = ["kind", "source_kind", "source_index", "target_kind", "target_index"]
-    table = pq.read_table(dataset / "edges", columns=columns)
-    return {tuple(row.values()) for row in table.to_pylist()}
 
 
 def test_the_entry_of_the_benchmark_is_measured(
@@ -279,17 +261,3 @@ def test_the_page_of_the_hidden_share_says_what_a_model_believes() -> None:
         share = ShareBelief(float(mean), float(sd or 0))
         presence = predictor(hide_of_room(office, 2, share)).presence[2, columns]
         assert [f"{100 * p:.0f}" for p in presence] == shown, said
-
-
-def test_the_example_of_the_hidden_share_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The very lines of docs/hidden-share.md, beside docs/office.json."""
-    monkeypatch.chdir(tmp_path)
-    shutil.copy(DOCS / "office.json", tmp_path)
-    (block,) = read_blocks("hidden-share.md")
-    run_block("hidden-share.md", block)
-    belief, *presences = capsys.readouterr().out.splitlines()
-    assert belief == "57% ± 18%"
-    weighed, told = map(float, presences)
-    assert 0 < told < weighed < 1

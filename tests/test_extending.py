@@ -151,13 +151,6 @@ def test_a_checkpoint_of_a_model_that_is_not_installed_names_it(
         registry._installed.cache_clear()
 
 
-def test_helps_and_completion_name_the_rows() -> None:
-    result = CliRunner().invoke(COMMANDS["bsg-train"], ["--config", "mean-rte"])
-    assert "did you mean mean-rate?" in result.stderr
-    result = CliRunner().invoke(COMMANDS["bsg-data"], ["pairs", "dataset", "--mask", "coins"])
-    assert "did you mean coin?" in result.stderr
-
-
 def contracts() -> dict[str, type]:
     """Return the test classes of the document's last block."""
     names: dict[str, type] = {}

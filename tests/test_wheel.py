@@ -106,15 +106,6 @@ def build(what: str, source: Path, folder: Path) -> Path:
 
 
 @pytest.mark.heavy
-def test_the_source_archive_holds_the_packages_and_what_tells_of_them(archive: Path) -> None:
-    with tarfile.open(archive) as file:
-        names = [one.name.partition("/")[2] for one in file.getmembers() if one.isfile()]
-    packages = {path.relative_to(REPOSITORY).as_posix() for path in source_files().values()}
-    held = {name for name in names if ".egg-info/" not in name}
-    assert held == packages | set(BESIDE) | WRITTEN
-
-
-@pytest.mark.heavy
 def test_the_wheel_holds_every_file_of_the_packages(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}

@@ -24,14 +24,6 @@ SPREAD = np.array([[0.7, 2.0, 5.0]])
 COUNTS = np.array([[1.0, 4.0, 0.0]])
 
 
-def test_poisson_is_scipys() -> None:
-    distribution = poisson(MEANS)
-    expected = stats.poisson.logpmf(COUNTS, np.maximum(MEANS, MIN_RATE))
-    np.testing.assert_allclose(distribution.log_probability(COUNTS), expected)
-    np.testing.assert_allclose(distribution.presence, 1 - np.exp(-MEANS))
-    np.testing.assert_allclose(distribution.variance, MEANS)
-
-
 def test_negative_binomial_is_scipys() -> None:
     distribution = negative_binomial(MEANS, SPREAD)
     rate = np.maximum(MEANS, MIN_RATE)
@@ -41,13 +33,6 @@ def test_negative_binomial_is_scipys() -> None:
     np.testing.assert_allclose(distribution.presence, 1 - reference.pmf(0))
     np.testing.assert_allclose(distribution.mean, reference.mean())
     np.testing.assert_allclose(distribution.variance, reference.var())
-
-
-@pytest.mark.parametrize("spread", [np.inf, 2.0])
-def test_an_impossible_object_costs_a_finite_amount(spread: float) -> None:
-    distribution = negative_binomial(np.zeros((1, 3)), np.full((1, 3), spread))
-    assert np.isfinite(distribution.log_probability(COUNTS)).all()
-    assert distribution.presence.tolist() == [[0.0, 0.0, 0.0]]
 
 
 def mixture() -> CountDistribution:
@@ -137,16 +122,6 @@ def test_moments_of_tilted_counts_are_those_of_their_probabilities(number: int) 
     np.testing.assert_allclose(distribution.presence, 1 - p[0])
     quantile = distribution.quantile(0.7)
     assert (np.cumsum(p, axis=0) < 0.7 - 1e-12).sum(axis=0).tolist() == quantile.tolist()
-
-
-def test_tilts_say_how_much_likelier_first_counts_are() -> None:
-    plain = replace(tilted(), weights=np.ones((1, 3, 1)), tilts=None)
-    plain = CountDistribution(plain.means[:1], plain.dispersions[:1], plain.weights)
-    tilts = np.zeros((2, 1, 3, 4))
-    tilts[1] = np.log(3.0)
-    p, q = probabilities(plain, 3), probabilities(replace(plain, tilts=tilts), 3)
-    np.testing.assert_allclose(q[1] / q[0], 3 * p[1] / p[0])
-    np.testing.assert_allclose(q[2] / q[0], p[2] / p[0])
 
 
 @pytest.mark.parametrize("mean", [500.0, 650.0, 5000.0])

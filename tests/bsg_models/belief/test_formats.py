@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import REPOSITORY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_beliefs import make_belief
@@ -55,20 +52,6 @@ def test_several_graphs_need_a_format_of_many(tmp_path: Path) -> None:
     with refuses(RecipeError, "graphs-several", tmp_path / "b.json"):
         write_beliefs(beliefs, tmp_path / "b.json", FORMATS["json"])
     assert not (tmp_path / "b.json").exists()
-
-
-def test_choosing_a_format_loads_no_heavy_library() -> None:
-    code = (
-        "import sys, types\n"
-        "root = sys.modules['bsg_models'] = types.ModuleType('bsg_models')\n"
-        f"root.__path__ = [{str(REPOSITORY / 'bsg_models')!r}]\n"  # without what the root exports
-        "from bsg_models.belief.formats import FORMATS\n"
-        "FORMATS.names()\n"
-        "assert 'bsg_models.rendering.explorer' not in sys.modules\n"
-        "assert not {'spark_dsg', 'networkx', 'torch'} & set(sys.modules)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 @settings(max_examples=30, deadline=None)

@@ -20,12 +20,6 @@ COUNTS = RNG.poisson(2.0, 50)
 MEANS, DISPERSIONS = RNG.gamma(2.0, 1.0, 50), RNG.gamma(2.0, 2.0, 50)
 
 
-def test_it_is_scipys() -> None:
-    expected = stats.nbinom.logpmf(COUNTS, DISPERSIONS, DISPERSIONS / (DISPERSIONS + MEANS))
-    found = log_negative_binomial(COUNTS, MEANS, DISPERSIONS)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-
-
 def test_at_large_dispersions_it_becomes_a_poisson_without_a_step() -> None:
     counts = np.arange(60)
     poisson = stats.poisson.logpmf(counts, 12.5)

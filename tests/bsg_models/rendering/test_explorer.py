@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from headless_browser import measure_contrasts, open_page, start_browser
+from headless_browser import open_page, start_browser
 from random_beliefs import CLASS_SPACE, HOSTILE, make_belief
 
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
@@ -208,20 +208,6 @@ def test_a_link_that_says_nothing_known_changes_nothing(
         assert other.locator("body").inner_text() == page.locator("body").inner_text()
         assert other.url == page.url
         assert other.locator("html").get_attribute("data-theme") is None
-
-
-@pytest.mark.parametrize(("theme", "sought"), [("light", ""), ("dark", "&class=sink&room=r7")])
-def test_texts_stand_out_from_what_is_behind_them(
-    browser: Any, crowd: Path, theme: str, sought: str
-) -> None:
-    with open_page(browser, crowd, fragment=f"#theme={theme}{sought}") as page:
-        page.locator("g.room[tabindex]").first.focus()  # the caption, too
-        found = measure_contrasts(page)
-        back = page.evaluate("getComputedStyle(document.body).backgroundColor")
-    assert len(found) > 200
-    assert (back == "rgb(17, 20, 27)") is (theme == "dark")
-    weak = {(text, round(ratio, 2)) for text, ratio in found if ratio < 4.5}
-    assert weak == set()
 
 
 def test_a_building_without_rooms_is_shown(browser: Any, tmp_path: Path) -> None:

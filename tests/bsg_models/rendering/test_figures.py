@@ -91,16 +91,3 @@ def test_the_leaderboard_has_a_panel_a_metric_and_a_row_a_model(
     assert [label.get_text() for label in axes.get_yticklabels()] == list(standings)
     assert axes.get_xlim()[1] < 2  # the one far away does not set the scale
     assert [line.get_marker() for line in axes.lines].count(">") == 1
-
-
-def test_savings_are_in_percent_with_the_oracle_in_its_own_colour(
-    saved: list[Figure], tmp_path: Path
-) -> None:
-    savings = {"star, single": {"ratio": np.array([0.1, 0.3]), "oracle": np.array([0.5, 0.7])}}
-    figures.plot_savings(savings, tmp_path / "x.png", title="t", whole="oracle")
-    (axes,) = saved[0].axes
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["oracle", "ratio"]
-    assert len({patch.get_facecolor() for patch in axes.patches}) == 2
-    medians = [np.asarray(line.get_xdata()) for line in axes.lines if line.get_color() == "black"]
-    for percent in (20, 60):
-        assert any(np.allclose(line, percent) for line in medians)

@@ -77,14 +77,6 @@ def test_what_was_found_is_where_it_was_found(seen: SeenBuilding) -> None:
     assert {obj.name for obj in seen.graph.objects} >= {"microwave", "cup_3", "cup_4"}
 
 
-def test_a_thing_that_was_seen_somewhere_in_the_room_is_at_one_of_its_locations(
-    seen: SeenBuilding,
-) -> None:
-    probability = FindProbability(seen, {**PLACES, "table": "A: waiting room"})
-    assert probability("r1", "sofa", "couch") == 0.5
-    assert probability("r1", "sofa", "couch_9") < 0.5  # another than the one that was seen
-
-
 def test_a_location_that_is_not_known_is_named_with_those_that_are(seen: SeenBuilding) -> None:
     probability = FindProbability(seen, PLACES)
     with refuses(RecipeError, "location-unknown", "attic"):

@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from conftest import REPOSITORY
 from refusals import refuses
@@ -20,9 +19,8 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.formats import write_belief
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
-from bsg_models.runs.found_model import find_shipped, weights_folder
+from bsg_models.runs.found_model import find_shipped
 from bsg_models.runs.predictor import Predictor
-from bsg_models.search.planners import next_room
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 FAST = Predictor("mixture")  # loaded once: it answers by counting
@@ -156,19 +154,6 @@ def test_a_walk_through_a_building(seen: SeenBuilding) -> None:
     assert before == read_robot_graph(OFFICE), "a graph that was kept does not change"
 
 
-@pytest.mark.parametrize("planner", ["expected-cost", "nearest"])
-def test_the_next_room_is_that_of_the_planner(seen: SeenBuilding, planner: str) -> None:
-    """From the room in the middle nothing is on the way."""
-    seen.searched("waiting-room")
-    presence = FAST(seen.graph).presence[:, [FAST.classes.index("sink")]]
-    explored = np.array([True, True, False, False])
-    edges = seen.ways().edges
-    chosen = next_room(edges, here=1, explored=explored, presence=presence, planner=planner)
-    assert chosen is not None
-    named = seen.next_room("sink", here="waiting-room", planner=planner)
-    assert named == seen.rooms[chosen - 1]
-
-
 def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) -> None:
     wide = Predictor("universal-wide")
     graph = reclassify(seen.graph, load_class_map("hm3d-wide-v1"))
@@ -184,13 +169,12 @@ def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) ->
         seen.next_room([])
 
 
-@pytest.mark.parametrize("how", ["name", "path", "copy"])
+@pytest.mark.parametrize("how", ["name", "copy"])
 def test_a_model_for_any_use_is_not_helped_by_one_for_research(how: str, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     shutil.copy(find_shipped("behavior"), tmp_path / "mine.safetensors")
     models = {
         "name": "behavior",
-        "path": weights_folder() / "." / "behavior.safetensors",
         "copy": tmp_path / "folder" / ".." / "mine.safetensors",
     }
     seen = open_graph(OFFICE, model=models[how])

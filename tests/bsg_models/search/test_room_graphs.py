@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.connections import Connections
-from bsg_models.search.knowledge import find_ways, go_straight
+from bsg_models.search.knowledge import find_ways
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     WorldRecipe,
@@ -49,15 +49,6 @@ def test_travel_is_symmetric_and_does_not_depend_on_the_number_of_episodes(kind:
     np.testing.assert_allclose(rooms, rooms.transpose(0, 2, 1))
     assert np.isfinite(rooms).all()
     assert rooms[:, ~np.eye(7, dtype=bool)].min() >= 2
-
-
-def test_a_star_goes_through_the_building() -> None:
-    travel = sample_travel(WorldRecipe(kind="star"), nodes=5, episodes=3, scene_id="s", seed=0)
-    legs = travel.costs[:, 0]
-    for a in range(1, 5):
-        for b in range(1, 5):
-            expected = 0.0 if a == b else legs[:, a] + legs[:, b]
-            np.testing.assert_allclose(travel.costs[:, a, b], expected)
 
 
 @pytest.mark.parametrize(("kind", "most"), [("tree", 0), ("tree-plus", 4)])
@@ -140,13 +131,6 @@ def test_the_first_wanted_room_on_the_way_by_hand() -> None:
     for wanted, found in (([3, 4], 3), ([4], 4)):
         there = np.isin(np.arange(5), wanted)[None]
         assert travel.first_on_the_way(*way, there).tolist() == [found]
-
-
-def test_going_straight_takes_no_detour() -> None:
-    edges = np.array([[[0, 1.0, 9.0], [1.0, 0, 1.0], [9.0, 1.0, 0]]])
-    assert go_straight(edges).costs[0, 0, 2] == 9.0
-    assert find_ways(edges).costs[0, 0, 2] == 2.0
-    assert go_straight(edges).steps[0, 0, 2] == 2
 
 
 def test_a_large_graph_has_the_ways_of_its_parts() -> None:

@@ -184,18 +184,3 @@ def test_no_planner_knows_the_truth(name: str, task: Task) -> None:
         found, routes(replace(episodes, instances=hidden), name, task), strict=True
     ):
         assert one == longest[: len(one)]
-
-
-@pytest.mark.parametrize("kind", ["star", "complete", "complete-paths", "tree-plus"])
-@pytest.mark.parametrize("classes", [1, 2, 3])
-def test_the_oracle_is_not_beaten_in_many_rooms(kind: str, classes: int) -> None:
-    """For `single` it is exact; for `all` its tour is searched for, not found for certain."""
-    for seed in range(4):
-        episodes = draw_episodes(seed, rooms=20, kind=kind, classes=classes)
-        truth = FixedBeliefs((episodes.instances > 0).astype(float))
-        for task in TASKS:
-            best = run_one(episodes, "oracle", task).costs
-            for name in ("nearest", "ratio", "expected-cost"):
-                found = run_one(episodes, name, task, beliefs=truth).costs
-                assert task == "all" or (found >= best - 1e-9).all()
-                assert found.sum() >= best.sum() - 1e-9
