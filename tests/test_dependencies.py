@@ -55,25 +55,6 @@ def test_the_lock_has_the_versions_of_the_constraints() -> None:
     }
 
 
-def test_the_lock_holds_all_that_the_tests_ask_for() -> None:
-    with (REPOSITORY / "pyproject.toml").open("rb") as file:
-        project = tomllib.load(file)["project"]
-    groups, wanted = project["optional-dependencies"], list(project["dependencies"])
-    seen, todo = set(), ["test"]
-    while todo:
-        extra = todo.pop()
-        if extra not in seen:
-            seen.add(extra)
-            for line in groups[extra]:
-                own = re.fullmatch(rf"{project['name']}\[(.*)\]", line)
-                todo += own[1].split(",") if own else []
-                wanted += [] if own else [line]
-    needed = {
-        re.split(r"[<>=\[; ]", line)[0] for line in wanted if "python_version < '3.11'" not in line
-    }
-    assert needed <= read_lock().keys(), "scripts/write_lock.py makes it"
-
-
 def test_torch_is_kept_apart_from_the_rest() -> None:
     one, two = (f"    --hash=sha256:{digit * 64}" for digit in "12")
     torch, rest = f"torch==2.13.0+cpu \\\n{one} \\\n{two}\n", f"torch-geometric==3 \\\n{one}\n"

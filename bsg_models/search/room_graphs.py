@@ -19,7 +19,6 @@ reached from each other. If a layout falls into parts, it is the part with the m
 from __future__ import annotations
 
 import hashlib
-import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -39,7 +38,6 @@ from bsg_models.search.knowledge import Travel, find_ways, go_straight
 WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
 MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
 METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
-_SPELLING = re.compile(r"([a-z-]+?)(?::([0-9.]+)-([0-9.]+))?")
 
 
 class WorldRecipe(Record):
@@ -76,25 +74,24 @@ DEFAULT_WORLDS = (
 
 def parse_world(text: str) -> WorldRecipe:
     """Return the recipe that a text like `complete:5-10` or `layout` names."""
-    match = _SPELLING.fullmatch(text.strip())
-    kinds = get_args(WorldKind)
-    if match is None or match[1] not in kinds:
-        require_known("world", [text.partition(":")[0].strip()], kinds)
-        raise _no_world(text, "expected KIND or KIND:LOW-HIGH")
-    if match[2] is None:
-        defaults = {world.kind: world for world in DEFAULT_WORLDS}
-        return defaults.get(match[1], WorldRecipe(kind=match[1]))  # type: ignore[arg-type]
-    if match[1] in MEASURED:
-        raise _no_world(text, f"the costs of {match[1]} are metres; leave out LOW-HIGH")
+    kind, has_costs, costs = text.strip().partition(":")
+    require_known("world", [kind], get_args(WorldKind))
+    if not has_costs:
+        usual = (world for world in DEFAULT_WORLDS if world.kind == kind)
+        return next(usual, WorldRecipe.model_validate({"kind": kind}))
+    low, _, high = costs.partition("-")
     try:
-        return WorldRecipe(kind=match[1], low=float(match[2]), high=float(match[3]))
+        if kind in MEASURED:
+            raise ValueError("its costs are metres")
+        return WorldRecipe.model_validate({"kind": kind, "low": low, "high": high})
     except ValueError as error:
-        raise _no_world(text, "expected 0 ≤ LOW ≤ HIGH, and HIGH above 0") from error
-
-
-def _no_world(text: str, expected: str) -> RecipeError:
-    shown = text[:SHOWN]
-    return RecipeError(f"world {shown!r}: {expected}", code="world-unknown", where=shown)
+        shown = text[:SHOWN]
+        raise RecipeError(
+            f"world {shown!r}: expected KIND or KIND:LOW-HIGH with 0 ≤ LOW ≤ HIGH, and HIGH above "
+            f"0; {' and '.join(MEASURED)} have no LOW-HIGH, because their costs are metres",
+            code="world-unknown",
+            where=shown,
+        ) from error
 
 
 @dataclass(frozen=True, eq=False)

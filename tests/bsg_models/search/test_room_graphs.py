@@ -29,7 +29,7 @@ def test_a_name_is_read_back(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "ring", "star:", "star:10-1", "star:1", "layout:1-10", "star:0-0", "star:1-1e3"]
+    "text", ["", "ring", "star:", "star:10-1", "star:1", "layout:1-10", "star:0-0"]
 )
 def test_other_texts_are_refused(text: str) -> None:
     with pytest.raises(RecipeError):
