@@ -17,7 +17,6 @@ from click.testing import CliRunner
 from conftest import REPOSITORY, load_script
 
 from bsg_cli.registry import COMMANDS
-from bsg_data.build import build_dataset
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.hidden_share import ShareBelief
@@ -25,7 +24,6 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.partial_graph import hide_of_room
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.sources.catalogue import open_source
 from bsg_models.runs.predictor import Predictor
 
 DOCS = REPOSITORY / "docs"
@@ -182,39 +180,6 @@ def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(blocks) >= 12
     for block in blocks:
         run_block("loading.md", block)
-
-
-def test_the_heterogeneous_graph_goes_both_ways(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The last lines of docs/loading.md on three rooms in a row, worked out by hand."""
-    rows = (
-        "scene,room,category,connected",
-        "flat,,painting,",
-        "flat,bath,toilet,",
-        "flat,hall,,bath;kitchen",
-        "flat,kitchen,chair,",
-        "flat,kitchen,stove,",
-    )
-    (tmp_path / "objects.csv").write_text("\n".join(rows) + "\n", "utf-8")
-    build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "dataset")
-    monkeypatch.chdir(tmp_path)
-    *_, block = read_blocks("loading.md")
-    names = run_block("loading.md", block)
-    graph = names["graph"]
-    assert (graph["room"].num_nodes, graph["object"].num_nodes) == (3, 4)
-    ends = {kind: graph[kind].edge_index.T.tolist() for kind in graph.edge_types}
-    down = {
-        ("building", "contains", "room"): [[0, 0], [0, 1], [0, 2]],
-        ("building", "contains", "object"): [[0, 0]],
-        ("room", "contains", "object"): [[0, 1], [2, 2], [2, 3]],
-    }
-    up = {
-        (target, "rev_contains", source): [[end, start] for start, end in edges]
-        for (source, _, target), edges in down.items()
-    }
-    adjacent = {("room", "adjacent", "room"): [[0, 1], [1, 0], [1, 2], [2, 1]]}
-    assert ends == {**down, **up, **adjacent}
 
 
 def test_the_entry_of_the_benchmark_is_measured(

@@ -21,7 +21,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts, from_totals, join
+from bsg_models.belief.expectation import from_hidden_counts, from_totals
 from bsg_models.inputs.folds import scenes_of
 
 FOUR = ClassSpace.of("test", ("bed", "lamp", "sink", "tv"))
@@ -106,10 +106,3 @@ def test_what_was_seen_is_below_every_quantile() -> None:
     assert found.quantile(0.0).tolist() == SEEN.tolist()
     assert found.quantile(0.5).tolist() == [[2.0, 3.0, 1.0]]
     assert found.quantile(0.95).tolist() == [[4.0, 6.0, 1.0]]
-
-
-def test_batches_are_joined_in_order() -> None:
-    parts = [from_hidden_counts(SEEN, poisson(SEEN * k)) for k in (1.0, 2.0)]
-    together = join(parts)
-    assert together.hidden.tolist() == [*SEEN.tolist(), *(2 * SEEN).tolist()]
-    assert together.inputs.shape == together.totals.shape == (2, 3)
