@@ -20,10 +20,9 @@ from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .robot.find_probability import FindProbability
-from .robot.rooms import set_hidden_shares
 from .robot.seen_building import ExpectedClass, Place, SeenBuilding, open_graph
 from .robot.ways import Ways
-from .robot.words import Meaning
+from .robot.words import Meaning, set_hidden_shares
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
 from .runs.found_model import (
     DEFAULT_MODEL,

@@ -161,7 +161,7 @@ def _ask(
 ) -> None:
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
     from bsg_data.observation.partial_graph import reclassify
-    from bsg_models.robot.rooms import find_room
+    from bsg_models.robot.words import find_room
 
     if here is not None:
         find_room(file.graph, here)
@@ -180,7 +180,7 @@ def _open_graph(
     """Read a robot's graph once, before models are imported, which is slow."""
     from bsg_models.belief.formats import choose_format
     from bsg_models.belief.graph_file import open_graph_file
-    from bsg_models.robot.rooms import set_hidden_shares
+    from bsg_models.robot.words import set_hidden_shares
 
     if out is not None:
         choose_format(out)

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_models.robot.rooms import find_room
 from bsg_models.robot.seen_building import Place, SeenBuilding
+from bsg_models.robot.words import find_room
 
 _NUMBERED = re.compile(r"(.+?)_[0-9]+")  # cup_4: one cup of several, as simulators name them
 _ON_ITS_WAY = "_loc"  # suffix of a robot's name: where railroad puts it after an interrupted move

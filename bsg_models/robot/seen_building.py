@@ -45,9 +45,8 @@ from bsg_data.scene.surroundings import area_of
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import GraphFile, open_graph_file
-from bsg_models.robot.rooms import find_room, set_hidden_shares
 from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
-from bsg_models.robot.words import Meaning, find_meaning
+from bsg_models.robot.words import Meaning, find_meaning, find_room, set_hidden_shares
 from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.catalogue import AnyPlanner

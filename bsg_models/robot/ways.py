@@ -16,13 +16,14 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.recipes import read_number
-from bsg_models.robot.rooms import find_room
+from bsg_models.robot.words import find_room
 from bsg_models.search.catalogue import AnyPlanner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.planners import next_room
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
 Costs = Mapping[tuple[str, str], float]
+Unit = Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class Ways:
 
     edges: Floats  # [1 + R, 1 + R] costs ≥ 0, ∞ without an edge
     costs: Floats  # [1 + R, 1 + R] of the cheapest ways; ∞ if there is none
-    unit: Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
+    unit: Unit
 
 
 def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
@@ -67,28 +68,13 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
         one, other = (find_room(graph, end) for end in ends)
         what = f"costs: {ends[0]!r} to {ends[1]!r}"
         edges[one, other] = edges[other, one] = read_number(what, cost, most=math.inf)
-    straight = not graph.adjacency and costs is None
-    ways = _go_straight(edges, lines, usual) if straight else _find_cheapest(edges)
-    return Ways(edges, ways, "given" if costs else "m" if len(known) else "rooms")
-
-
-def _go_straight(edges: Floats, lines: Floats, usual: float) -> Floats:
-    """Return the costs of the cheapest ways where all rooms connect and nothing is in the way.
-
-    A straight line is the cheapest way. Only a room whose place is unknown can shorten it: it is
-    `usual` from every room.
-    """
-    some_unknown = np.isinf(np.diagonal(lines)[1:]).any()
-    ways = np.minimum(edges, 2 * usual) if some_unknown and len(edges) > 3 else edges.copy()
-    ways[0, 1:] = ways[1:, 0] = np.inf
-    np.fill_diagonal(ways, 0)
-    return ways
-
-
-def _find_cheapest(edges: Floats) -> Floats:
+    unit: Unit = "given" if costs else "m" if len(known) else "rooms"
+    if not graph.adjacency and costs is None and np.isfinite(lines[1:, 1:]).all():
+        ways = np.where(np.eye(len(edges), dtype=bool), 0.0, edges)  # a straight line is cheapest
+        return Ways(edges, ways, unit)
     source, target = np.nonzero(np.isfinite(edges))  # an edge may cost 0
     listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
-    return np.asarray(shortest_path(listed))
+    return Ways(edges, np.asarray(shortest_path(listed)), unit)
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:

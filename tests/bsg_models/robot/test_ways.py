@@ -18,8 +18,8 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
-from bsg_models.robot.rooms import find_room, set_hidden_shares
 from bsg_models.robot.ways import Ways, choose_destination, measure_ways
+from bsg_models.robot.words import find_room, set_hidden_shares
 from bsg_models.search.planners import next_room
 
 
