@@ -130,13 +130,6 @@ def test_the_planner_searches_with_the_beliefs_of_the_model() -> None:
     assert savings["farthest"]["saved"]["value"] <= 0 == savings["nearest"]["saved"]["value"]
 
 
-def test_the_model_is_a_member_of_an_ensemble() -> None:
-    members = '\'model.members=["gamma-poisson", "mean-rate"]\''
-    run(f"bsg-train --config ensemble --set {members} --data dataset --out both")
-    believed = run("bsg-belief --data dataset --model both --out both.json.gz --scene 'house 00'")
-    assert "by ensemble" in believed.stdout
-
-
 def test_a_checkpoint_of_a_model_that_is_not_installed_names_it(
     installed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

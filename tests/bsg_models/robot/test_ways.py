@@ -67,26 +67,6 @@ def test_costs_that_are_given_take_the_place_of_measured_ones() -> None:
         measure_ways(graph, {("a", "cellar"): 1})
 
 
-@given(st.data())
-def test_every_room_can_be_reached_by_the_cheapest_way(data: st.DataObject) -> None:
-    number = data.draw(st.integers(1, 6))
-    place = st.none() | st.tuples(*[st.integers(-9, 9)] * 3)
-    places = data.draw(st.lists(place, min_size=number, max_size=number))
-    pair = st.tuples(st.integers(1, number), st.integers(1, number)).filter(
-        lambda ab: ab[0] < ab[1]
-    )
-    pairs = data.draw(st.lists(pair, max_size=6)) if number > 1 else []
-    ways = measure_ways(graph_of(places, pairs))
-    assert np.isfinite(ways.costs[1:, 1:]).all()
-    drawn = nx.Graph()
-    drawn.add_nodes_from(range(1, number + 1))
-    for a, b in zip(*np.nonzero(np.isfinite(ways.edges)), strict=True):
-        drawn.add_edge(int(a), int(b), weight=float(ways.edges[a, b]))
-    for a, lengths in nx.all_pairs_dijkstra_path_length(drawn):
-        for b, length in lengths.items():
-            assert ways.costs[a, b] == pytest.approx(length)
-
-
 @given(st.lists(st.tuples(*[st.integers(-5, 5)] * 3), min_size=2, max_size=12), st.data())
 def test_parts_are_joined_by_the_shortest_edges(places: list[Any], data: st.DataObject) -> None:
     """networkx's minimum spanning tree, where edges that are there cost nothing, is as long."""

@@ -54,8 +54,6 @@ def test_a_word_that_is_only_like_another_is_not_taken_for_it(word: str) -> None
     ("word", "code"),
     [
         ("wall", "thing-unknown"),
-        ("bicycle", "thing-unknown"),
-        ("qqqxz", "thing-unknown"),
         ("refrig", "thing-unknown"),
         ("", "thing-none"),
         ("x" * (MOST_CHARACTERS + 1), "thing-none"),

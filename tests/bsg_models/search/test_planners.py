@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,7 @@ from refusals import refuses
 from bsg_data.arrays import Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge, Task, find_ways
-from bsg_models.search.orders import expected_costs
+from bsg_models.search.knowledge import Knowledge, find_ways
 from bsg_models.search.planners import ask_planner, next_room
 from bsg_models.search.simulator import Episodes, Robot, search
 
@@ -55,25 +53,6 @@ def test_the_next_room_of_a_robot_of_its_own() -> None:
         assert next_room(ROW, **HERE, planner=planner, share=share) == room
     explored = np.array([False, True, True, True, True, False])
     assert next_room(ROW, **{**HERE, "explored": explored}) is None
-
-
-@pytest.mark.parametrize("task", ["single", "all"])
-def test_expected_cost_is_that_of_the_task(task: Task) -> None:
-    """It goes to the first room of the best of all orders."""
-    rng = np.random.default_rng(1)
-    for _ in range(30):
-        edges = rng.uniform(1, 10, (5, 5))
-        presence = np.array([0, 0, *rng.uniform(0.05, 0.95, 3)])
-        room = next_room(edges, here=1, explored=np.eye(5)[1] > 0, presence=presence, task=task)
-        costs, miss = find_ways(edges[None]).costs[0][1:, 1:], 1 - presence[2:, None]
-        ways = np.roll(np.roll(costs, -1, axis=0), -1, axis=1)  # where the robot is comes last
-        best = min(
-            itertools.permutations(range(3)),
-            key=lambda order: expected_costs(
-                ways[None], miss[None], np.array([order]), single=task == "single"
-            )[0],
-        )
-        assert room == best[0] + 2
 
 
 @pytest.mark.parametrize(

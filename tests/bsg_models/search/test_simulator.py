@@ -80,16 +80,6 @@ def test_nearest_first_by_hand() -> None:
     assert everything.missed[0] == 0
 
 
-def test_planners_that_are_asked_for_together_do_as_each_alone() -> None:
-    episodes = draw_episodes(3, rooms=7, kind="tree", classes=2)
-    beliefs = FixedBeliefs(np.random.default_rng(0).random(episodes.instances.shape))
-    robots = {name: Robot(PLANNERS[name], "all") for name in PLANNERS}
-    for name, together in search(episodes, robots, beliefs=beliefs).items():
-        alone = run_one(episodes, name, "all", beliefs=beliefs)
-        np.testing.assert_array_equal(together.costs, alone.costs)
-        np.testing.assert_array_equal(together.entered, alone.entered)
-
-
 def test_what_is_passed_through_is_entered() -> None:
     row = in_a_row([1, 1, 1], [0, 0, 1, 0], start=1)
     presence = np.array([0, 0, 0.1, 0.2, 0.9])[None, :, None]
