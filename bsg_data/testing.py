@@ -22,10 +22,9 @@ from bsg_data.dataset.manifest import CARD, CROISSANT
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
 from bsg_data.exports.catalogue import EXPORTS
-from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, sample_hidden
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.connections import Connections

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow as pa
 
-from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.pairs import stream_pairs
@@ -37,10 +37,9 @@ def surround_rooms(
 
 def read_pairs(dataset: Path, split: str) -> pa.Table:
     """Read the stored pairs of one split or fold."""
-    manifest = read_manifest(dataset)
-    tables = list(stream_pairs(dataset, split, manifest=manifest))
-    empty = pairs_schema(len(manifest.class_space.classes)).empty_table()
-    return pa.concat_tables([empty, *tables])
+    data = Dataset.open(dataset)
+    empty = pairs_schema(len(data.manifest.class_space.classes)).empty_table()
+    return pa.concat_tables([empty, *stream_pairs(data, split)])
 
 
 def same_surroundings(a: Surroundings, b: Surroundings) -> bool:

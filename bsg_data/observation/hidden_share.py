@@ -20,7 +20,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import read_number
@@ -74,20 +73,14 @@ class ShareBelief:
 VAGUE = ShareBelief(0.5, 0.288)  # nearly uniform: all shares are about equally likely
 
 
-class Curve(NamedTuple):
-    """The share of the objects that was seen, as a function of one kind of evidence."""
-
-    constants: tuple[float, ...]
-    size: float  # ν of the Beta distribution of the share; equal for all means
-
-
 # Fitted by scripts/fit/hidden_share.py at commit 4227eff to walks through ProcTHOR's rooms.
-# The walls added nothing where the floor was known.
-CURVES: Mapping[str, Curve] = {
-    "floor": Curve((0.94, 0.21, 8.0), 5.4),
-    "walls": Curve((0.94, 0.30, 0.25), 4.4),
-    "seconds and area": Curve((0.95, 5.6, 2.64, 0.445), 3.8),
-    "seconds": Curve((0.95, 5.9, 11.4, 0.0), 3.4),
+# The walls added nothing where the floor was known. A curve is the share of the objects that was
+# seen, by one kind of evidence: its constants, and ν of the Beta distribution of the share.
+CURVES: Mapping[str, tuple[tuple[float, ...], float]] = {
+    "floor": ((0.94, 0.21, 8.0), 5.4),
+    "walls": ((0.94, 0.30, 0.25), 4.4),
+    "seconds and area": ((0.95, 5.6, 2.64, 0.445), 3.8),
+    "seconds": ((0.95, 5.9, 11.4, 0.0), 3.4),
 }
 
 
@@ -124,11 +117,12 @@ def estimate_hidden_share(
         >>> round(share.mean, 2), round(share.sd, 2)
         (0.55, 0.2)
     """
-    floor_in_view = _read_if_given("floor_in_view", floor_in_view, most=1.0)
-    walls_in_view = _read_if_given("walls_in_view", walls_in_view, most=1.0)
-    seconds_inside = _read_if_given("seconds_inside", seconds_inside, most=math.inf)
-    floor_area = _read_if_given("floor_area", floor_area, most=math.inf)
-    recall = read_number("recall", recall, most=1.0)
+    shares = {"floor_in_view": floor_in_view, "walls_in_view": walls_in_view, "recall": recall}
+    sizes = {"seconds_inside": seconds_inside, "floor_area": floor_area}
+    for said, most in ((shares, 1.0), (sizes, math.inf)):
+        for name, value in said.items():
+            if value is not None:
+                read_number(name, value, most=most)
     if seconds_inside and not visited:
         raise RecipeError("seconds_inside: expected none for a room that was not visited")
     if floor_in_view is not None:
@@ -154,7 +148,3 @@ def _by_seconds(seconds: float, area: float | None) -> tuple[float, float]:
     (most, first, pace, growth), size = CURVES[kind]
     looked = seconds + first  # the first look counts as these seconds
     return most * -math.expm1(-looked / (pace * (area or 1.0) ** growth)), size
-
-
-def _read_if_given(name: str, value: object, *, most: float) -> float | None:
-    return None if value is None else read_number(name, value, most=most)

@@ -66,7 +66,7 @@ def hash_splits(data: Dataset, splits: Sequence[str] | None = None) -> dict[str,
 def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]]:
     """Yield (scene, split, bytes to hash) of a split, in the order of the scenes."""
     last = b""
-    for table in stream_pairs(data.path, split, manifest=data.manifest):
+    for table in stream_pairs(data, split):
         scenes, packed = _pack(table, data)
         changes = np.flatnonzero(scenes[1:] != scenes[:-1]) + 1
         ends = [*changes.tolist(), len(scenes)] if len(scenes) else []

@@ -18,11 +18,10 @@ import pyarrow as pa
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
-from bsg_data.observation.hidden_objects import sample_hidden, sample_others
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import list_column, read_views, stream_pairs
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, sample_hidden, sample_others
 from bsg_data.recipes import MaskRecipe
 
 BATCH = 256  # buildings in memory at a time
@@ -109,27 +108,31 @@ def sample_masked(
     recipes = [mask] * len(scenes) if isinstance(mask, MaskRecipe) else mask
     seen, targets, nodes = [], [], []
     for scene, recipe in zip(scenes, recipes, strict=True):
-        every, connections = data.cells(scene), data.connections(scene)
-        nameable = data.nameable(scene)
-        view = sample_view(
-            every.shape,
-            recipe,
-            scene_id=scene,
-            draw=draw,
-            connections=connections,
-            nameable=nameable,
-        )
-        cells = view.cut(every)
+        view = view_building(data, scene, recipe, draw)
+        cells = view.cut(data.cells(scene))
         hidden = sample_hidden(cells, view, recipe, scene_id=scene, draw=draw)
-        others = see_others(data, scene, recipe, draw, view, hidden, vocabulary=vocabulary)
-        seen.append(_observe(data, scene, view, cells - hidden, vocabulary, others))
-        targets.append(np.where(nameable, to_histograms(cells), MaskedBuildings.UNKNOWN))
+        seen.append(_observe(data, scene, recipe, draw, view, cells - hidden, hidden, vocabulary))
+        targets.append(
+            np.where(data.nameable(scene), to_histograms(cells), MaskedBuildings.UNKNOWN)
+        )
         nodes.append(view.nodes)
     return MaskedBuildings(
         stack(seen),
         np.concatenate(targets),
         np.full(len(scenes), draw, dtype=np.int64),
         np.concatenate(nodes),
+    )
+
+
+def view_building(data: Dataset, scene: str, mask: MaskRecipe, draw: int) -> View:
+    """Return how much a mask shows of a building of a dataset."""
+    return sample_view(
+        data.cells(scene).shape,
+        mask,
+        scene_id=scene,
+        draw=draw,
+        connections=data.connections(scene),
+        nameable=data.nameable(scene),
     )
 
 
@@ -158,51 +161,34 @@ def stream_masked(
     Raises:
         DatasetError: if there are none.
     """
-    for table in stream_pairs(data.path, split, manifest=data.manifest):
+    for table in stream_pairs(data, split):
         yield _read_table(data, table, vocabulary)
 
 
 def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> MaskedBuildings:
     inputs = list_column(table, "input").astype(np.int64)
     targets = list_column(table, "target").astype(np.int64)
-    views = read_views(table)
+    views, recipe = read_views(table), data.manifest.pairs
+    mask = recipe.mask if recipe else MaskRecipe()
     starts = np.flatnonzero(views.nodes == 0)
     scenes = table["scene_id"].take(starts).to_pylist()
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
     parts = []
     for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
         view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
+        if vocabulary:
+            view = _refine(data, scene, mask, int(draw), view)
         hidden = to_cells(targets[a:b]) - seen
-        others = _see_stored_others(data, scene, int(draw), view, hidden, vocabulary)
-        parts.append(_observe(data, scene, view, seen, vocabulary, others))
+        parts.append(_observe(data, scene, mask, int(draw), view, seen, hidden, vocabulary))
         targets[a:b, ~data.nameable(scene)] = MaskedBuildings.UNKNOWN
     return MaskedBuildings(stack(parts), targets, draws, views.nodes)
 
 
-def _see_stored_others(
-    data: Dataset,
-    scene: str,
-    draw: int,
-    view: View,
-    hidden: Counts,
-    vocabulary: tuple[str, ...],
-) -> Counts:
-    recipe = data.manifest.pairs
-    if recipe is None or not vocabulary:
-        return np.zeros((len(hidden), 0), dtype=np.int64)
-    mask, connections = recipe.mask, data.connections(scene)
-    shape = data.cells(scene).shape
-    sampled = sample_view(
-        shape,
-        mask,
-        scene_id=scene,
-        draw=draw,
-        connections=connections,
-        nameable=data.nameable(scene),
-    )
-    if not sampled.agrees(view):  # another version of NumPy drew the pairs: use their view
-        sampled = replace(view, exact=sampled.exact)
-    return see_others(data, scene, mask, draw, sampled, hidden, vocabulary=vocabulary)
+def _refine(data: Dataset, scene: str, mask: MaskRecipe, draw: int, stored: View) -> View:
+    """Return a stored view as it was drawn, under which objects outside the classes are hidden."""
+    view = view_building(data, scene, mask, draw)
+    # Where another version of NumPy drew the pairs, what is stored counts.
+    return view if view.agrees(stored) else replace(stored, exact=view.exact)
 
 
 def see_others(
@@ -247,12 +233,14 @@ def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[s
 def _observe(
     data: Dataset,
     scene: str,
+    mask: MaskRecipe,
+    draw: int,
     view: View,
     seen: Counts,
+    hidden: Counts,
     vocabulary: tuple[str, ...],
-    others: Counts,
 ) -> Observation:
-    """Return what is seen of a building under a view: cells `[N, C]` and `[N, V]`."""
+    """Return what is seen of a building under a view; of its cells are seen and hidden `[N, C]`."""
     connections, surroundings = data.connections(scene), data.surroundings(scene)
     if len(view.nodes) < len(surroundings):
         connections = connections.among(view.nodes)
@@ -261,7 +249,7 @@ def _observe(
         scene,
         view,
         seen,
-        others,
+        see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary),
         vocabulary=vocabulary,
         connections=connections,
         surroundings=surroundings,

@@ -13,10 +13,9 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import OtherObjects, count_cells, to_histograms
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.files import AnyPath
-from bsg_data.observation.hidden_objects import sample_hidden, sample_others, sample_unknown
 from bsg_data.observation.masks import sample_view, sample_withheld
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, sample_hidden, sample_others, sample_unknown
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace

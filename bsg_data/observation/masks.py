@@ -39,8 +39,7 @@ from typing import Any
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.observation.hidden_objects import mask_generator, sample_unknown
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, mask_generator, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
 from bsg_data.scene.connections import Connections

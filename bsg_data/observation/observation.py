@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.observation.hidden_objects import have_wholes
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, have_wholes
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
 

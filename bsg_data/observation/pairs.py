@@ -16,16 +16,15 @@ from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.commit import name_by_content, revise
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import stack_histograms
-from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import open_listed, write_parquet
 from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
-from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.masks import sample_view
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, sample_hidden
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import Connections
 
@@ -128,12 +127,7 @@ def write_pairs(
     return revise(dataset, write)
 
 
-def stream_pairs(
-    dataset: Path,
-    split: str,
-    *,
-    manifest: Manifest | None = None,
-) -> Iterator[pa.Table]:
+def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:
     """Yield the pairs of one split or fold, about `ROWS_PER_GROUP` rows at a time.
 
     A masked building is never divided.
@@ -141,19 +135,19 @@ def stream_pairs(
     Raises:
         DatasetError: if there are none, naming the splits that have some.
     """
-    manifest = manifest or read_manifest(dataset)
-    entries = [f for f in manifest.files_of("pairs") if split_of_file(f.path) == split]
+    files = data.manifest.files_of("pairs")
+    entries = [file for file in files if split_of_file(file.path) == split]
     if not entries:
-        held = sorted({split_of_file(f.path) for f in manifest.files_of("pairs")})
+        held = sorted({split_of_file(file.path) for file in files})
         hint = f"it has some of {', '.join(held)}" if held else "run `bsg-data pairs` first"
-        message = f"{dataset}: has no pairs of split {split!r}; {hint}"
+        message = f"{data.path}: has no pairs of split {split!r}; {hint}"
         raise DatasetError(message, code="pairs-missing", where=split)
-    return chain.from_iterable(_read_groups(dataset, entry, manifest) for entry in entries)
+    return chain.from_iterable(_read_groups(data, entry) for entry in entries)
 
 
-def _read_groups(dataset: Path, entry: FileEntry, manifest: Manifest) -> Iterator[pa.Table]:
+def _read_groups(data: Dataset, entry: FileEntry) -> Iterator[pa.Table]:
     """Yield the row groups of a file, each with what of its first building the last one held."""
-    with open_listed(dataset, entry, manifest=manifest) as file:
+    with open_listed(data.path, entry, manifest=data.manifest) as file:
         rest: pa.Table | None = None
         for number in range(file.num_row_groups):
             table = file.read_row_group(number, use_threads=False)

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from numbers import Real
-from typing import Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -293,9 +293,20 @@ def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject])
     return enter(replace(graph, objects=every), room_index, hidden_share=ShareBelief(0.0))
 
 
-def hide_of_room(graph: PartialGraph, room_index: int, share: ShareBelief) -> PartialGraph:
-    """Return the graph with another hidden share of a room, 1..R."""
-    return _change_room(graph, room_index, hidden_share=share.mean, hidden_share_sd=share.sd)
+def hide_of_room(
+    graph: PartialGraph, room_index: int, share: ShareBelief, *, visited: bool | None = None
+) -> PartialGraph:
+    """Return the graph with another hidden share of a room, 1..R, and whether it was visited."""
+    rooms = list(graph.rooms)
+    room = rooms[room_index - 1]
+    rooms[room_index - 1] = replace(
+        room,
+        hidden_share=share.mean,
+        hidden_share_sd=share.sd,
+        visited=room.visited if visited is None else visited,
+    )
+    building = graph.share_with([room.hidden_share for room in rooms])
+    return replace(graph, rooms=tuple(rooms), hidden_share=building)
 
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
@@ -339,13 +350,7 @@ def enter(
     if hidden_share is None:
         was_inside = known.visited and known.hidden_share < 1
         hidden_share = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
-    return _change_room(
-        graph,
-        room_index,
-        visited=True,
-        hidden_share=hidden_share.mean,
-        hidden_share_sd=hidden_share.sd,
-    )
+    return hide_of_room(graph, room_index, hidden_share, visited=True)
 
 
 def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = ()) -> PartialGraph:
@@ -368,10 +373,3 @@ def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = 
         adjacency=tuple(sorted(pairs)),
         hidden_share=(graph.hidden_share * (number - 1) + room.hidden_share) / number,
     )
-
-
-def _change_room(graph: PartialGraph, room_index: int, **facts: Any) -> PartialGraph:
-    rooms = list(graph.rooms)
-    rooms[room_index - 1] = replace(rooms[room_index - 1], **facts)
-    building = graph.share_with([room.hidden_share for room in rooms])
-    return replace(graph, rooms=tuple(rooms), hidden_share=building)

@@ -12,7 +12,7 @@ import io
 import struct
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -46,15 +46,7 @@ class _MeshSize:
 SIZES = {"small": _MeshSize(0.02, 15, 512), "full": _MeshSize(0.01, 4, 1024)}
 
 
-@dataclass(frozen=True, slots=True)
-class _Tile:
-    """A part of a surface, with the place of its first texel on a page."""
-
-    corner: Floats
-    across: Floats
-    upward: Floats
-    texels: npt.NDArray[np.int32]
-    place: tuple[int, int] = (0, 0)
+_Page = list[tuple[Surface, tuple[int, int]]]  # parts of surfaces, and where each begins
 
 
 @dataclass(slots=True)
@@ -172,12 +164,12 @@ def _add_nodes(tree: dict[str, Any], room: int, up_axis: UpAxis, rng: np.random.
     return local
 
 
-def _paginate(surfaces: list[Surface], size: _MeshSize) -> Iterator[list[_Tile]]:
+def _paginate(surfaces: list[Surface], size: _MeshSize) -> Iterator[_Page]:
     """Cut surfaces into tiles and set these on shelves, page after page, with a margin of 1."""
     most = size.page // 2 - 2
     tiles = [tile for surface in surfaces for tile in _cut(surface, most, size.texel)]
     tiles.sort(key=lambda tile: -tile.texels.shape[0])
-    page: list[_Tile] = []
+    page: _Page = []
     row = column = height = 0
     for tile in tiles:
         rows, columns = (side + 2 for side in tile.texels.shape)
@@ -186,30 +178,25 @@ def _paginate(surfaces: list[Surface], size: _MeshSize) -> Iterator[list[_Tile]]
         if row + rows > size.page:
             yield page
             page, row, column, height = [], 0, 0, 0
-        page.append(
-            _Tile(tile.corner, tile.across, tile.upward, tile.texels, (row + 1, column + 1))
-        )
+        page.append((tile, (row + 1, column + 1)))
         column, height = column + columns, max(height, rows)
     yield page
 
 
-def _cut(surface: Surface, most: int, texel: float) -> Iterator[_Tile]:
+def _cut(surface: Surface, most: int, texel: float) -> Iterator[Surface]:
     rows, columns = surface.texels.shape
     for row in range(0, rows, most):
         for column in range(0, columns, most):
-            yield _Tile(
-                surface.corner + texel * (column * surface.across + row * surface.upward),
-                surface.across,
-                surface.upward,
-                surface.texels[row : row + most, column : column + most],
-            )
+            moved = texel * (column * surface.across + row * surface.upward)
+            part = surface.texels[row : row + most, column : column + most]
+            yield replace(surface, corner=surface.corner + moved, texels=part)
 
 
-def _paint_page(tiles: list[_Tile], page: int) -> npt.NDArray[np.int32]:
+def _paint_page(tiles: _Page, page: int) -> npt.NDArray[np.int32]:
     """Return the labels of a page `[page, page]`; every tile bleeds one texel into its margin."""
     labels = np.zeros((page, page), dtype=np.int32)
-    for tile in tiles:
-        (row, column), (rows, columns) = tile.place, tile.texels.shape
+    for tile, (row, column) in tiles:
+        rows, columns = tile.texels.shape
         part = labels[row - 1 : row + rows + 1, column - 1 : column + columns + 1]
         part[:] = np.pad(tile.texels, 1, mode="edge")
     return labels
@@ -217,7 +204,7 @@ def _paint_page(tiles: list[_Tile], page: int) -> npt.NDArray[np.int32]:
 
 def _add_primitive(
     binary: _Binary,
-    tiles: list[_Tile],
+    tiles: _Page,
     local: Any,
     colours: Bytes,
     size: _MeshSize,
@@ -225,13 +212,13 @@ def _add_primitive(
 ) -> dict[str, Any]:
     points, places, faces, shades = [], [], [], []
     total = 0
-    for tile in tiles:
+    for tile, (top, left) in tiles:
         rows, columns = (_cuts(length, size.quad) for length in tile.texels.shape)
         row, column = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
         points.append(
             tile.corner + size.texel * (column[:, None] * tile.across + row[:, None] * tile.upward)
         )
-        places.append(np.stack([column + tile.place[1], row + tile.place[0]], axis=1) / size.page)
+        places.append(np.stack([column + left, row + top], axis=1) / size.page)
         inside = np.minimum(row, rows[-1] - 1), np.minimum(column, columns[-1] - 1)
         shades.append(colours[tile.texels[inside]])
         faces.append(_quads(len(rows), len(columns)) + total)

@@ -10,11 +10,10 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.masked_buildings import place_others, see_others
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.observation import Observation, observe_search, stack
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, sample_hidden
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
 from bsg_models.search.simulator import Answer

@@ -169,7 +169,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--models", nargs="+", required=True, help="runs, or shipped models")
     parser.add_argument("--out", type=Path, required=True, help="page to write")
     parser.add_argument("--draws", type=int, default=2, help="masks of every building")
-    parser.add_argument("--look", type=float, default=CURVES["floor"].size)
+    parser.add_argument("--look", type=float, default=CURVES["floor"][1])
     options = parser.parse_args(argv)
     data = Dataset.open(options.data)
     cases = list(read_cases(data, draws=options.draws))

@@ -60,12 +60,6 @@ def test_the_more_was_in_view_the_less_is_hidden(part: float, more: float) -> No
     assert waited[1].mean <= waited[0].mean
 
 
-def test_a_large_room_takes_longer() -> None:
-    shares = [estimate_hidden_share(seconds_inside=5, floor_area=a).mean for a in (4, 20, 100)]
-    assert shares == sorted(shares)
-    assert shares[0] < estimate_hidden_share(seconds_inside=5).mean < shares[2]
-
-
 def test_a_detector_that_misses_things_leaves_them_hidden() -> None:
     whole = estimate_hidden_share(floor_in_view=0.7)
     half = estimate_hidden_share(floor_in_view=0.7, recall=0.5)

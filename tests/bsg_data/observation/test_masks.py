@@ -12,9 +12,8 @@ from pydantic import ValidationError
 from scipy import stats
 
 from bsg_data.arrays import Counts
-from bsg_data.observation.hidden_objects import mask_generator, sample_hidden, sample_unknown
 from bsg_data.observation.masks import MASKS, ROOMS, UNIFORM, sample_view
-from bsg_data.observation.view import View
+from bsg_data.observation.view import View, mask_generator, sample_hidden, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.scene.connections import Connections
 

@@ -19,7 +19,6 @@ from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import read_splits, split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.mask_hash import hash_splits
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import (
@@ -28,6 +27,7 @@ from bsg_data.observation.pairs import (
     stream_pairs,
     write_pairs,
 )
+from bsg_data.observation.view import sample_hidden
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Edge, SceneGraph
@@ -104,18 +104,6 @@ def test_a_building_beyond_the_format_is_left_out_alone(
     assert check_dataset(dataset) == ()
 
 
-def test_a_split_of_nothing_else_is_empty(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bsg_data.observation.pairs._MOST", 0)
-    recipe, left = read_manifest(dataset).pairs, []
-    assert recipe is not None
-    write_pairs(dataset, recipe, force=True, left_out=left.append)
-    splits = read_splits(dataset)
-    assert sorted(left) == sorted(scene for scenes in splits.values() for scene in scenes)
-    assert [len(read_pairs(dataset, split)) for split in splits] == [0] * len(splits)
-    assert set(hash_splits(Dataset.open(dataset))) == {*splits, "all"}
-    assert check_dataset(dataset) == ()
-
-
 def test_adjacency_reaches_the_masks(tmp_path: Path) -> None:
     """A source that knows adjacency: what `frontier` leaves unvisited follows it."""
     rooms = 12
@@ -152,7 +140,7 @@ def test_pairs_of_many_rows_are_written_and_read_in_pieces(
     expected = hash_splits(data)
     monkeypatch.setattr("bsg_data.observation.pairs.ROWS_PER_GROUP", 7)
     write_pairs(dataset, recipe, force=True)
-    pieces = list(stream_pairs(dataset, "train"))
+    pieces = list(stream_pairs(Dataset.open(dataset), "train"))
     assert len(pieces) > 3 * len(set(whole["scene_id"].to_pylist()))
     assert all(piece["node_index"][0].as_py() == 0 for piece in pieces)
     assert pa.concat_tables(pieces) == whole

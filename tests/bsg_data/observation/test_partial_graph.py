@@ -15,7 +15,6 @@ from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.observation.hidden_objects import sample_hidden
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.masked_graph import list_withheld, mask_scene
 from bsg_data.observation.masks import MASKS, sample_view
@@ -29,6 +28,7 @@ from bsg_data.observation.partial_graph import (
     observe,
     see_object,
 )
+from bsg_data.observation.view import sample_hidden
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.scene.class_space import load_class_space
 

@@ -1,10 +1,14 @@
-"""Views, by hand."""
+"""Views by hand, and what is hidden under them: counts worked out by hand, parts with wholes."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from bsg_data.observation.view import View
+from bsg_data.arrays import Counts
+from bsg_data.dataset.histograms import OtherObjects
+from bsg_data.observation.masks import sample_view
+from bsg_data.observation.view import View, sample_hidden, sample_others
+from bsg_data.recipes import MaskRecipe
 
 NOBODY = np.zeros(4, dtype=bool)
 
@@ -40,3 +44,75 @@ def test_views_agree_in_single_precision() -> None:
     assert not one.agrees(one.search(np.array([False, True, False])))
     assert not one.agrees(one.withhold(np.array([True, False])))
     assert one.take(1, 3).hidden_share.tolist() == [0.1, 0.7]
+
+
+CURTAINS = np.array([[1, 0], [3, 5], [0, 5], [2, 0]])  # of four nodes; the second class is beds
+RODS = np.array([[2, 4], [3, 2], [2, 2], [4, 0]])  # curtain rods, and lamps that are no parts
+OTHERS = OtherObjects(("curtain rod", "lamp"), RODS)
+
+
+def hide(recipe: MaskRecipe, draw: int) -> tuple[Counts, Counts]:
+    """Return what is hidden of the curtains and beds, and of the rods and lamps."""
+    view = sample_view(CURTAINS.shape, recipe, scene_id="s", draw=draw)
+    hidden = sample_hidden(CURTAINS, view, recipe, scene_id="s", draw=draw)
+    seen = sample_others(
+        OTHERS,
+        view,
+        recipe,
+        scene_id="s",
+        draw=draw,
+        there=CURTAINS,
+        hidden=hidden,
+        classes=("curtain", "bed"),
+    )
+    return hidden, RODS - seen
+
+
+def test_parts_are_seen_only_with_a_whole() -> None:
+    """Of the rooms with curtains: no rod where all are hidden, every rod where none is."""
+    recipe = MaskRecipe(parts=True)
+    alone = lone = 0
+    for draw in range(300):
+        hidden, gone = hide(recipe, draw)
+        for room in (1, 3):
+            if hidden[room, 0] == CURTAINS[room, 0]:
+                assert gone[room, 0] == RODS[room, 0]
+            if hidden[room, 0] == 0:
+                assert gone[room, 0] == 0
+        apart = hide(MaskRecipe(), draw)[1]
+        alone += int(hidden[3, 0] == 2 and apart[3, 0] < 4)
+        lone += int(gone[2, 0])
+    assert alone > 40, "without the option rods are seen whose curtains are hidden"
+    assert 0.4 < lone / (300 * 2) < 0.6, "a rod without a curtain falls under the ordinary rule"
+
+
+def test_the_share_of_hidden_parts_is_that_of_the_others() -> None:
+    for strategy in ("uniform", "explore"):
+        gone, told = np.zeros(4), np.zeros(4)
+        for draw in range(1500):
+            recipe = MaskRecipe(strategy=strategy, parts=True)
+            gone += hide(recipe, draw)[1][:, 0]
+            view = sample_view(CURTAINS.shape, recipe, scene_id="s", draw=draw)
+            told += view.hidden_share * RODS[:, 0]
+        np.testing.assert_allclose(gone, told, rtol=0.08)
+
+
+def test_parts_of_a_withheld_class_are_hidden() -> None:
+    for draw in range(20):
+        hidden, gone = hide(MaskRecipe(parts=True, withhold=1.0), draw)
+        assert (hidden == CURTAINS).all()
+        assert gone[[1, 3], 0].tolist() == [3, 4]
+
+
+# Null region, and rooms that hide nothing, 0.29, 0.29 and all.
+SHARES = np.array([0.0, 0.29, 0.29, 1.0])
+CELLS = np.array([[0, 3], [4, 4], [60, 0], [30, 10], [2, 2]])
+
+
+def test_a_share_loses_its_exact_number() -> None:
+    view = View.of_rooms(SHARES, classes=2, exact=True)
+    hidden = sample_hidden(CELLS, view, MaskRecipe(), scene_id="s", draw=0)
+    assert hidden[1].tolist() == [0, 0]
+    assert hidden[4].tolist() == [2, 2]
+    assert hidden[2:4].sum() == 29, "exact in decimals: in floats 0.29 of 100 is less than 29"
+    assert (hidden <= CELLS).all()
