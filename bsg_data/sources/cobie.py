@@ -35,11 +35,11 @@ _SHEETS = ("facility", "floor", "space", "type", "component")
 _SILENT = frozenset({"", "n/a", "na", "#n/a"})
 _CODE = re.compile(r"[\w. -]*[0-9][\w. -]*:\s*(?=\S)")  # `13-41 11 14 21: `, `SL_35_80_89: `
 _FEET = re.compile(r"f(oo|ee)?t")
-_METRES = re.compile(r"met(er|re)|m2|m²|sqm|^m$")
+_METRES = re.compile(r"met(er|re)|m2|m²|sq\.?m|^m$")
 _SQUARE_FOOT = 0.3048**2  # m²
 # Families of Revit put these before the name of the thing: `M_Chair-Executive: 600 x 900`.
 _PREFIXES = frozenset({"", "m", "equip", "equipment", "fixture", "furniture", "generic"})
-_ENDS = re.compile(r"[-_:;,/()]|\s(?=[0-9])")
+_ENDS = re.compile(r"[-_:;,/()]|\s(?=[0-9]|type\b)", re.IGNORECASE)
 # Words of the kind of a facility, for kinds that models know under another word.
 _FACILITIES = {
     **dict.fromkeys(("residence", "residential", "apartment", "dwelling", "house"), "home"),

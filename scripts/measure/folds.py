@@ -181,8 +181,8 @@ def tally_views(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Sh
 def tally_unvisited(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
     """Return `nll`, `said` and `true` objects, and `gap`, over rooms of which nothing was seen."""
     rooms = view_rooms(masked)["unvisited"].astype(float)
-    said, true = found.hidden.sum(axis=1), truth.hidden.sum(axis=1)
-    gap = (found.presence - (truth.hidden > 0)).mean(axis=1)
+    said, true = found.hidden.sum(axis=1, where=truth.known), truth.hidden.sum(axis=1)
+    gap = (found.presence - (truth.hidden > 0)).mean(axis=1, where=truth.known)
     values = {"nll": hidden_nll(truth, found), "said": said, "true": true, "gap": gap}
     return {name: (value * rooms, rooms) for name, value in values.items()}
 

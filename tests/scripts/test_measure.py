@@ -8,6 +8,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import foreign
 import numpy as np
 import pytest
 import reproduction
@@ -38,6 +39,7 @@ from bsg_data.observation.observation import Observation
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import Surroundings
 from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.s3dis import S3DISAreas
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.evaluation.bootstrap import weigh_buildings
@@ -302,3 +304,17 @@ def test_a_page_of_results_says_how_it_was_made() -> None:
         assert sections[-1].startswith("How it was made\n\n```"), path.name
         assert re.search(r"^- Date: \d{4}-\d\d-\d\d$", sections[-1], re.MULTILINE), path.name
         assert f"]({path.name})" in index, path.name
+
+
+def test_models_are_measured_on_whole_datasets_that_they_never_saw(tmp_path: Path) -> None:
+    rooms = [(area, room, n) for area in (1, 2) for room in (1, 2, 3) for n in range(room)]
+    labels = [f"chair_{n}_office_{room}_{area}" for area, room, n in rooms]
+    (tmp_path / "labels.json").write_text(json.dumps(labels), "utf-8")
+    build_dataset(S3DISAreas(tmp_path / "labels.json"), tmp_path / "offices")
+    page = tmp_path / "page.md"
+    words = [f"--data={tmp_path / 'offices'}", "--models=mixture", "--draws=3", "--resamples=5"]
+    assert foreign.main([*words, f"--out={page}"]) == 0
+    text = page.read_text("utf-8")
+    assert "6 rooms, 2 scenes; 4 classes that the source can name" in text
+    assert text.count("| `mixture` | ") == 1  # it reads neither labels nor the kind
+    assert str(tmp_path) not in text

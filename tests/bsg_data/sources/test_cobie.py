@@ -35,7 +35,7 @@ SHEETS: dict[str, list[list[Any]]] = {
         ["Equip-1", "Chair with Arms", "n/a"],
         ["M_Toilet-Domestic-3D: 610", "n/a", "n/a"],
         ["C18", "0600x1200", "23-80 70: General Luminaries, Non Directional"],
-        ["Door A", "Flush wood - 0915 x 2134mm", "23-30 10: Doors"],
+        ["Door Type A", "Flush wood - 0915 x 2134mm", "23-30 10: Doors"],
         ["X9", "gizmo", "n/a"],
     ],
     "Component": [
@@ -43,7 +43,7 @@ SHEETS: dict[str, list[list[Any]]] = {
         ["c1", "Equip-1", 101, None],
         ["c2", "M_Toilet-Domestic-3D: 610", "101", None],
         ["c3", "C18", "A, B", None],
-        ["c4", "Door A", "101, 102", None],
+        ["c4", "Door Type A", "101, 102", None],
         ["c5", "X9", "999", None],
         ["c6", "nothing", "n/a", "Mirror 600mm x 900mm"],
     ],
@@ -92,7 +92,7 @@ def test_a_building_with_its_rooms_and_their_equipment(tmp_path: Path) -> None:
         (1, "Chair with Arms", "chair", "classified"),
         (1, "Toilet", "toilet", "classified"),
         (3, "General Luminaries, Non Directional", "light fixture", "classified"),
-        (1, "Doors", "door", "structure"),
+        (1, "Door", "door", "structure"),
         (0, "gizmo", None, "unmapped"),
         (0, "Mirror", "mirror", "classified"),
     ]
@@ -113,7 +113,13 @@ def test_what_refers_to_nothing_is_counted(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("unit", "area"),
-    [("squaremeters", 100), ("Square Metres", 100), ("sq ft", 9.290304), ("tatami", None)],
+    [
+        ("squaremeters", 100),
+        ("Square Metres", 100),
+        ("sq. m", 100),
+        ("sq ft", 9.290304),
+        ("tatami", None),
+    ],
 )
 def test_units_of_area(tmp_path: Path, unit: str, area: float | None) -> None:
     facility = [["Name", "AreaUnits"], ["F", unit]]
