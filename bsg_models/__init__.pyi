@@ -52,10 +52,11 @@ from .studies.belief_report import (
     RoomBelief,
     report_beliefs,
 )
-from .studies.comparison import Comparison, compare_runs, headline_rows, metric_rows
+from .studies.comparison import Comparison, EvaluationRequest, compare_runs
 from .studies.evaluation_report import (
     EvaluationReport,
-    EvaluationRequest,
+    headline_rows,
+    metric_rows,
     report_evaluation,
 )
 from .studies.kept_searches import KeepRequest

@@ -37,6 +37,12 @@ class Estimate:
     high: float  # upper end; nan without an interval
     nodes: int  # number of nodes, or of searches, behind the value
 
+    def encode(self) -> dict[str, float | int | None]:
+        """Return the estimate for JSON; unknown numbers are null."""
+        ends = {"value": self.value, "low": self.low, "high": self.high}
+        known = {end: None if np.isnan(number) else number for end, number in ends.items()}
+        return {**known, "nodes": self.nodes}
+
 
 @dataclass(frozen=True, eq=False)
 class Bootstrap:

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple
 
-import numpy as np
 import pandas as pd
+from pydantic import Field, model_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import require_class_space
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.observation.masked_buildings import MaskedBuildings
-from bsg_data.recipes import PairsRecipe
+from bsg_data.recipes import PairsRecipe, Record
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
-from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.details import ClassErrors, ShownCollector, ShownNodes
 from bsg_models.evaluation.measurement import (
     EVALUATOR_VERSION,
@@ -33,8 +31,6 @@ from bsg_models.evaluation.measurement import (
 )
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.truth import Truth
-from bsg_models.evaluation.verdict import list_headlines
-from bsg_models.inputs.folds import Split
 from bsg_models.runs.checkpoint import (
     Checkpoint,
     CheckpointHeader,
@@ -45,11 +41,10 @@ from bsg_models.runs.checkpoint import (
 from bsg_models.runs.found_model import FoundModel, find_model
 from bsg_models.runs.run_folder import LAST
 from bsg_models.studies.stored_pairs import (
+    Expect,
     Folds,
-    Survey,
     folds_of,
     hash_measured,
-    join_surveys,
     read_entry,
     stream_batches,
     survey_split,
@@ -57,9 +52,51 @@ from bsg_models.studies.stored_pairs import (
 from bsg_models.zoo.catalogue import BASELINES, UNTRAINED
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
+from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.settings import DataConfig
 
 WHOLE = "whole dataset"  # instead of a split
+_MOST_SHOWN = 20_000  # nodes in figures: more cannot be told apart, and would fill memory
+
+
+class EvaluationRequest(Record):
+    """What to compare, and which files to write."""
+
+    # trained models, as `find_model` takes them: paths of runs, or names
+    runs: tuple[Path | str, ...] = ()
+    dataset: Path  # folder of a split dataset with pairs
+    split: Literal["train", "val", "test"] = "test"  # split to measure on
+    # files of predictions of other programs, or folders of such files
+    predictions: tuple[Path, ...] = ()
+    fold: int | None = Field(default=None, ge=0)  # fold to measure if there is no run; None for all
+    # masks of a dataset without a split, all buildings of which are measured
+    fresh: PairsRecipe = PairsRecipe()
+    # folder for the expectations of the runs, written as predictions
+    write_predictions: Path | None = None
+    # folder of the results. None means `evaluation` in the folder of the first run; if that run is
+    # no folder, `evaluation` here; without runs, `STEM-evaluation` beside the first predictions.
+    out: Path | None = None
+    html: Path | None = None  # file for one page with all results; None for none
+    # number of bootstrap resamples of the buildings; 0 gives no intervals
+    resamples: int = Field(default=200, ge=0)
+    seed: int = Field(default=0, ge=0)  # of the bootstrap
+    force: bool = False  # replace existing results
+
+    @model_validator(mode="after")
+    def _has_something_to_measure(self) -> EvaluationRequest:
+        if not self.runs and not self.predictions:
+            raise ValueError("name a run or predictions")
+        return self
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the results."""
+        if self.out is None and not self.runs:
+            first = self.predictions[0]
+            return first.with_name(f"{first.stem}-evaluation")
+        run = self.runs[0] if self.runs else Path()
+        inside = isinstance(run, Path) and not run.is_file()
+        return self.out or (Path(run) / "evaluation" if inside else Path("evaluation"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +104,10 @@ class Comparison:
     """Runs and baselines measured on the same truth."""
 
     runs: tuple[str, ...]  # names of the runs and predictions, in the order given
-    split: str  # that they were measured on
     # model → its metrics, on every resample of the buildings; the baselines are last
     bootstraps: dict[str, Bootstrap]
     shown: dict[str, ShownNodes]  # run → the nodes in its figures
-    survey: Survey  # of the buildings that they were measured on
+    buildings: tuple[str, ...]  # that they were measured on, the smallest first
     classes: pd.DataFrame  # one row per model, node set and class
     class_names: tuple[str, ...]  # `[C]`
     # what was measured on: dataset, class map, buildings, draws, empty nodes; and which runs, with
@@ -80,9 +116,14 @@ class Comparison:
     notes: tuple[str, ...]  # warnings that a reader of the values needs
 
     @property
+    def example(self) -> str:
+        """The building of median size, for the figures."""
+        return self.buildings[len(self.buildings) // 2]
+
+    @property
     def has_verdicts(self) -> bool:
         """Whether there are enough buildings to say which model is better."""
-        return len(self.survey.scene_ids) >= LEAST_BUILDINGS
+        return len(self.buildings) >= LEAST_BUILDINGS
 
     @cached_property
     def estimates(self) -> dict[str, dict[str, Estimate]]:
@@ -98,43 +139,28 @@ class _Loaded(NamedTuple):
     checkpoint: Checkpoint
 
 
-_Predict = Callable[[MaskedBuildings], Expectation]
-_Opened = tuple[_Predict, tuple[str, ...]]  # and the categories outside the classes that it reads
-_Opener = Callable[[int | None], _Opened]  # of a fold
+_Opener = Callable[[int | None], BeliefModel | Expect]  # returns what predicts a fold
 _Writer = Callable[[str, int | None], PredictionWriter]  # of a run's predictions for a fold
 
 
 def compare_runs(
-    runs: Sequence[AnyPath],
-    dataset: AnyPath,
+    request: EvaluationRequest,
     *,
-    split: str,
-    predictions: Sequence[AnyPath] = (),
-    fresh: PairsRecipe | None = None,
-    fold: int | None = None,
-    resamples: int = 200,
-    seed: int = 0,
     write: _Writer | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
     """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
 
-    A dataset without a split is measured whole, under `fresh` masks, and only beside the baselines
-    that learn nothing: models that were trained on other buildings are tested on all.
+    A dataset without a split is measured whole, under the `fresh` masks of the request, and only
+    beside the baselines that learn nothing: models that were trained on other buildings are tested
+    on all.
 
     A run is named after its model; several runs of one model also get their folders' names. Without
     runs, a dataset in folds is measured fold by fold, and the values are averaged. Buildings are
     read, predicted and measured in batches.
 
     Args:
-        runs: trained models, as `find_model` takes them.
-        dataset: folder of a split dataset with pairs.
-        split: `train`, `val` or `test`.
-        predictions: files of predictions, or folders of such files.
-        fresh: masks of a dataset without a split; None: ten of the default recipe.
-        fold: fold to measure if there is no run; None for all.
-        resamples: number of bootstrap resamples of the buildings.
-        seed: of the bootstrap.
+        request: what to compare, on which buildings; no file that it names is written.
         write: called with a run's name and a fold; returns a writer of its predictions.
         progress: called with (masked buildings done, in all), over all models.
 
@@ -144,58 +170,48 @@ def compare_runs(
         DatasetError: if the split has no pairs.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    data = Dataset.open(Path(dataset))
-    loaded = _load_runs(runs, data)
-    fold = _one_fold(loaded, fold) if loaded else fold
-    part = cast(Split, split)
+    data, split = Dataset.open(request.dataset), request.split
+    loaded = _load_runs(request.runs, data)
+    fold = _one_fold(loaded, request.fold) if loaded else request.fold
     folds: Folds = (fold,) if loaded else folds_of(data, fold)
-    fresh = None if data.splits else fresh or PairsRecipe()
-    if fresh is not None and predictions:
+    fresh = None if data.splits else request.fresh
+    if fresh is not None and request.predictions:
         message = f"{data.path}: predictions are for stored pairs; run `bsg-data split` and `pairs`"
         raise DatasetError(message, code="pairs-missing", where=data.path)
-    split = split if fresh is None else WHOLE
-    surveys = [survey_split(data, part, fold=one, fresh=fresh) for one in folds]
-    survey = join_surveys(surveys)
-    openers: dict[str, _Opener] = {run.name: partial(_open_run, run) for run in loaded}
+    surveys = {one: survey_split(data, split, fold=one, fresh=fresh) for one in folds}
+    openers: dict[str, _Opener] = {run.name: partial(_restore, run) for run in loaded}
     entries = {}
-    for path in predictions:
-        entry = read_entry(Path(path), data, split=part, folds=folds)
-        name = _first_free(entry.name, {*openers, *BASELINES})
-        entries[name] = entry.facts
-        openers[name] = partial(_open_entry, entry.aligned.expect)
+    for path in request.predictions:
+        stem, expect, facts = read_entry(path, data, split=split, folds=folds)
+        name = _first_free(stem, {*openers, *BASELINES})
+        entries[name], openers[name] = facts, partial(_any_fold, expect)
     chosen = tuple(openers)
     trains = fold is not None or len(folds) > 1 or "train" in data.splits
     baselines = BASELINES if trains else UNTRAINED
     openers |= {name: partial(_fit_baseline, name, data) for name in baselines}
-    total = len(openers) * survey.masked
-    measuring = _Measuring(data, part, folds, surveys, total, progress, fresh)
+    measuring = _Measuring(request, data, surveys, len(openers), progress, fresh)
     bootstraps = {
-        name: measure(
-            measuring.predict(name, opener, write if name in chosen[: len(loaded)] else None),
-            resamples=resamples,
-            seed=seed,
-        )
+        name: measuring.measure(name, opener, write if name in chosen[: len(loaded)] else None)
         for name, opener in openers.items()
     }
     classes = data.manifest.class_space.classes
+    rows = (row for name, one in measuring.classes.items() for row in one.rows(name, classes))
     return Comparison(
         runs=chosen,
-        split=split,
         bootstraps=bootstraps,
         shown={name: measuring.shown[name].finish() for name in chosen},
-        survey=survey,
-        classes=pd.DataFrame(
-            [row for name, one in measuring.classes.items() for row in one.rows(name, classes)]
-        ),
+        buildings=measuring.buildings,
+        classes=pd.DataFrame(rows),
         class_names=classes,
-        facts=_facts(data, survey, fresh=fresh, fold=fold, resamples=resamples, seed=seed)
-        | {
-            "masks_sha256": None if fresh else hash_measured(data, part, folds),
+        facts={
+            "split": split if fresh is None else WHOLE,
+            **_facts(measuring, fold=fold),
+            "masks_sha256": hash_measured(data, split, folds) if fresh is None else None,
             "runs": {run.name: _describe(run) for run in loaded},
             "checkpoints_sha256": [hash_file(run.found.path) for run in loaded],
             "predictions": entries,
         },
-        notes=tuple(_notes(loaded, data, survey, split)),
+        notes=tuple(_notes(loaded, measuring)),
     )
 
 
@@ -203,34 +219,51 @@ def compare_runs(
 class _Measuring:
     """The stored pairs that all models are measured on, and what is seen of them on the way."""
 
+    request: EvaluationRequest
     data: Dataset
-    split: Split
-    folds: Folds
-    surveys: Sequence[Survey]  # of the folds
-    total: int  # masked buildings, over all models
+    surveys: Mapping[int | None, pd.DataFrame]  # fold → its masked buildings
+    models: int
     progress: Callable[[int, int], None] | None
     fresh: PairsRecipe | None  # masks of a dataset without a split
     done: int = 0  # masked buildings
     classes: dict[str, ClassErrors] = field(default_factory=dict)  # by model
     shown: dict[str, ShownCollector] = field(default_factory=dict)
 
-    def predict(self, name: str, opener: _Opener, write: _Writer | None) -> list[Fold]:
-        """Return the folds of a model, each of which is predicted batch by batch."""
-        survey = join_surveys(self.surveys)
+    @cached_property
+    def survey(self) -> pd.DataFrame:
+        """The masked buildings of all folds."""
+        return pd.concat(self.surveys.values())
+
+    @cached_property
+    def buildings(self) -> tuple[str, ...]:
+        """The buildings, the smallest first."""
+        sizes = self.survey.groupby("scene_id", sort=False).objects.last()
+        return tuple(sizes.sort_values(kind="stable").index)
+
+    @property
+    def stride(self) -> int:
+        """Number k such that every k-th masked building is shown."""
+        return max(1, -(-int((self.survey.rooms + 1).sum()) // _MOST_SHOWN))
+
+    def measure(self, name: str, opener: _Opener, write: _Writer | None) -> Bootstrap:
+        """Return the metrics of a model, which is predicted batch by batch."""
         self.classes[name] = ClassErrors()
-        self.shown[name] = ShownCollector(survey.stride, survey.example)
-        return [
-            Fold(survey.scene_ids, self._predict(name, opener, fold, write))
-            for survey, fold in zip(self.surveys, self.folds, strict=True)
+        self.shown[name] = ShownCollector(self.stride, self.buildings[len(self.buildings) // 2])
+        folds = [
+            Fold(tuple(survey.scene_id.unique()), self._predict(name, opener, fold, write))
+            for fold, survey in self.surveys.items()
         ]
+        return measure(folds, resamples=self.request.resamples, seed=self.request.seed)
 
     def _predict(
         self, name: str, opener: _Opener, fold: int | None, write: _Writer | None
     ) -> Iterator[tuple[Truth, Expectation]]:
-        expect, vocabulary = opener(fold)
+        opened = opener(fold)
+        vocabulary = opened.vocabulary if isinstance(opened, BeliefModel) else ()
+        expect = partial(predict_all, opened) if isinstance(opened, BeliefModel) else opened
         writer = write(name, fold) if write else None
         for masked in stream_batches(
-            self.data, self.split, fold=fold, vocabulary=vocabulary, fresh=self.fresh
+            self.data, self.request.split, fold=fold, vocabulary=vocabulary, fresh=self.fresh
         ):
             truth, found = read_truth(masked), expect(masked)
             yield truth, found
@@ -241,7 +274,7 @@ class _Measuring:
                 writer.add(found, masked)
             self.done += len(masked)
             if self.progress is not None:
-                self.progress(self.done, self.total)
+                self.progress(self.done, self.models * len(self.survey))
 
 
 def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Loaded]:
@@ -280,20 +313,18 @@ def _first_free(name: str, taken: Collection[str]) -> str:
     return free
 
 
-def _open_run(run: _Loaded, fold: int | None) -> _Opened:
-    model = restore_model(run.found.path, run.checkpoint)
-    return partial(predict_all, model), model.vocabulary
+def _restore(run: _Loaded, fold: int | None) -> BeliefModel:
+    return restore_model(run.found.path, run.checkpoint)
 
 
-def _open_entry(expect: _Predict, fold: int | None) -> _Opened:
-    return expect, ()
+def _any_fold(expect: Expect, fold: int | None) -> Expect:
+    return expect
 
 
-def _fit_baseline(name: str, data: Dataset, fold: int | None) -> _Opened:
+def _fit_baseline(name: str, data: Dataset, fold: int | None) -> BeliefModel:
     model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
-    if name not in UNTRAINED:
-        model.fit(data, DataConfig(fold=fold))
-    return partial(predict_all, model), model.vocabulary
+    model.fit(data, DataConfig(fold=fold))
+    return model
 
 
 def _describe(run: _Loaded) -> dict[str, Any]:
@@ -318,16 +349,9 @@ def _one_fold(loaded: Sequence[_Loaded], asked: int | None) -> int | None:
     return folds.pop()
 
 
-def _facts(
-    data: Dataset,
-    survey: Survey,
-    *,
-    fresh: PairsRecipe | None,
-    fold: int | None,
-    resamples: int,
-    seed: int,
-) -> dict[str, Any]:
-    pairs = fresh or data.manifest.pairs
+def _facts(measuring: _Measuring, *, fold: int | None) -> dict[str, Any]:
+    data, survey, request = measuring.data, measuring.survey, measuring.request
+    pairs = measuring.fresh or data.manifest.pairs
     if pairs is None:
         raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
     return {
@@ -336,20 +360,21 @@ def _facts(
         "dataset_sha256": data.sha256,
         "class_space": data.manifest.class_space.name,
         "mask": pairs.mask.model_dump(mode="json"),
-        "buildings": len(survey.scene_ids),
+        "buildings": survey.scene_id.nunique(),
         "draws": pairs.draws,
-        "nodes": {name: survey.counts[name] for name in ("rooms", "building")},
-        **{name: survey.counts[name] for name in ("empty_inputs", "empty_targets")},
-        "resamples": resamples,
-        "seed": seed,
+        "nodes": {"rooms": int(survey.rooms.sum()), "building": len(survey)},
+        **{name: int(survey[name].sum()) for name in ("empty_inputs", "empty_targets")},
+        "resamples": request.resamples,
+        "seed": request.seed,
     }
 
 
-def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str) -> Iterator[str]:
+def _notes(loaded: Sequence[_Loaded], measuring: _Measuring) -> Iterator[str]:
+    split, whole = measuring.request.split, measuring.fresh is not None
     for run in loaded:
         header = run.checkpoint.header
-        if header.dataset_sha256 != data.sha256:
-            where = "these buildings" if split == WHOLE else f"buildings of this {split} split"
+        if header.dataset_sha256 != measuring.data.sha256:
+            where = "these buildings" if whole else f"buildings of this {split} split"
             yield (
                 f"note: {run.name} was trained on another dataset or another version of this one; "
                 f"{where} may have been in its training set"
@@ -361,51 +386,14 @@ def _notes(loaded: Sequence[_Loaded], data: Dataset, survey: Survey, split: str)
             yield f"note: {run.name} stopped before its calibration; --resume finishes it"
         if last < epochs:
             yield f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on"
-    if (buildings := len(survey.scene_ids)) < LEAST_BUILDINGS:
+    if (buildings := len(measuring.buildings)) < LEAST_BUILDINGS:
         yield (
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "
             f"and verdicts need at least {LEAST_BUILDINGS} of them"
         )
-    if survey.stride > 1:
-        yield f"note: the figures show one in {survey.stride} masked buildings"
-    if split == WHOLE:
+    if measuring.stride > 1:
+        yield f"note: the figures show one in {measuring.stride} masked buildings"
+    if whole:
         yield "note: the dataset has no split: all of its buildings are measured, under new masks"
-    if split == "train":
+    elif split == "train":
         yield "note: the models were trained on these buildings"
-
-
-def encode_comparison(comparison: Comparison) -> dict[str, Any]:
-    """Return a comparison as JSON: metric → model → value, interval, nodes; unknown is null."""
-    metrics: dict[str, dict[str, Any]] = {}
-    for model, estimates in comparison.estimates.items():
-        for name, e in estimates.items():
-            values = {"value": e.value, "low": e.low, "high": e.high}
-            known = {end: None if np.isnan(number) else number for end, number in values.items()}
-            metrics.setdefault(name, {})[model] = {**known, "nodes": e.nodes}
-    notes = list(comparison.notes)
-    return {"split": comparison.split, **comparison.facts, "notes": notes, "metrics": metrics}
-
-
-def headline_rows(comparison: Comparison) -> list[list[str]]:
-    """Return one row per headline metric: its label, and the value of every model."""
-    names = list_headlines(comparison.bootstraps)
-    return [[head_value(name), *_cells(comparison, name)] for name in names]
-
-
-def metric_rows(comparison: Comparison) -> list[list[str]]:
-    """Return one row per metric: its name, its number of nodes, and the value of every model."""
-    first = next(iter(comparison.estimates.values()))
-    return [[name, str(e.nodes), *_cells(comparison, name)] for name, e in first.items()]
-
-
-def _cells(comparison: Comparison, name: str) -> Iterator[str]:
-    return (_cell(estimates[name]) for estimates in comparison.estimates.values())
-
-
-def _cell(estimate: Estimate) -> str:
-    """Return a value ± half the width of its 95 % interval."""
-    if np.isnan(estimate.value):
-        return "-"
-    value = f"{estimate.value:.3g}"
-    half = (estimate.high - estimate.low) / 2
-    return value if np.isnan(half) else f"{value} ±{half:.1g}"

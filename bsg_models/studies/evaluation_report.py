@@ -8,78 +8,32 @@ OUT/SHA256SUMS          the seal of all files, written last: its presence means 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
-from bsg_data.recipes import PairsRecipe, Record
 from bsg_data.results import refuse_datasets, refuse_file, write_results
 from bsg_models.belief.belief_graph import believe
+from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.prediction_files import PredictionWriter
-from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all
+from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all, list_headlines
 from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
-from bsg_models.studies.comparison import (
-    Comparison,
-    compare_runs,
-    encode_comparison,
-    headline_rows,
-    metric_rows,
-)
+from bsg_models.studies.comparison import Comparison, EvaluationRequest, compare_runs
 from bsg_models.studies.stored_pairs import open_entry
 
 REPORT, CLASSES = "evaluation.json", "classes.csv"
-
-
-class EvaluationRequest(Record):
-    """What to compare, and which files to write."""
-
-    # trained models, as `find_model` takes them: paths of runs, or names
-    runs: tuple[Path | str, ...] = ()
-    dataset: Path  # folder of a split dataset with pairs
-    split: Literal["train", "val", "test"] = "test"  # split to measure on
-    # files of predictions of other programs, or folders of such files
-    predictions: tuple[Path, ...] = ()
-    fold: int | None = Field(default=None, ge=0)  # fold to measure if there is no run; None for all
-    # masks of a dataset without a split, all buildings of which are measured
-    fresh: PairsRecipe = PairsRecipe()
-    # folder for the expectations of the runs, written as predictions
-    write_predictions: Path | None = None
-    # folder of the results. None means `evaluation` in the folder of the first run; if that run is
-    # no folder, `evaluation` here; without runs, `STEM-evaluation` beside the first predictions.
-    out: Path | None = None
-    html: Path | None = None  # file for one page with all results; None for none
-    # number of bootstrap resamples of the buildings; 0 gives no intervals
-    resamples: int = Field(default=200, ge=0)
-    seed: int = Field(default=0, ge=0)  # of the bootstrap
-    force: bool = False  # replace existing results
-
-    @model_validator(mode="after")
-    def _has_something_to_measure(self) -> EvaluationRequest:
-        if not self.runs and not self.predictions:
-            raise ValueError("name a run or predictions")
-        return self
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the results."""
-        if self.out is None and not self.runs:
-            first = self.predictions[0]
-            return first.with_name(f"{first.stem}-evaluation")
-        run = self.runs[0] if self.runs else Path()
-        inside = isinstance(run, Path) and not run.is_file()
-        return self.out or (Path(run) / "evaluation" if inside else Path("evaluation"))
 
 
 class EvaluationReport(NamedTuple):
@@ -118,14 +72,7 @@ def report_evaluation(
     with write_results(folder, report=REPORT, force=request.force) as staged:
         with ExitStack() as open_files:
             comparison = compare_runs(
-                request.runs,
-                request.dataset,
-                split=request.split,
-                predictions=request.predictions,
-                fresh=request.fresh,
-                fold=request.fold,
-                resamples=request.resamples,
-                seed=request.seed,
+                request,
                 write=_begin_entries(request, into, staged, open_files) if into else None,
                 progress=progress,
             )
@@ -139,7 +86,7 @@ def report_evaluation(
                 name=name,
                 shown=comparison.shown[name],
                 classes=comparison.class_names,
-                building=comparison.survey.example,
+                building=comparison.example,
                 notes=notes,
             ).items()
         }
@@ -177,13 +124,13 @@ def _write_page(
     explorer = None
     if request.runs:
         best = request.runs[int(np.argmin(likelihood))]
-        explorer = explorer_page(_look_into(comparison, best, request.dataset, request.fresh))
+        explorer = explorer_page(_look_into(comparison, best, request))
     write_report(
         path,
         title=f"Evaluation: {', '.join(comparison.runs)}",
         facts=[
-            f"Measured on {len(comparison.survey.scene_ids)} buildings of {request.dataset.name} "
-            f"({comparison.split}), compared with the baselines. "
+            f"Measured on {len(comparison.buildings)} buildings of {request.dataset.name} "
+            f"({comparison.facts['split']}), compared with the baselines. "
             "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
             *comparison.notes,
         ],
@@ -201,17 +148,48 @@ def _write_page(
     )
 
 
-def _look_into(
-    comparison: Comparison, run: Path | str, data: Path, fresh: PairsRecipe
-) -> list[View]:
+def _look_into(comparison: Comparison, run: Path | str, request: EvaluationRequest) -> list[View]:
     """Return a run's beliefs about the median, the smallest and the largest building."""
-    manifest, predictor = read_manifest(data), Predictor(run)
-    by_size = comparison.survey.by_size
-    wanted = [comparison.survey.example, by_size[0], by_size[-1]]
-    recipe = (manifest.pairs or fresh).mask
+    predictor = Predictor(run)
+    wanted = [comparison.example, comparison.buildings[0], comparison.buildings[-1]]
+    recipe = (read_manifest(request.dataset).pairs or request.fresh).mask
     views = {}
-    for seen, truth in mask_dataset(data, wanted, recipe):
+    for seen, truth in mask_dataset(request.dataset, wanted, recipe):
         expectation = predictor(seen, withheld=list_withheld(recipe, seen))
         belief = believe(seen, expectation, model=predictor.name)
         views[seen.scene_id] = View(belief, truth)
     return [views[scene] for scene in dict.fromkeys(wanted)]
+
+
+def encode_comparison(comparison: Comparison) -> dict[str, Any]:
+    """Return a comparison as JSON: metric → model → value, interval, nodes; unknown is null."""
+    metrics: dict[str, dict[str, Any]] = {}
+    for model, estimates in comparison.estimates.items():
+        for name, estimate in estimates.items():
+            metrics.setdefault(name, {})[model] = estimate.encode()
+    return {**comparison.facts, "notes": list(comparison.notes), "metrics": metrics}
+
+
+def headline_rows(comparison: Comparison) -> list[list[str]]:
+    """Return one row per headline metric: its label, and the value of every model."""
+    names = list_headlines(comparison.bootstraps)
+    return [[head_value(name), *_cells(comparison, name)] for name in names]
+
+
+def metric_rows(comparison: Comparison) -> list[list[str]]:
+    """Return one row per metric: its name, its number of nodes, and the value of every model."""
+    first = next(iter(comparison.estimates.values()))
+    return [[name, str(e.nodes), *_cells(comparison, name)] for name, e in first.items()]
+
+
+def _cells(comparison: Comparison, name: str) -> Iterator[str]:
+    return (_cell(estimates[name]) for estimates in comparison.estimates.values())
+
+
+def _cell(estimate: Estimate) -> str:
+    """Return a value ± half the width of its 95 % interval."""
+    if np.isnan(estimate.value):
+        return "-"
+    value = f"{estimate.value:.3g}"
+    half = (estimate.high - estimate.low) / 2
+    return value if np.isnan(half) else f"{value} ±{half:.1g}"

@@ -254,13 +254,7 @@ def _cell(estimate: Estimate | None) -> str:
 
 
 def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
-    if estimate is None or np.isnan(estimate.value):
-        return None
-    ends = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
-    return {
-        **{end: value if np.isfinite(value) else None for end, value in ends.items()},
-        "nodes": estimate.nodes,
-    }
+    return None if estimate is None or np.isnan(estimate.value) else estimate.encode()
 
 
 def _plot(results: _Results, path: Path, mask: str) -> None:

@@ -8,14 +8,13 @@ PREDICTIONS/MODEL/fold-K.parquet    of a model trained without fold K; the folde
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import resolve_links, stem_of
@@ -23,15 +22,16 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.mask_hash import ALL, hash_splits
 from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stream_sampled
 from bsg_data.recipes import PairsRecipe
+from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import read_truth
 from bsg_models.evaluation.prediction_files import PredictionWriter, read_predictions
-from bsg_models.evaluation.predictions import AlignedPredictions, align
+from bsg_models.evaluation.predictions import align
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
 from bsg_models.inputs.graphs import stream_split
 
 Folds = tuple[int | None, ...]  # (None,) without folds
-_MOST_SHOWN = 20_000  # nodes in figures: more cannot be told apart, and would fill memory
+Expect = Callable[[MaskedBuildings], Expectation]
 
 
 def folds_of(data: Dataset, fold: int | None) -> Folds:
@@ -68,76 +68,39 @@ def stream_batches(
         yield from masked.batches(BATCH)
 
 
-@dataclass(frozen=True, eq=False)
-class Survey:
-    """The masked buildings of a split, or of one fold."""
-
-    scene_ids: tuple[str, ...]  # `[B]` of the buildings, in their order
-    sizes: Floats  # `[B]` number of classified objects of each
-    masked: int  # number of masked buildings; every draw counts
-    # `rooms`, `building`; `empty_inputs`, `empty_targets`: all-zero nodes, of degenerate distances
-    counts: dict[str, int]
-
-    @property
-    def by_size(self) -> list[str]:
-        """The buildings by size, the smallest first."""
-        return [self.scene_ids[number] for number in np.argsort(self.sizes, kind="stable")]
-
-    @property
-    def example(self) -> str:
-        """The building of median size, for the figures."""
-        return self.by_size[len(self.scene_ids) // 2]
-
-    @property
-    def stride(self) -> int:
-        """Number k such that every k-th masked building is shown."""
-        return max(1, -(-(self.counts["rooms"] + self.counts["building"]) // _MOST_SHOWN))
-
-
 def survey_split(
     data: Dataset, split: Split, *, fold: int | None, fresh: PairsRecipe | None = None
-) -> Survey:
-    """Read the masked buildings of `stream_batches` once, and count what is in them."""
-    sizes: dict[str, float] = {}
-    counts = dict.fromkeys(("rooms", "building", "empty_inputs", "empty_targets"), 0)
-    number = 0
+) -> pd.DataFrame:
+    """Read what `stream_batches` yields once; return one row per masked building.
+
+    The columns are `scene_id`, `objects` (classified), `rooms`, and `empty_inputs` and
+    `empty_targets`: all-zero nodes, of degenerate distances.
+    """
+    frames = []
     for masked in stream_batches(data, split, fold=fold, fresh=fresh):
-        truth = read_truth(masked)
-        number += len(masked)
-        counts["rooms"] += int((~truth.is_building).sum())
-        counts["building"] += int(truth.is_building.sum())
-        counts["empty_inputs"] += int((~truth.inputs.any(axis=1)).sum())
-        counts["empty_targets"] += int((~truth.targets.any(axis=1)).sum())
-        totals = truth.targets[masked.seen.starts[:-1]].sum(axis=1)
-        sizes |= dict(zip(masked.seen.scene_ids, totals.tolist(), strict=True))
-    if not sizes:  # buildings with too many objects have no pairs
+        truth, starts = read_truth(masked), masked.seen.starts
+        columns = {
+            "scene_id": masked.seen.scene_ids,
+            "objects": truth.targets[starts[:-1]].sum(axis=1),
+            "rooms": np.diff(starts) - 1,
+        }
+        for name, counts in (("empty_inputs", truth.inputs), ("empty_targets", truth.targets)):
+            columns[name] = np.add.reduceat((~counts.any(axis=1)).astype(int), starts[:-1])
+        frames.append(pd.DataFrame(columns))
+    if not frames:  # buildings with too many objects have no pairs
         raise DatasetError(f"{data.path}: no building of the split {split!r} has pairs")
-    return Survey(tuple(sizes), np.array(list(sizes.values())), number, counts)
+    return pd.concat(frames, ignore_index=True)
 
 
-def join_surveys(parts: Sequence[Survey]) -> Survey:
-    """Return the surveys of several folds, of different buildings, as one."""
-    return Survey(
-        tuple(scene for part in parts for scene in part.scene_ids),
-        np.concatenate([part.sizes for part in parts]),
-        sum(part.masked for part in parts),
-        {name: sum(part.counts[name] for part in parts) for name in parts[0].counts},
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Entry:
-    """A file of predictions or a folder of them, aligned with the measured nodes."""
-
-    name: str  # stem of the file, or name of the folder
-    aligned: AlignedPredictions  # predictions of all measured nodes
-    facts: dict[str, Any]  # where the entry comes from
-
-
-def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entry:
-    """Read an entry and align it with the nodes that are measured.
+def read_entry(
+    path: Path, data: Dataset, *, split: Split, folds: Folds
+) -> tuple[str, Expect, dict[str, Any]]:
+    """Read a file of predictions, or a folder of them, for the nodes that are measured.
 
     If only one of several folds is measured, rows of other folds are skipped.
+
+    Returns:
+        Name of the entry, what it predicts of measured buildings, and where it comes from.
     """
     classes = data.manifest.class_space.classes
     nodes = sum(entry.rows for entry in data.manifest.files_of("pairs"))
@@ -145,23 +108,21 @@ def read_entry(path: Path, data: Dataset, *, split: Split, folds: Folds) -> Entr
     ours = {hash_measured(data, split, folds), *hash_splits(data).values()}
     if strange := sorted(predictions.masks - ours):
         raise PredictionError(
-            f"{predictions.path}: was made for other masks ({strange[0][:12]}…) than those of "
-            f"{data.path}; `bsg-data info` lists the masks of a dataset"
+            f"{path}: was made for other masks ({strange[0][:12]}…) than those of {data.path}; "
+            "`bsg-data info` lists the masks of a dataset"
         )
     masked = (some for fold in folds for some in stream_batches(data, split, fold=fold))
-    elsewhere: frozenset[str] = frozenset()
+    elsewhere: set[str] = set()
     if folds != (None,):
         measured = {scene for fold in folds for scene in scenes_of(data, split, fold=fold)}
-        elsewhere = frozenset(s for some in data.splits.values() for s in some) - measured
-    return Entry(
-        path.stem if path.is_file() else resolve_links(path).name,
-        align(predictions, masked, classes, elsewhere=elsewhere),
-        facts={
-            "files": {file.name: hash_file(file) for file in predictions.files},
-            "rows": len(predictions.rows),
-            "exactly": len(predictions.exactly),
-        },
-    )
+        elsewhere = {s for some in data.splits.values() for s in some} - measured
+    facts = {
+        "files": {file.name: hash_file(file) for file in predictions.files},
+        "rows": len(predictions.rows),
+        "exactly": len(predictions.exactly),
+    }
+    name = path.stem if path.is_file() else resolve_links(path).name
+    return name, align(predictions, masked, classes, elsewhere=elsewhere).expect, facts
 
 
 def open_entry(

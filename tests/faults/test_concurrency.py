@@ -30,7 +30,8 @@ from bsg_data.extend import HM3DFolder, count_frequencies
 from bsg_data.files import hold
 from bsg_data.recipes import MaskRecipe
 from bsg_models.studies.belief_report import BeliefRequest, MaskedScenes, report_beliefs
-from bsg_models.studies.evaluation_report import EvaluationRequest, report_evaluation
+from bsg_models.studies.comparison import EvaluationRequest
+from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.sealed_results import check_results
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config

@@ -23,7 +23,7 @@ from bsg_data.sources.table import ObjectTable
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.evaluation.measurement import Fold, measure, read_truth
-from bsg_models.studies.comparison import WHOLE, compare_runs
+from bsg_models.studies.comparison import WHOLE, EvaluationRequest, compare_runs
 from bsg_models.zoo.catalogue import UNTRAINED
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
@@ -129,7 +129,11 @@ def test_a_class_is_trained_where_it_can_be_named(merged: Path) -> None:
 
 
 def test_a_dataset_without_a_split_is_measured_whole(merged: Path) -> None:
-    found = compare_runs(["mixture"], merged, split="test", fresh=PairsRecipe(draws=2), resamples=2)
-    assert (found.split, len(found.survey.scene_ids), found.survey.masked) == (WHOLE, 6, 12)
+    asked = EvaluationRequest(
+        runs=("mixture",), dataset=merged, fresh=PairsRecipe(draws=2), resamples=2
+    )
+    found = compare_runs(asked)
+    assert (found.facts["split"], len(found.buildings)) == (WHOLE, 6)
+    assert found.facts["nodes"]["building"] == 12
     assert list(found.bootstraps) == ["mixture", *UNTRAINED]
     assert any("no split" in note for note in found.notes)
