@@ -59,7 +59,6 @@ from .studies.evaluation_report import (
     metric_rows,
     report_evaluation,
 )
-from .studies.kept_searches import KeepRequest
 from .studies.leaderboard import (
     Leaderboard,
     LeaderboardRecipe,
@@ -75,9 +74,8 @@ from .studies.leaderboard_report import (
 from .studies.run_summary import RunSummary, plot_run, summarise_run
 from .studies.savings import Saving, WorldResult
 from .studies.sealed_results import check_results
-from .studies.search_cases import StudyRecipe
 from .studies.search_report import SearchReport, report_search
-from .studies.search_request import SearchRequest, choose_default_run
+from .studies.search_request import SearchRequest, StudyRecipe, choose_default_run
 from .studies.search_study import Study, study_search
 from .training.learning_curve import EpochReport
 from .training.ranks import leads_training
@@ -120,7 +118,6 @@ __all__ = [
     "FoundModel",
     "HubModel",
     "HydraError",
-    "KeepRequest",
     "Knowledge",
     "Leaderboard",
     "LeaderboardRecipe",

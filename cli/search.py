@@ -148,21 +148,26 @@ def main(
       bsg-search --data dataset
       bsg-search --model run --data dataset --worlds star:1-10 --artifacts stove,bed --trace
     """
-    given = {"planners": planners, "worlds": worlds, "artifacts": artifacts}
-    lists = {name: split_names(text, option=f"--{name}") for name, text in given.items()}
-    require_known("planner", lists["planners"] or (), PLANNERS)
-    kinds = [world.partition(":")[0] for world in lists["worlds"] or ()]
-    require_known("world", kinds, WORLDS)
+    chosen = split_names(planners, option="--planners")
+    graphs = split_names(worlds, option="--worlds")
+    require_known("planner", chosen or (), PLANNERS)
+    require_known("world", [world.partition(":")[0] for world in graphs or ()], WORLDS)
     runs = tuple(map(bsg_models.locate_run, model))
     if no_model and runs:
         raise click.UsageError("--no-model excludes --model; give one of them")
     if not runs and not no_model:
         runs, note = bsg_models.choose_default_run(
-            options["dataset"], planners=lists["planners"], split=options["split"]
+            options["dataset"], planners=chosen, split=options["split"]
         )
         print_note(note)
-    request = bsg_models.SearchRequest.model_validate(
-        {**options, **lists, "runs": runs, "stops": _read_stops(stops)}
+    request = bsg_models.SearchRequest.read(
+        options.pop("dataset"),
+        runs=runs,
+        planners=chosen,
+        worlds=graphs,
+        artifacts=split_names(artifacts, option="--artifacts") or (),
+        stops=_read_stops(stops),
+        **options,
     )
     pool = worker_pool(workers, reads=[request.dataset, *request.runs])
     with pool as executor, progress_bar("search", unit="building") as progress:

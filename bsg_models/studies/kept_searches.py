@@ -1,4 +1,4 @@
-"""Keep searches of a study step by step, so that they can be replayed.
+"""Keep searches of a study step by step, and prepare one for a page or an animation.
 
 A caller may name one search by its number. Without a number, the study shows a search that is worth
 watching. The rule does not favour a planner:
@@ -27,29 +27,13 @@ from bsg_models.rendering.replay import Visit
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.simulator import Episodes, Outcome, Step
-from bsg_models.studies.search_cases import BASELINE
 
 MOST_HOLDING = 0.25  # share of the rooms, without the start
 LEAST_ENTERED = 4  # rooms, without the start
 TYPICAL = 0.15
 KEPT = 16
 _TOLD = 6  # classes named per room
-
-
-@dataclass(frozen=True, slots=True)
-class KeepRequest:
-    """Which searches of a study keep their steps."""
-
-    # number of the search in its building, from 0; None for those worth watching
-    episode: int | None
-    task: Task  # when the search ends
-    planner: str  # a planner of the study's recipe; the same search by `nearest` is kept, too
-    scene_id: str | None = None  # of the building; None for all
-    world: str | None = None  # name of the world; None for all
-
-    def fits(self, scene_id: str, world: str) -> bool:
-        """Return whether searches of this building and world are asked for."""
-        return self.scene_id in (None, scene_id) and self.world in (None, world)
+Steps = dict[tuple[Task, str], list[Step]]  # of the planner and of `nearest`, in this order
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,66 +54,53 @@ class KeptSearch:
     walks: Mapping[str, tuple[Visit, ...]]  # planner → its rooms; the requested planner is first
 
 
-class StepLog:
-    """The steps of the searches of a building in a world, of which some are kept."""
-
-    def __init__(self, request: KeepRequest, planners: Mapping[str, Planner]) -> None:
-        self._request, self._planners = request, planners
-        self._steps: dict[str, list[Step]] = {name: [] for name in (request.planner, BASELINE)}
-
-    def watch(self, robot: tuple[Task, str], step: Step) -> None:
-        """Take note of a step of the simulator."""
-        task, name = robot
-        if task == self._request.task and name in self._steps:
-            self._steps[name].append(step)
-
-    def choose(
-        self,
-        data: Dataset,
-        scene_id: str,
-        world: str,
-        episodes: Episodes,
-        outcomes: Mapping[tuple[Task, str], Outcome],
-    ) -> Iterator[KeptSearch]:
-        """Yield the search of the requested number, or at most `KEPT` by rules 1 and 3."""
-        task, planner = self._request.task, self._request.planner
-        ours, base = (outcomes[task, name] for name in (planner, BASELINE))
-        entered = np.minimum(ours.entered, base.entered)
-        eventful = (episodes.chance <= MOST_HOLDING) & (entered >= LEAST_ENTERED)
-        changes = belief_changes(self._steps[planner], len(episodes.starts))
-        chosen = np.lexsort((-changes, ~eventful))[:KEPT].tolist()
-        if self._request.episode is not None:
-            chosen = [self._request.episode]
-        classes, rooms = data.manifest.class_space.classes, np.flatnonzero(episodes.rooms)
-        for episode in chosen:
-            cost, sought = base.costs[episode], episodes.artifacts[episode].tolist()
-            holds = episodes.instances[episode, rooms].any(axis=1)
-            yield KeptSearch(
-                scene_id=scene_id,
-                world=world,
-                task=task,
-                planner=planner,
-                episode=episode,
-                artifacts=tuple(classes[c] for c in sought),
-                rooms=tuple(rooms.tolist()),
-                holds=tuple(rooms[holds].tolist()),
-                eventful=bool(eventful[episode]),
-                change=float(changes[episode]),
-                saved=float(1 - ours.costs[episode] / cost) if cost else 0.0,
-                walks={
-                    name: tuple(
-                        list_visits(
-                            walk_of(steps, episode),
-                            start=int(episodes.starts[episode]),
-                            sought=sought,
-                            cells=data.cells(scene_id),
-                            classes=classes,
-                            reads=self._planners[name].reads == "belief",
-                        )
+def keep_searches(
+    steps: Steps,
+    episode: int | None,
+    *,
+    data: Dataset,
+    scene_id: str,
+    world: str,
+    episodes: Episodes,
+    outcomes: Mapping[tuple[Task, str], Outcome],
+    planners: Mapping[str, Planner],
+) -> Iterator[KeptSearch]:
+    """Yield a search of a building in a world by its number, or at most `KEPT` by rules 1 and 3."""
+    (ours, base), ((task, planner), _) = [outcomes[robot] for robot in steps], steps
+    entered = np.minimum(ours.entered, base.entered)
+    eventful = (episodes.chance <= MOST_HOLDING) & (entered >= LEAST_ENTERED)
+    changes = belief_changes(steps[task, planner], len(episodes.starts))
+    chosen = np.lexsort((-changes, ~eventful))[:KEPT].tolist()
+    classes, rooms = data.manifest.class_space.classes, np.flatnonzero(episodes.rooms)
+    for number in chosen if episode is None else [episode]:
+        cost, sought = base.costs[number], episodes.artifacts[number].tolist()
+        holds = episodes.instances[number, rooms].any(axis=1)
+        yield KeptSearch(
+            scene_id=scene_id,
+            world=world,
+            task=task,
+            planner=planner,
+            episode=number,
+            artifacts=tuple(classes[c] for c in sought),
+            rooms=tuple(rooms.tolist()),
+            holds=tuple(rooms[holds].tolist()),
+            eventful=bool(eventful[number]),
+            change=float(changes[number]),
+            saved=float(1 - ours.costs[number] / cost) if cost else 0.0,
+            walks={
+                name: tuple(
+                    list_visits(
+                        walk_of(of_robot, number),
+                        start=int(episodes.starts[number]),
+                        sought=sought,
+                        cells=data.cells(scene_id),
+                        classes=classes,
+                        reads=planners[name].reads == "belief",
                     )
-                    for name, steps in self._steps.items()
-                },
-            )
+                )
+                for (_, name), of_robot in steps.items()
+            },
+        )
 
 
 def walk_of(steps: Sequence[Step], episode: int) -> list[Step]:
@@ -225,15 +196,3 @@ def belief_changes(steps: Sequence[Step], searches: int) -> Floats:
         open_ = after.known.unexplored
         changes[after.rows] += (moved * open_).sum(axis=1) / np.maximum(open_.sum(axis=1), 1)
     return changes
-
-
-def choose_shown(kept: Sequence[KeptSearch], saved: float) -> KeptSearch:
-    """Return the search to show: eventful, then typical, then with the most change of beliefs.
-
-    `saved` is the saving of all searches together.
-    """
-
-    def rank(one: KeptSearch) -> tuple[bool, float, float]:
-        return not one.eventful, max(0.0, abs(one.saved - saved) - TYPICAL), -one.change
-
-    return min(kept, key=rank)

@@ -1,7 +1,4 @@
-"""Prepare one search, by a planner and by `nearest`, for a page or an animation.
-
-The search is not run again: the study kept its stops.
-"""
+"""Choose a kept search, and prepare it for a page or an animation; it is not run again."""
 
 from __future__ import annotations
 
@@ -9,17 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.errors import RecipeError
 from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
 from bsg_models.rendering.replay import Replay, Walk
 from bsg_models.search.room_graphs import MEASURED
-from bsg_models.studies.kept_searches import (
-    LEAST_ENTERED,
-    MOST_HOLDING,
-    TYPICAL,
-    KeptSearch,
-    choose_shown,
-)
+from bsg_models.studies.kept_searches import LEAST_ENTERED, MOST_HOLDING, TYPICAL, KeptSearch
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_study import Study
 
@@ -37,37 +27,26 @@ _EVENTFUL = (
 )
 
 
-def choose_replay(study: Study, results: Sequence[WorldResult], *, named: bool) -> KeptSearch:
-    """Return the kept search to show; one with costs in metres if there is one.
-
-    Of searches that were `named` by number, the first building's is shown.
-    """
-    if not study.kept:
-        raise RecipeError("the study kept no search; pass a KeepRequest to `study_search`")
-    world = min((one.world for one in study.kept), key=lambda name: name not in MEASURED)
-    there = [one for one in study.kept if one.world == world]
-    if named:
-        return there[0]
-    saving = _result_of(results, there[0]).savings[there[0].planner]
-    return choose_shown(there, saving.saved.value)
-
-
 def replay_search(
     dataset: Path,
     study: Study,
     results: Sequence[WorldResult],
-    kept: KeptSearch,
     *,
     model: str | None,
     named: bool,
 ) -> Replay:
     """Return a kept search stop by stop, with the means over all searches of the study.
 
-    `model` is that whose beliefs the study used; `named` says that the search was named by its
-    number instead of chosen by the rule.
+    Its costs are in metres if there is such a search. Of searches that were `named` by number, the
+    first building's is shown. `model` is that whose beliefs the study used.
     """
+    world = min((one.world for one in study.kept), key=lambda name: name not in MEASURED)
+    there = [one for one in study.kept if one.world == world]
+    result = next(one for one in results if (one.world, one.task) == (world, there[0].task))
+    typical = result.savings[there[0].planner].saved.value
+    kept = there[0] if named else choose_shown(there, typical)
     graph = next(one for one in read_scene_graphs(dataset) if one.scene_id == kept.scene_id)
-    result, walks = _result_of(results, kept), []
+    walks = []
     for planner, stops in kept.walks.items():
         saving = result.savings[planner]
         walks.append(
@@ -114,5 +93,13 @@ def replay_search(
     )
 
 
-def _result_of(results: Sequence[WorldResult], kept: KeptSearch) -> WorldResult:
-    return next(one for one in results if (one.world, one.task) == (kept.world, kept.task))
+def choose_shown(kept: Sequence[KeptSearch], saved: float) -> KeptSearch:
+    """Return the search to show: eventful, then typical, then with the most change of beliefs.
+
+    `saved` is the saving of all searches together.
+    """
+
+    def rank(one: KeptSearch) -> tuple[bool, float, float]:
+        return not one.eventful, max(0.0, abs(one.saved - saved) - TYPICAL), -one.change
+
+    return min(kept, key=rank)

@@ -7,7 +7,6 @@ buildings. Mean and median over single searches differ from it, because a few se
 
 from __future__ import annotations
 
-import io
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,7 +19,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.arrays import Floats
-from bsg_data.files import write_bytes
 from bsg_models.evaluation.bootstrap import (
     LEAST_BUILDINGS,
     Estimate,
@@ -28,7 +26,7 @@ from bsg_models.evaluation.bootstrap import (
     weigh_buildings,
 )
 from bsg_models.search.knowledge import Task
-from bsg_models.studies.search_cases import BASELINE, ROUTING
+from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
 from bsg_models.studies.search_study import STOP, SWEEP, Study
 
 _TIE = 1e-9  # relative difference below which two costs are a tie
@@ -197,19 +195,17 @@ def saving_of_buildings(searches: pd.DataFrame) -> pd.DataFrame:
 
 
 def write_searches(study: Study, path: Path) -> None:
-    """Write every search of every planner. A failed write leaves no partial file."""
+    """Write every search of every planner."""
     columns = study.searches[SEARCHES.names]
     table = pa.Table.from_pandas(columns, schema=SEARCHES, preserve_index=False)
-    buffer = io.BytesIO()
-    pq.write_table(table.replace_schema_metadata(None), buffer, compression="zstd")
-    write_bytes(path, buffer.getvalue())
+    pq.write_table(table.replace_schema_metadata(None), path, compression="zstd")
 
 
 def encode_study(
     study: Study, results: list[WorldResult], *, classes: tuple[str, ...], facts: dict[str, Any]
 ) -> dict[str, Any]:
     """Return a study as JSON: facts, recipe and results; unknown values are null."""
-    recipe = study.recipe.model_dump(mode="json")
+    recipe = study.recipe.model_dump(mode="json", include=set(StudyRecipe.model_fields))
     recipe["worlds"] = [world.name for world in study.recipe.worlds]
     chosen = study.recipe.artifacts
     recipe["artifacts"] = list(classes) if chosen is None else [classes[c] for c in chosen]

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
 import numpy as np
-from pydantic import Field, field_validator
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import RecipeError
-from bsg_data.observation.masks import MASKS
-from bsg_data.recipes import MaskRecipe, Record, Share
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
-    DEFAULT_WORLDS,
     MEASURED,
     WorldRecipe,
     measure_rooms,
@@ -23,62 +15,12 @@ from bsg_models.search.room_graphs import (
     world_generator,
 )
 from bsg_models.search.simulator import Episodes
+from bsg_models.studies.search_request import StudyRecipe
 
-BASELINE, ROUTING = "nearest", "routing"
 _NOT_MEASURED = {
     "layout": "no room layout says which of their rooms connect",
     "geometry": "no mesh says which of their rooms connect",
 }
-
-
-class StudyRecipe(Record):
-    """Everything that a study depends on besides the dataset and the models."""
-
-    worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS  # kinds of room graphs
-    tasks: tuple[Task, ...] = ("single", "all")  # `single`, `all`
-    # names of `PLANNERS`, or of installed entry points; see `all_planners`
-    planners: tuple[str, ...] = Field(default_factory=PLANNERS.names)
-    # classes that may be searched for, None for every class; a search takes those that at least one
-    # room has and another has not
-    artifacts: tuple[int, ...] | None = None
-    at_once: int = Field(default=1, ge=1)  # classes that one search looks for
-    episodes: int = Field(default=200, ge=1)  # searches of every building in every world
-    masks: int = Field(default=10, ge=1)  # of every building; the searches take turns
-    strategy: str = "uniform"  # of the masks, which say what the robot saw before its search
-    fraction: float = Field(default=0.5, gt=0, le=1)  # share of the objects that a mask hides
-    withhold: Share = 0.0  # share of the classes that a mask withholds, besides the artifacts
-    parts: bool = False  # whether hiding an object also hides its parts; the same for artifacts
-    # probabilities that anything is left at which the robot stops by itself; for task `all` with
-    # `expected-cost`
-    stops: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = ()
-    # `real`, or `posterior`: artifacts are placed by the model's first belief, so that the belief
-    # is exactly right and no planner could know better
-    truth: Literal["real", "posterior"] = "real"
-    seed: int = Field(default=0, ge=0)  # of all random draws
-
-    @field_validator("planners")
-    @classmethod
-    def _planners_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        PLANNERS.require(names)
-        return names
-
-    @field_validator("strategy")
-    @classmethod
-    def _strategy_exists(cls, strategy: str) -> str:
-        MASKS.require([strategy])
-        return strategy
-
-    @property
-    def all_planners(self) -> tuple[str, ...]:
-        """The named planners and their references: `nearest`, and `routing` for beliefs."""
-        believing = any(PLANNERS[name].reads == "belief" for name in self.planners)
-        return tuple(dict.fromkeys((BASELINE, *self.planners, *[ROUTING] * believing)))
-
-    @property
-    def mask(self) -> MaskRecipe:
-        """The recipe of the masks."""
-        same = self.model_dump(include={"strategy", "fraction", "seed", "withhold", "parts"})
-        return MaskRecipe(**same)
 
 
 def sample_episodes(

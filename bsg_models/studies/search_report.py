@@ -25,9 +25,7 @@ from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import name_run
 from bsg_models.runs.run_folder import checkpoint_of, refuse_run
-from bsg_models.search.catalogue import PLANNERS
-from bsg_models.studies.kept_searches import KeepRequest
-from bsg_models.studies.replay import choose_replay, replay_search
+from bsg_models.studies.replay import replay_search
 from bsg_models.studies.savings import (
     WorldResult,
     encode_study,
@@ -35,8 +33,7 @@ from bsg_models.studies.savings import (
     summarise,
     write_searches,
 )
-from bsg_models.studies.search_cases import BASELINE, StudyRecipe
-from bsg_models.studies.search_request import SearchRequest, choose_buildings, make_recipe
+from bsg_models.studies.search_request import BASELINE, SearchRequest, choose_buildings
 from bsg_models.studies.search_study import Study, study_search
 
 _REPORT, _TABLE, _FIGURE, _TRACE = "search.json", "searches.parquet", "savings.png", "trace.html"
@@ -81,7 +78,6 @@ def report_search(
         data = Dataset.open(request.dataset)
         classes = data.manifest.class_space.classes
         chosen, notes = choose_buildings(request, data)
-        recipe = make_recipe(request, classes)
         checkpoints = [checkpoint_of(run) for run in request.runs]
         facts: dict[str, Any] = {
             "dataset": str(request.dataset),
@@ -94,8 +90,8 @@ def report_search(
         study = study_search(
             request.dataset,
             chosen,
-            recipe,
-            keep=_choose_trace(request, recipe),
+            request,
+            trace=request.trace,
             executor=executor,
             progress=progress,
         )
@@ -105,7 +101,7 @@ def report_search(
             results,
             summary=encode_study(study, results, classes=classes, facts=facts),
             model=facts["model"],
-            sought=tuple(classes[c] for c in recipe.artifacts or range(len(classes))),
+            sought=tuple(classes[c] for c in request.artifacts or range(len(classes))),
             report=folder / _REPORT,
             written={"every search": folder / _TABLE},
             notes=(),
@@ -132,15 +128,6 @@ def _name_models(checkpoints: list[Path]) -> str | None:
     return ", ".join(names) or None
 
 
-def _choose_trace(request: SearchRequest, recipe: StudyRecipe) -> KeepRequest | None:
-    """Return the request that keeps searches by the planner that uses beliefs most."""
-    if request.trace is None:
-        return None
-    names = [name for name in recipe.planners if PLANNERS[name].reads == "belief"]
-    planner = "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
-    return KeepRequest(None if request.trace == "auto" else request.trace, recipe.tasks[0], planner)
-
-
 def _plot(report: SearchReport, path: Path) -> bool:
     """Plot what planners save; return False if there is no planner besides `nearest`."""
     shown = [name for name in report.study.recipe.all_planners if name != BASELINE]
@@ -159,14 +146,17 @@ def _plot(report: SearchReport, path: Path) -> bool:
 
 def _write_replay(request: SearchRequest, report: SearchReport, staged: Path) -> None:
     """Write a kept search as a page and, if asked, as an animation."""
-    named = request.trace != "auto"
-    kept = choose_replay(report.study, report.results, named=named)
     replay = replay_search(
-        request.dataset, report.study, report.results, kept, model=report.model, named=named
+        request.dataset,
+        report.study,
+        report.results,
+        model=report.model,
+        named=request.trace != "auto",
     )
     write_replay(replay, staged / _TRACE)
     which = (
-        f"search {kept.episode} of {kept.scene_id} in {kept.world}, {kept.task}, by {kept.planner}"
+        f"search {replay.episode} of {replay.scene_id} in {replay.world}, {replay.task}, by "
+        f"{replay.walks[0].planner}"
     )
     report.written[which] = request.folder / _TRACE
     if request.animation is not None:

@@ -1,17 +1,18 @@
-"""Say what to search: the request of a study, and the buildings, runs and recipe that it means."""
+"""Say what to search: the recipe of a study, the request of a command, its buildings and runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.files import AnyPath
-from bsg_data.recipes import Record, Share
+from bsg_data.observation.masks import MASKS
+from bsg_data.recipes import MaskRecipe, Record, Share
 from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.rendering.animation import require_suffix
@@ -20,6 +21,7 @@ from bsg_models.runs.found_model import DEFAULT_MODEL, locate_run, name_run, shi
 from bsg_models.runs.model_summary import describe_model
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     MEASURED,
@@ -27,8 +29,8 @@ from bsg_models.search.room_graphs import (
     WorldRecipe,
     parse_world,
 )
-from bsg_models.studies.search_cases import StudyRecipe
 
+BASELINE, ROUTING = "nearest", "routing"
 ROOM_SPECIFIC = (
     "stove",
     "refrigerator",
@@ -44,8 +46,58 @@ ROOM_SPECIFIC = (
 _Chosen = dict[str, Path | None]  # building → run to ask
 
 
-class SearchRequest(Record):
-    """Which buildings to search, how, and what to write."""
+class StudyRecipe(Record):
+    """Everything that a study depends on besides the dataset and the models."""
+
+    worlds: tuple[WorldRecipe, ...] = DEFAULT_WORLDS  # kinds of room graphs
+    tasks: tuple[Task, ...] = ("single", "all")  # `single`, `all`
+    # names of `PLANNERS`, or of installed entry points; see `all_planners`
+    planners: tuple[str, ...] = Field(default_factory=PLANNERS.names)
+    # classes that may be searched for, None for every class; a search takes those that at least one
+    # room has and another has not
+    artifacts: tuple[int, ...] | None = None
+    at_once: int = Field(default=1, ge=1)  # classes that one search looks for
+    episodes: int = Field(default=200, ge=1)  # searches of every building in every world
+    masks: int = Field(default=10, ge=1)  # of every building; the searches take turns
+    strategy: str = "uniform"  # of the masks, which say what the robot saw before its search
+    fraction: float = Field(default=0.5, gt=0, le=1)  # share of the objects that a mask hides
+    withhold: Share = 0.0  # share of the classes that a mask withholds, besides the artifacts
+    parts: bool = False  # whether hiding an object also hides its parts; the same for artifacts
+    # probabilities that anything is left at which the robot stops by itself; for task `all` with
+    # `expected-cost`
+    stops: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = ()
+    # `real`, or `posterior`: artifacts are placed by the model's first belief, so that the belief
+    # is exactly right and no planner could know better
+    truth: Literal["real", "posterior"] = "real"
+    seed: int = Field(default=0, ge=0)  # of all random draws
+
+    @field_validator("planners")
+    @classmethod
+    def _planners_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        PLANNERS.require(names)
+        return names
+
+    @field_validator("strategy")
+    @classmethod
+    def _strategy_exists(cls, strategy: str) -> str:
+        MASKS.require([strategy])
+        return strategy
+
+    @property
+    def all_planners(self) -> tuple[str, ...]:
+        """The named planners and their references: `nearest`, and `routing` for beliefs."""
+        believing = any(PLANNERS[name].reads == "belief" for name in self.planners)
+        return tuple(dict.fromkeys((BASELINE, *self.planners, *[ROUTING] * believing)))
+
+    @property
+    def mask(self) -> MaskRecipe:
+        """The recipe of the masks."""
+        same = self.model_dump(include={"strategy", "fraction", "seed", "withhold", "parts"})
+        return MaskRecipe(**same)
+
+
+class SearchRequest(StudyRecipe):
+    """A study of the buildings of a dataset, and what to write."""
 
     dataset: Path  # folder of a split dataset
     # trained models or checkpoints, as `locate_run` finds them; for a dataset of folds, one per
@@ -53,26 +105,9 @@ class SearchRequest(Record):
     runs: tuple[Path, ...] = ()
     split: Literal["train", "val", "test", "all"] = "test"  # `all` only without runs
     scene: str | None = None  # search this building alone
-    # names; None for all, or without runs for those that read no belief
-    planners: tuple[str, ...] | None = None
-    # as `parse_world` reads them; None for the default ones and those that the dataset knows
-    worlds: tuple[str, ...] | None = None
-    task: Literal["single", "all", "both"] = "both"
-    artifacts: tuple[str, ...] = ("every",)  # names of classes, or `every`, or `room-specific`
-    mask: str = "uniform"  # the recipe's `strategy`
-    # of the recipe
-    stops: tuple[float, ...] = ()
-    at_once: int = Field(default=1, ge=1)
-    episodes: int = Field(default=200, ge=1)
-    masks: int = Field(default=10, ge=1)
-    fraction: float = Field(default=0.5, gt=0, le=1)
-    withhold: Share = 0.0
-    parts: bool = False
-    truth: Literal["real", "posterior"] = "real"
-    seed: int = Field(default=0, ge=0)
     resamples: int = Field(default=1000, ge=0)  # of the buildings
     # number of the search of the first building to replay; `auto` chooses one by the rule of
-    # `kept_searches`
+    # `replay`
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
     animation: Path | None = None  # file for the replay, in the format of its suffix
     out: Path | None = None  # None for `search` in the first run or, without runs, here
@@ -83,6 +118,86 @@ class SearchRequest(Record):
         """Folder of the results."""
         inside = self.runs and self.runs[0].is_dir()
         return self.out or (self.runs[0] / "search" if inside else Path("search"))
+
+    @classmethod
+    def read(
+        cls,
+        dataset: Path,
+        *,
+        runs: tuple[Path, ...] = (),
+        worlds: Sequence[str] | None = None,
+        planners: Sequence[str] | None = None,
+        task: Literal["single", "all", "both"] = "both",
+        artifacts: Sequence[str] = ("every",),
+        mask: str = "uniform",
+        **options: Any,
+    ) -> SearchRequest:
+        """Return the request that the words of a command mean.
+
+        Args:
+            dataset: folder of a split dataset.
+            runs: trained models or checkpoints.
+            worlds: as `parse_world` reads them; None for the default ones and those that the
+                dataset knows.
+            planners: names; None for all, or without runs for those that read no belief.
+            task: when a search ends.
+            artifacts: names of classes, or `every`, or `room-specific`.
+            mask: the recipe's `strategy`.
+            options: other fields of the request.
+
+        Raises:
+            RecipeError: if it names something unknown, or needs a run.
+        """
+        data = Dataset.open(dataset)
+        if planners is None:
+            planners = [n for n in PLANNERS if runs or PLANNERS[n].reads != "belief"]
+        PLANNERS.require(planners)
+        request = cls(
+            dataset=dataset,
+            runs=runs,
+            worlds=_choose_worlds(worlds, data),
+            planners=tuple(planners),
+            tasks=("single", "all") if task == "both" else (task,),
+            artifacts=_choose_artifacts(artifacts, data.manifest.class_space.classes),
+            strategy=mask,
+            **options,
+        )
+        _require_what_it_needs(request)
+        return request
+
+
+def _choose_worlds(worlds: Sequence[str] | None, data: Dataset) -> tuple[WorldRecipe, ...]:
+    if worlds is not None:
+        return tuple(dict.fromkeys(map(parse_world, worlds)))
+    known = data.connection_methods
+    measured = (WorldRecipe(kind=kind) for kind in MEASURED if known & set(METHODS[kind]))
+    return (*DEFAULT_WORLDS, *measured)
+
+
+def _choose_artifacts(names: Sequence[str], classes: Sequence[str]) -> tuple[int, ...] | None:
+    if list(names) == ["every"]:
+        return None
+    wanted = ROOM_SPECIFIC if list(names) == ["room-specific"] else names
+    require_known("class", wanted, classes)
+    return tuple(sorted({classes.index(name) for name in wanted}))
+
+
+def _require_what_it_needs(request: SearchRequest) -> None:
+    if request.stops and request.tasks == ("single",):
+        raise RecipeError("--stop needs --task all or both")
+    if request.animation is not None:
+        require_suffix(request.animation)
+        if request.trace is None:
+            raise RecipeError("--animation shows a replay: add --trace")
+    needs = {
+        **{f"planner {name!r}": PLANNERS[name].reads == "belief" for name in request.planners},
+        "--trace": request.trace is not None,
+        "--stop": bool(request.stops),
+        "--truth posterior": request.truth == "posterior",
+    }
+    needing = [what for what, is_so in needs.items() if is_so]
+    if needing and not request.runs:
+        raise RecipeError(f"{needing[0]} needs a belief; name a --model")
 
 
 def choose_default_run(
@@ -115,58 +230,6 @@ def choose_default_run(
     if why:
         return (), f"without a belief: the model {DEFAULT_MODEL!r} {why}"
     return (run,), f"model: {describe_model()}"
-
-
-def make_recipe(request: SearchRequest, classes: Sequence[str]) -> StudyRecipe:
-    """Return the recipe of the study that a request asks for."""
-    chosen = {"worlds", "tasks", "planners", "artifacts", "strategy"}
-    recipe = StudyRecipe(
-        worlds=_choose_worlds(request),
-        tasks=("single", "all") if request.task == "both" else (request.task,),
-        planners=_choose_planners(request),
-        artifacts=_choose_artifacts(request.artifacts, classes),
-        strategy=request.mask,
-        **request.model_dump(include=set(StudyRecipe.model_fields) - chosen),
-    )
-    if request.stops and request.task == "single":
-        raise RecipeError("--stop needs --task all or both")
-    if request.animation is not None:
-        require_suffix(request.animation)
-        if request.trace is None:
-            raise RecipeError("--animation shows a replay: add --trace")
-    needs = {
-        **{f"planner {name!r}": PLANNERS[name].reads == "belief" for name in recipe.planners},
-        "--trace": request.trace is not None,
-        "--stop": bool(request.stops),
-        "--truth posterior": request.truth == "posterior",
-    }
-    needing = [what for what, is_so in needs.items() if is_so]
-    if needing and not request.runs:
-        raise RecipeError(f"{needing[0]} needs a belief; name a --model")
-    return recipe
-
-
-def _choose_worlds(request: SearchRequest) -> tuple[WorldRecipe, ...]:
-    if request.worlds is not None:
-        return tuple(dict.fromkeys(parse_world(text) for text in request.worlds))
-    known = Dataset.open(request.dataset).connection_methods
-    measured = (WorldRecipe(kind=kind) for kind in MEASURED if known & set(METHODS[kind]))
-    return (*DEFAULT_WORLDS, *measured)
-
-
-def _choose_planners(request: SearchRequest) -> tuple[str, ...]:
-    if request.planners is None:
-        return tuple(n for n in PLANNERS if request.runs or PLANNERS[n].reads != "belief")
-    PLANNERS.require(request.planners)
-    return request.planners
-
-
-def _choose_artifacts(names: tuple[str, ...], classes: Sequence[str]) -> tuple[int, ...] | None:
-    if names == ("every",):
-        return None
-    wanted = ROOM_SPECIFIC if names == ("room-specific",) else names
-    require_known("class", wanted, classes)
-    return tuple(sorted({classes.index(name) for name in wanted}))
 
 
 def choose_buildings(request: SearchRequest, data: Dataset) -> tuple[_Chosen, list[str]]:

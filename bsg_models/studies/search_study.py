@@ -10,8 +10,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,20 +27,14 @@ from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import world_generator
-from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, search
-from bsg_models.studies.kept_searches import KeepRequest, KeptSearch, StepLog
+from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, Step, search
+from bsg_models.studies.kept_searches import KeptSearch, Steps, keep_searches
 from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
-from bsg_models.studies.search_cases import (
-    BASELINE,
-    ROUTING,
-    StudyRecipe,
-    sample_episodes,
-    sample_presence,
-)
+from bsg_models.studies.search_cases import sample_episodes, sample_presence
+from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
 from bsg_models.zoo.model import BeliefModel, one_thread
 
 SWEEP, STOP = "sweep", "stop "  # names of robots that enter every room, or stop by themselves
-_Found = dict[str, tuple[pd.DataFrame, tuple[KeptSearch, ...]] | str]  # by world; why there is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +67,7 @@ def study_search(
     recipe: StudyRecipe,
     *,
     planners: Mapping[str, Planner] | None = None,
-    keep: KeepRequest | None = None,
+    trace: int | Literal["auto"] | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
@@ -83,7 +78,8 @@ def study_search(
         runs: building → run whose beliefs are used; None if no planner reads a belief.
         recipe: of the study.
         planners: name → planner of your own, besides those of the recipe.
-        keep: which searches keep their steps for `replay_search`; they are `kept` of `Study`.
+        trace: number of the search of each building and world that keeps its steps for
+            `replay_search`; `auto` keeps those worth watching; None keeps none.
         executor: works on the buildings; None works in this process.
         progress: called with (buildings done, in all).
 
@@ -91,31 +87,32 @@ def study_search(
         DatasetError: if the dataset is damaged or no building can be searched.
         RecipeError: if a planner needs a belief and a building has no run; if an artifact is not a
             class; if your own planner has a taken name or cannot reach the executor; or if the
-            recipe has no search that `keep` asks for.
+            recipe has no such search to trace.
     """
     own = dict(planners or {})
     chosen = choose_planners(recipe, own, remote=executor is not None)
-    _check_keep(keep, recipe, chosen)
+    if trace is not None and recipe.truth == "posterior":
+        raise RecipeError("a replay needs searches for what is really there (--truth real)")
+    if trace not in (None, "auto", *range(recipe.episodes)):
+        raise RecipeError(f"no search {trace}: a building has {recipe.episodes}, numbered from 0")
     placed = {scene: None if run is None else Path(run).absolute() for scene, run in runs.items()}
     if recipe.truth == "posterior" and None in placed.values():
         raise RecipeError("truth posterior needs a belief: give the run of a model")
     place = Path(dataset).absolute()  # a worker may run in another folder
-    tasks = [(place, run, scene, recipe, own, keep) for scene, run in placed.items()]
-    tables: list[pd.DataFrame] = []
+    tasks = [(place, run, scene, recipe, own, trace) for scene, run in placed.items()]
+    searches: list[pd.DataFrame] = []
     kept: list[KeptSearch] = []
     left_out: dict[str, Counter[str]] = {}
     for found in run_all(_search_building, tasks, executor=executor, progress=progress):
-        for world, result in found.items():
-            if isinstance(result, str):
-                left_out.setdefault(world, Counter())[result] += 1
-            else:
-                tables.append(result[0])
-                kept += result[1]
-    if not tables:
+        searches += found.searches
+        kept += found.kept
+        for world, reason in found.left_out.items():
+            left_out.setdefault(world, Counter())[reason] += 1
+    if not searches:
         why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
         raise DatasetError(f"{dataset}: nothing can be searched ({why or 'no buildings'})")
-    searches = pd.concat(tables, ignore_index=True)
-    return Study(recipe, tuple(placed), searches, tuple(kept), left_out, chosen)
+    joined = pd.concat(searches, ignore_index=True)
+    return Study(recipe, tuple(placed), joined, tuple(kept), left_out, chosen)
 
 
 def choose_planners(
@@ -138,19 +135,12 @@ def choose_planners(
     return chosen
 
 
-def _check_keep(
-    keep: KeepRequest | None, recipe: StudyRecipe, planners: Mapping[str, Planner]
-) -> None:
-    if keep is None:
-        return
-    if keep.episode is not None and not 0 <= keep.episode < recipe.episodes:
-        raise RecipeError(
-            f"no search {keep.episode}: a building has {recipe.episodes}, numbered from 0"
-        )
-    if recipe.truth == "posterior":
-        raise RecipeError("a replay needs searches for what is really there (--truth real)")
-    if keep.task not in recipe.tasks or keep.planner not in planners:
-        raise RecipeError(f"the study has no task {keep.task!r} with planner {keep.planner!r}")
+class _Found(NamedTuple):
+    """What was found in one building."""
+
+    searches: list[pd.DataFrame]  # of each world
+    kept: list[KeptSearch]
+    left_out: dict[str, str]  # world → why it has no search
 
 
 def _search_building(
@@ -159,25 +149,25 @@ def _search_building(
     scene_id: str,
     recipe: StudyRecipe,
     own: Mapping[str, Planner],
-    keep: KeepRequest | None,
+    trace: int | Literal["auto"] | None,
 ) -> _Found:
     """Search one building in every world with every planner."""
     data = Dataset.open(dataset)
     planners = choose_planners(recipe, own, remote=False)
-    robots = _robots(recipe, planners)
+    robots, found = _robots(recipe, planners), _Found([], [], {})
     draws = np.arange(recipe.episodes) % recipe.masks
-    found: _Found = {}
     asked: dict[bytes, ModelBeliefs] = {}  # worlds with the same rooms have the same searches
     with one_thread():
         for world in recipe.worlds:
             episodes = sample_episodes(data, scene_id, world, recipe)
             if isinstance(episodes, str):
-                found[world.name] = episodes
+                found.left_out[world.name] = episodes
                 continue
             key = episodes.rooms.tobytes()
             if run is not None and key not in asked:
+                path = checkpoint_of(run)
                 asked[key] = ModelBeliefs(
-                    _restore(checkpoint_of(run)),
+                    _restore(path, path.stat().st_mtime_ns if path.exists() else 0),
                     data=data,
                     scene_id=scene_id,
                     mask=recipe.mask,
@@ -185,28 +175,42 @@ def _search_building(
                     artifacts=episodes.artifacts,
                 )
             episodes, beliefs, ranked_first = _look(episodes, asked.get(key), recipe, scene_id)
-            is_kept = keep is not None and keep.fits(scene_id, world.name)
-            log = StepLog(keep, planners) if keep is not None and is_kept else None
-            watch = log.watch if log else None
-            outcomes = search(episodes, robots, beliefs=beliefs, watch=watch)
-            table = _tabulate(episodes, outcomes, data.manifest.class_space.classes).assign(
-                scene_id=scene_id, world=world.name
-            )
-            table["draw"] = draws[table.episode]
-            table["ranked_first"] = ranked_first[table.episode]
-            kept = log.choose(data, scene_id, world.name, episodes, outcomes) if log else ()
-            found[world.name] = table, tuple(kept)
+            steps: Steps = {} if trace is None else {one: [] for one in _choose_traced(recipe)}
+            outcomes = search(episodes, robots, beliefs=beliefs, watch=partial(_note_step, steps))
+            table = _tabulate(episodes, outcomes, data.manifest.class_space.classes)
+            table = table.assign(scene_id=scene_id, world=world.name, draw=draws[table.episode])
+            found.searches.append(table.assign(ranked_first=ranked_first[table.episode]))
+            if trace is not None:
+                found.kept.extend(
+                    keep_searches(
+                        steps,
+                        None if trace == "auto" else trace,
+                        data=data,
+                        scene_id=scene_id,
+                        world=world.name,
+                        episodes=episodes,
+                        outcomes=outcomes,
+                        planners=planners,
+                    )
+                )
     return found
 
 
-def _restore(checkpoint: Path) -> BeliefModel:
-    changed = checkpoint.stat().st_mtime_ns if checkpoint.exists() else 0
-    return _restore_once(checkpoint, changed)
+def _choose_traced(recipe: StudyRecipe) -> list[tuple[Task, str]]:
+    """Return the robots whose steps are kept: that which uses beliefs most, and `nearest`."""
+    names = [name for name in recipe.planners if PLANNERS[name].reads == "belief"]
+    planner = "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
+    return [(recipe.tasks[0], planner), (recipe.tasks[0], BASELINE)]
+
+
+def _note_step(steps: Steps, robot: tuple[Task, str], step: Step) -> None:
+    if robot in steps:
+        steps[robot].append(step)
 
 
 @lru_cache(maxsize=8)
-def _restore_once(path: Path, changed: int) -> BeliefModel:
-    return restore_model(path, load_checkpoint(path))
+def _restore(checkpoint: Path, changed: int) -> BeliefModel:
+    return restore_model(checkpoint, load_checkpoint(checkpoint))
 
 
 def _robots(recipe: StudyRecipe, planners: Mapping[str, Planner]) -> dict[tuple[Task, str], Robot]:

@@ -326,11 +326,11 @@ def report_searches(options: argparse.Namespace) -> Tables:
 
 def _search(options: argparse.Namespace, name: str) -> list[WorldResult]:
     with tempfile.TemporaryDirectory() as folder:
-        request = SearchRequest(
-            dataset=open_dataset(options.leaderboard, name).path,
+        request = SearchRequest.read(
+            open_dataset(options.leaderboard, name).path,
             runs=tuple(one.run for one in open_folds(options.leaderboard, name)),
             planners=PLANNERS,
-            worlds=tuple(options.worlds),
+            worlds=options.worlds,
             episodes=options.episodes,
             masks=options.draws,
             resamples=options.resamples,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,20 +16,20 @@ from bsg_models.search.knowledge import Knowledge, find_ways
 from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.search.simulator import Step
 from bsg_models.studies.kept_searches import (
-    KeepRequest,
     KeptSearch,
     belief_changes,
-    choose_shown,
     list_visits,
     walk_of,
 )
-from bsg_models.studies.replay import choose_replay, replay_search
+from bsg_models.studies.replay import choose_shown, replay_search
 from bsg_models.studies.savings import summarise
-from bsg_models.studies.search_cases import StudyRecipe
+from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, study_search
 
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
-RECIPE = StudyRecipe(worlds=WORLDS, episodes=5, masks=2, at_once=2, planners=("ratio",))
+RECIPE = StudyRecipe(
+    worlds=WORLDS, tasks=("all",), episodes=5, masks=2, at_once=2, planners=("ratio",)
+)
 EPISODE = 3
 CORRIDOR = np.full((4, 4), np.inf)  # rooms 1 – 2 – 3 in a row, 2 m and 3 m apart
 CORRIDOR[[1, 2, 2, 3], [2, 1, 3, 2]] = 2.0, 2.0, 3.0, 3.0
@@ -42,8 +43,7 @@ def scene(dataset: Path) -> str:
 
 @pytest.fixture
 def study(dataset: Path, run: Path, scene: str) -> Study:
-    keep = KeepRequest(EPISODE, "all", "ratio", world="tree:1-10")
-    return study_search(dataset, {scene: run}, RECIPE, keep=keep)
+    return study_search(dataset, {scene: run}, RECIPE, trace=EPISODE)
 
 
 def step(rows: list[int], presence: list[list[float]], here: int, entered: int) -> Step:
@@ -126,7 +126,8 @@ def test_the_walks_are_those_of_the_search_that_was_asked_for(
     dataset: Path, run: Path, scene: str, study: Study
 ) -> None:
     """Of both planners; keeping them changes no search."""
-    (one,) = study.kept
+    first, one = study.kept
+    assert (first.world, first.episode) == ("star:1-10", EPISODE)
     assert (one.world, one.task, one.planner) == ("tree:1-10", "all", "ratio")
     assert list(one.walks) == ["ratio", "nearest"]
     assert len({stops[0].room for stops in one.walks.values()}) == 1
@@ -151,7 +152,7 @@ def test_the_walks_are_those_of_the_search_that_was_asked_for(
 def test_few_holders_and_many_rooms_make_a_search_eventful(
     dataset: Path, run: Path, scene: str
 ) -> None:
-    study = study_search(dataset, {scene: run}, RECIPE, keep=KeepRequest(None, "all", "ratio"))
+    study = study_search(dataset, {scene: run}, RECIPE, trace="auto")
     assert len(study.kept) == 2 * RECIPE.episodes
     entered = study.searches.set_index(["world", "task", "planner", "episode"]).rooms_entered
     rooms = len(Dataset.open(dataset).cells(scene)) - 2  # without the building and the start
@@ -159,52 +160,37 @@ def test_few_holders_and_many_rooms_make_a_search_eventful(
         both = [entered[one.world, "all", name, one.episode] for name in ("ratio", "nearest")]
         assert one.eventful == (min(both) >= 4 and len(one.holds) <= rooms / 4)
     results = summarise(study, resamples=0)
-    shown = choose_replay(study, results, named=False)
-    assert shown.world == "star:1-10"  # the first, as none is measured
-    replay = replay_search(dataset, study, results, shown, model=None, named=False)
+    replay = replay_search(dataset, study, results, model=None, named=False)
+    assert replay.world == "star:1-10"  # the first, as none is measured
+    (shown,) = [s for s in study.kept if (s.world, s.episode) == (replay.world, replay.episode)]
     assert ("but no search met the rule" in replay.chosen) == (not shown.eventful)
-    with pytest.raises(RecipeError):
-        choose_replay(replace(study, kept=()), results, named=False)
 
 
-def test_a_number_is_of_the_first_building(dataset: Path, run: Path) -> None:
-    """In the first building that is searched, whatever was saved in the others."""
+def test_the_means_of_all_searches_stand_beside_the_one(dataset: Path, run: Path) -> None:
+    """A number is of the first building; a room that cannot be reached is not drawn."""
     scenes = sorted(read_cells(dataset))[5:8]
-    keep = KeepRequest(EPISODE, "all", "ratio")
-    study = study_search(dataset, dict.fromkeys(scenes, run), RECIPE, keep=keep)
-    shown = choose_replay(study, summarise(study, resamples=0), named=True)
-    assert (shown.scene_id, shown.world, shown.episode) == (scenes[0], "star:1-10", EPISODE)
-
-
-def test_the_means_of_all_searches_stand_beside_the_one(dataset: Path, study: Study) -> None:
-    """A room that cannot be reached is not drawn."""
-    results, (one,) = summarise(study, resamples=0), study.kept
-    fewer = replace(one, rooms=one.rooms[1:])
-    replay = replay_search(dataset, study, results, fewer, model="gamma-poisson", named=True)
-    (result,) = [r for r in results if (r.world, r.task) == (replay.world, replay.task)]
-    assert (replay.searches, replay.buildings) == (5, 1)
+    study = study_search(dataset, dict.fromkeys(scenes, run), RECIPE, trace=EPISODE)
+    results, first = summarise(study, resamples=0), study.kept[0]
+    fewer = replace(first, rooms=first.rooms[1:])
+    study = replace(study, kept=(fewer, *study.kept[1:]))
+    replay = replay_search(dataset, study, results, model="gamma-poisson", named=True)
+    assert (replay.scene_id, replay.world, replay.episode) == (scenes[0], "star:1-10", EPISODE)
+    (result,) = [one for one in results if one.world == replay.world]
+    assert (replay.searches, replay.buildings) == (15, 3)
     assert [walk.planner for walk in replay.walks] == ["ratio", "nearest"]
     assert [walk.model for walk in replay.walks] == ["gamma-poisson", None]
     for walk in replay.walks:
         assert walk.mean_cost == result.savings[walk.planner].cost
         assert walk.mean_saved.value == result.savings[walk.planner].saved.value
-    assert replay.unit == ""
-    assert replay.doors == ()  # of a drawn world they would be wrong
+    assert (replay.unit, replay.doors) == ("", ())  # of a drawn world they would be wrong
     assert sorted(room.number for room in replay.plan.rooms) == list(fewer.rooms)
     assert replay.left_out == 1
 
 
-@pytest.mark.parametrize(
-    ("keep", "truth"),
-    [
-        (KeepRequest(5, "all", "ratio"), "real"),
-        (KeepRequest(-1, "all", "ratio"), "real"),
-        (KeepRequest(None, "all", "oracle"), "real"),
-        (KeepRequest(None, "all", "ratio"), "posterior"),
-    ],
-)
+@pytest.mark.parametrize(("trace", "truth"), [(5, "real"), (-1, "real"), ("auto", "posterior")])
 def test_a_search_that_is_not_there_cannot_be_kept(
-    dataset: Path, keep: KeepRequest, truth: str
+    dataset: Path, run: Path, trace: Any, truth: str
 ) -> None:
+    recipe = RECIPE.model_copy(update={"truth": truth})
     with pytest.raises(RecipeError):
-        study_search(dataset, {}, RECIPE.model_copy(update={"truth": truth}), keep=keep)
+        study_search(dataset, {"any": run}, recipe, trace=trace)

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from bsg_models.studies.savings import WorldResult, saving_of_buildings, summarise
-from bsg_models.studies.search_cases import StudyRecipe
+from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, choose_planners
 
 Costs = tuple[Sequence[float], Sequence[float]]  # of `nearest`, and of `ratio`

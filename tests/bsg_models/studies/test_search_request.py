@@ -19,26 +19,21 @@ from bsg_models.studies.search_request import (
     SearchRequest,
     choose_default_run,
     choose_runs,
-    make_recipe,
 )
 
 CLASSES = load_class_map().classes
 
 
-def request(**fields: Any) -> SearchRequest:
-    return SearchRequest(dataset=Path("dataset"), **{"worlds": ("star",), **fields})
-
-
-def test_a_recipe_names_what_is_searched() -> None:
+def test_a_request_names_what_is_searched(dataset: Path, run: Path) -> None:
     assert set(ROOM_SPECIFIC) <= set(CLASSES)
-    recipe = make_recipe(request(artifacts=("stove", "bed", "bed")), CLASSES)
-    assert recipe.artifacts == tuple(sorted((CLASSES.index("bed"), CLASSES.index("stove"))))
-    assert recipe.tasks == ("single", "all")
-    assert [world.name for world in recipe.worlds] == ["star:1-10"]
-    without = make_recipe(request(), CLASSES)
+    named = SearchRequest.read(dataset, worlds=["star"], artifacts=["stove", "bed", "bed"])
+    assert named.artifacts == tuple(sorted((CLASSES.index("bed"), CLASSES.index("stove"))))
+    assert named.tasks == ("single", "all")
+    assert [world.name for world in named.worlds] == ["star:1-10"]
+    without = SearchRequest.read(dataset)
     assert without.artifacts is None
     assert without.planners == ("nearest", "routing", "oracle")
-    assert set(make_recipe(request(runs=(Path("run"),)), CLASSES).planners) > set(without.planners)
+    assert set(SearchRequest.read(dataset, runs=(run,)).planners) > set(without.planners)
 
 
 def test_the_default_model_is_taken_where_it_fits(
@@ -86,6 +81,6 @@ def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path,
         {"animation": Path("a.gif"), "runs": (Path("run"),)},
     ],
 )
-def test_what_cannot_be_searched_is_refused(fields: dict[str, Any]) -> None:
+def test_what_cannot_be_searched_is_refused(dataset: Path, fields: dict[str, Any]) -> None:
     with pytest.raises(RecipeError):
-        make_recipe(request(**fields), CLASSES)
+        SearchRequest.read(dataset, **fields)

@@ -17,7 +17,8 @@ from bsg_models.search.knowledge import Knowledge
 from bsg_models.search.planners import nearest
 from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.savings import encode_study, summarise, write_searches
-from bsg_models.studies.search_cases import StudyRecipe, sample_presence, sample_searches
+from bsg_models.studies.search_cases import sample_presence, sample_searches
+from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, choose_planners, study_search
 
 EVERY = tuple(range(45))
@@ -38,15 +39,15 @@ def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
     with ThreadPoolExecutor(2) as pool:
         together = study_search(dataset, runs, recipe, executor=pool)
     assert together.searches.equals(alone.searches)
-    backwards = study_search(dataset, dict(reversed(runs.items())), recipe)
-    assert costs_of(backwards) == costs_of(alone)
-    more = study_search(dataset, runs, recipe.model_copy(update={"episodes": 9}))
+    more = study_search(
+        dataset, dict(reversed(runs.items())), recipe.model_copy(update={"episodes": 9})
+    )
     assert costs_of(more) == costs_of(alone)
     other = study_search(dataset, runs, recipe.model_copy(update={"seed": 1}))
     assert costs_of(other) != costs_of(alone)
 
 
-@pytest.mark.parametrize("at_once", [1, 2, 4])
+@pytest.mark.parametrize("at_once", [1, 2])
 def test_artifacts_and_starts_are_possible(dataset: Path, at_once: int) -> None:
     """And those of a search do not depend on the number of searches."""
     recipe = StudyRecipe(artifacts=EVERY, episodes=50, at_once=at_once)
@@ -134,10 +135,10 @@ def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
     table = pq.read_table(tmp_path / "searches.parquet").to_pandas()
     assert len(table) == 2 * 2 * 2 * 3 * 3  # buildings, worlds, tasks, planners, searches
     assert set(table.planner) == {"nearest", "ratio", "routing"}
-    (one,) = [s for s in summarise(study, resamples=0) if (s.world, s.task) == ("tree:1-10", "all")]
+    results = summarise(study, resamples=0)
+    (one,) = [s for s in results if (s.world, s.task) == ("tree:1-10", "all")]
     sums = table[(table.world == "tree:1-10") & (table.task == "all")].groupby("planner").cost.sum()
     assert 1 - sums["ratio"] / sums["nearest"] == pytest.approx(one.savings["ratio"].saved.value)
-    results = summarise(study, resamples=0)
     report = encode_study(study, results, classes=classes, facts={"model": "m"})
     assert report["recipe"]["worlds"] == ["star:1-10", "tree:1-10"]
     assert report["recipe"]["artifacts"][35] == "stove"
