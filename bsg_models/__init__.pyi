@@ -48,7 +48,6 @@ from .search.room_graphs import RoomGraph, WorldRecipe
 from .studies.belief_report import (
     BeliefReport,
     BeliefRequest,
-    MaskedScenes,
     RoomBelief,
     report_beliefs,
 )
@@ -123,7 +122,6 @@ __all__ = [
     "LeaderboardRecipe",
     "LeaderboardReport",
     "MaskedGraphs",
-    "MaskedScenes",
     "Meaning",
     "ModelConfig",
     "ModelResult",

@@ -116,7 +116,15 @@ def main(
     if find:
         _ask(files[0], model, find, here=here, as_json=as_json, announce=named is None)
         return
-    request = _read_request(dataset, {**options, "run": model, "graphs": tuple(files)})
+    names = ("fraction", "seed", "withhold", "parts")
+    mask = {"strategy": options.pop("mask"), **{name: options.pop(name) for name in names}}
+    request = bsg_models.BeliefRequest(
+        run=model,
+        graphs=tuple(files),
+        dataset=dataset,
+        mask=bsg_data.MaskRecipe.model_validate(mask),
+        **options,
+    )
     with progress_bar("belief", unit="graph") as progress:
         report = bsg_models.report_beliefs(request, progress=progress)
     if named is None:
@@ -262,17 +270,6 @@ def _list(names: Sequence[str], *, between: str = ", and ") -> str:
     """Return the first names, and how many more there are."""
     more = f"{between}{len(names) - _MOST_NAMES:,} more" if len(names) > _MOST_NAMES else ""
     return ", ".join(names[:_MOST_NAMES]) + more
-
-
-def _read_request(dataset: Path | None, options: dict[str, Any]) -> bsg_models.BeliefRequest:
-    """Return the request of the options; the options of masks count only with a dataset."""
-    mask = {"strategy": options.pop("mask")}
-    mask |= {name: options.pop(name) for name in ("fraction", "seed", "withhold", "parts")}
-    scenes = {name: options.pop(name) for name in ("split", "fold", "scene")}
-    if dataset is not None:
-        recipe = bsg_data.MaskRecipe.model_validate(mask)
-        options["scenes"] = bsg_models.MaskedScenes(dataset, recipe, **scenes)
-    return bsg_models.BeliefRequest(**options)
 
 
 def _read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:

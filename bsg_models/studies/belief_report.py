@@ -33,23 +33,17 @@ MOST_HELD = 200  # belief graphs kept in memory and put on a page; tables take a
 
 
 @dataclass(frozen=True, slots=True)
-class MaskedScenes:
-    """Masked buildings of a dataset."""
-
-    dataset: Path  # it must be split unless `scene` is named
-    mask: MaskRecipe = field(default_factory=MaskRecipe)
-    split: Literal["train", "val", "test"] = "val"
-    fold: int | None = None  # to test on, in a dataset of folds
-    scene: str | None = None  # this building alone
-
-
-@dataclass(frozen=True, slots=True)
 class BeliefRequest:
     """What to believe about, and which files to write."""
 
     run: Path | str = DEFAULT_MODEL  # a model, as `find_model` takes it
     graphs: tuple[GraphFile, ...] = ()  # of robots
-    scenes: MaskedScenes | None = None  # instead of graphs
+    # instead of graphs: masked buildings of a dataset, which must be split unless `scene` is named
+    dataset: Path | None = None
+    mask: MaskRecipe = field(default_factory=MaskRecipe)
+    split: Literal["train", "val", "test"] = "val"
+    fold: int | None = None  # to test on, in a dataset of folds
+    scene: str | None = None  # this building alone
     mode: Mode = "complete"  # which blind nodes: as many as are expected, or the top unseen classes
     top: int = 3  # number of unseen classes per room
     out: Path | None = None  # in the format of its suffix
@@ -111,7 +105,7 @@ def report_beliefs(
         raise RecipeError("one file is named twice", code="output-twice")
     for row, path in results:
         _refuse_replacing(row, path, force=request.force)
-    wanted = _choose(request.scenes) if request.scenes else frozenset()
+    wanted = _choose_scenes(request)
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
     predictor = Predictor(request.run)
@@ -151,24 +145,25 @@ def _list_graphs(
     """Yield the graphs with their truth, if known, and the classes that their mask withholds."""
     for file in request.graphs:
         yield reclassify(file.graph, class_map), None, ()
-    if request.scenes:
-        mask = request.scenes.mask
-        for graph, truth in mask_dataset(request.scenes.dataset, wanted, mask):
-            yield graph, truth, list_withheld(mask, graph)
+    if request.dataset is not None:
+        for graph, truth in mask_dataset(request.dataset, wanted, request.mask):
+            yield graph, truth, list_withheld(request.mask, graph)
 
 
-def _choose(scenes: MaskedScenes) -> frozenset[str]:
+def _choose_scenes(request: BeliefRequest) -> frozenset[str]:
     """Return the scenes of a dataset that were asked for."""
-    data = Dataset.open(scenes.dataset)
-    if scenes.scene is None:
-        return frozenset(scenes_of(data, scenes.split, fold=scenes.fold))
-    if scenes.scene not in data:
+    if request.dataset is None:
+        return frozenset()
+    data = Dataset.open(request.dataset)
+    if request.scene is None:
+        return frozenset(scenes_of(data, request.split, fold=request.fold))
+    if request.scene not in data:
         raise DatasetError(
-            f"{scenes.dataset}: has no scene {scenes.scene!r}",
+            f"{request.dataset}: has no scene {request.scene!r}",
             code="scene-unknown",
-            where=scenes.scene,
+            where=request.scene,
         )
-    return frozenset([scenes.scene])
+    return frozenset([request.scene])
 
 
 def _choose_streamed(

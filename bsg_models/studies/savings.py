@@ -128,7 +128,8 @@ class _Sums:
         self._of, scenes = pd.factorize(searches.scene_id)
         self.buildings, self.searches = len(scenes), len(searches)
         size = resamples if self.buildings >= LEAST_BUILDINGS else 0
-        self._weights = weigh_buildings(self.buildings, resamples=size, seed=seed).T.astype(float)
+        weights = weigh_buildings(self.buildings, resamples=size, seed=seed)
+        self._weights = weights.T.astype(float, order="C")
 
     def add(self, values: npt.ArrayLike) -> Floats:
         """Return the sum of a column, then that of each resample, `[1 + resamples]`."""

@@ -28,8 +28,7 @@ from bsg_data import (
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.extend import HM3DFolder, count_frequencies
 from bsg_data.files import hold
-from bsg_data.recipes import MaskRecipe
-from bsg_models.studies.belief_report import BeliefRequest, MaskedScenes, report_beliefs
+from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.sealed_results import check_results
@@ -110,8 +109,7 @@ def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path) -> None:
 def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     measure = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
-    scenes = MaskedScenes(dataset=dataset, split="test", mask=MaskRecipe())
-    believe = BeliefRequest(run=run, scenes=scenes, tables=out, force=True)
+    believe = BeliefRequest(run=run, dataset=dataset, split="test", tables=out, force=True)
     met: list[bool] = []
 
     def interrupt(*_: object) -> None:

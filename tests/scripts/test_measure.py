@@ -107,14 +107,6 @@ def test_rooms_of_which_nothing_was_seen_are_counted_alone(case: Case) -> None:
         assert added.tolist() == pytest.approx([0, 0, 0, value])
 
 
-def test_the_likelihood_of_a_poisson(case: Case) -> None:
-    added, cells = tally_likelihood(*case)["nll"]
-    rates = -np.log1p(-PRESENCE)
-    by_hand = (rates - HIDDEN * np.log(rates)).mean(axis=1)  # every count is 0 or 1 in a room
-    assert added.tolist() == pytest.approx([0, *by_hand[1:]])
-    assert cells.tolist() == [0, 1, 1, 1]
-
-
 def test_a_second_one_is_asked_for_where_one_is_seen(case: Case) -> None:
     shares = tally_second(*case, classes={"bed": 0, "tv": 1})
     assert [part.sum() for part in shares["said/bed"]] == pytest.approx([1.0, 2.0])

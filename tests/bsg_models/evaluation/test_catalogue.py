@@ -11,8 +11,7 @@ import pytest
 from bsg_data import registry
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
-from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.catalogue import (
     METRICS,
     find_value,
@@ -23,6 +22,7 @@ from bsg_models.evaluation.catalogue import (
 from bsg_models.evaluation.measurement import Fold, measure_fold
 from bsg_models.evaluation.metric_kinds import NodeMetric, WholeMetric
 from bsg_models.evaluation.truth import Prediction, Truth
+from bsg_models.testing import MetricContract
 
 
 def overshoot(truth: Truth, expectation: Expectation) -> Floats:
@@ -52,7 +52,7 @@ RAGGED = NodeMetric(label="ragged", less=True, about="no", values=lambda t, e: t
 
 
 def evaluate(
-    prediction: Prediction, weights: Sequence[float] = (1.0, 1.0)
+    prediction: Prediction, weights: Sequence[float] = (1.0, 1.0, 1.0)
 ) -> tuple[dict[str, float], dict[str, int]]:
     truth = prediction.truth
     fold = Fold(truth.scene_ids, [(truth, prediction.expectation)])
@@ -62,19 +62,7 @@ def evaluate(
 
 @pytest.fixture
 def prediction() -> Prediction:
-    """Two buildings of 1 + 2 nodes and three classes; the second room was never entered."""
-    rng = np.random.default_rng(0)
-    targets = rng.poisson(2, (6, 3)).astype(float)
-    truth = Truth(
-        inputs=np.floor(targets / 2),
-        targets=targets,
-        is_building=np.arange(6) % 3 == 0,
-        visited=np.arange(6) % 3 != 2,
-        building=np.repeat([0, 1], 3),
-        draw=np.zeros(6, dtype=np.int64),
-        scene_ids=("a", "b"),
-    )
-    return Prediction(truth, from_hidden_counts(truth.inputs, poisson(rng.random((6, 3)))))
+    return MetricContract().prediction()
 
 
 def test_a_measurement_has_the_values_of_the_table(prediction: Prediction) -> None:
@@ -119,11 +107,11 @@ def test_a_metric_of_somebody_else_stands_with_the_others(
     after, nodes = evaluate(prediction)
     assert set(after) - set(before) == {f"{s}/overshoot" for s in ("rooms", "building", "all")}
     assert {name: after[name] for name in before} == pytest.approx(before, nan_ok=True)
-    by_hand = overshoot(prediction.truth, prediction.expectation)[[0, 3]]
+    by_hand = overshoot(prediction.truth, prediction.expectation)[::4]
     assert after["building/overshoot"] == pytest.approx(by_hand.mean())
-    weighted = evaluate(prediction, (3.0, 1.0))[0]["building/overshoot"]
-    assert weighted == pytest.approx((3 * by_hand[0] + by_hand[1]) / 4)
-    assert nodes["rooms/overshoot"] == 4
+    weighted = evaluate(prediction, (3.0, 1.0, 0.0))[0]["building/overshoot"]
+    assert weighted == pytest.approx((3 * by_hand[:2].sum() + by_hand[2:4].sum()) / 8)
+    assert nodes["rooms/overshoot"] == 18
     assert head_value("rooms/overshoot") == "overshoot, rooms ↓"
 
 
@@ -131,8 +119,8 @@ def test_a_metric_may_be_any_function_of_the_weights(
     prediction: Prediction, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     install(monkeypatch, "SHARPEST")
-    of_second = prediction.expectation.presence[3].max()
-    assert evaluate(prediction, (0.0, 2.0))[0]["building/overshoot"] == of_second
+    of_second = prediction.expectation.presence[[8, 12]].max()
+    assert evaluate(prediction, (0.0, 2.0, 0.0))[0]["building/overshoot"] == of_second
     assert list_values()[-1] == "building/overshoot"
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import exact_ranks
@@ -20,6 +21,7 @@ from bsg_models.evaluation.details import ClassErrors, ShownCollector
 from bsg_models.evaluation.measurement import Fold, measure, measure_fold, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
+from bsg_models.testing import MetricContract
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
@@ -28,17 +30,7 @@ from bsg_models.zoo.settings import DataConfig
 @pytest.fixture
 def truth() -> Truth:
     """Three buildings with two draws of 1 + 3 nodes each, five classes."""
-    rng = np.random.default_rng(0)
-    targets = rng.poisson(1.5, (24, 5)).astype(float)
-    return Truth(
-        inputs=np.floor(targets * rng.random((24, 5))),
-        targets=targets,
-        is_building=np.arange(24) % 4 == 0,
-        visited=np.arange(24) % 4 != 3,
-        building=np.repeat([0, 1, 2], 8),
-        draw=np.tile(np.repeat([0, 1], 4), 3),
-        scene_ids=("a", "b", "c"),
-    )
+    return MetricContract().prediction().truth
 
 
 def believe(truth: Truth, seed: int = 1) -> Expectation:
@@ -74,29 +66,6 @@ def test_metrics_of_a_measurement_are_the_plain_ones(truth: Truth) -> None:
     matrices = (metrics.correlation_matrix(x[rooms]) for x in (beliefs.totals, truth.targets))
     frobenius = np.linalg.norm(np.subtract(*matrices))
     assert found["rooms/correlation_frobenius"] == pytest.approx(frobenius)
-
-
-def test_a_building_that_counts_twice_is_there_twice(truth: Truth) -> None:
-    """Weights are repetitions: the seam on which every bootstrap interval rests."""
-    beliefs = believe(truth)
-    weighted, _ = evaluate(truth, beliefs, np.array([2.0, 0.0, 1.0]))
-    rows = np.concatenate([np.flatnonzero(truth.building == b) for b in (0, 0, 2)])
-    repeated = Truth(
-        inputs=truth.inputs[rows],
-        targets=truth.targets[rows],
-        is_building=truth.is_building[rows],
-        visited=truth.visited[rows],
-        building=np.repeat([0, 1, 2], 8),
-        draw=truth.draw[rows],
-        scene_ids=("a", "a again", "c"),
-    )
-    again = Expectation(
-        beliefs.inputs[rows], beliefs.hidden_counts.take(rows), beliefs.totals[rows]
-    )
-    expected, _ = evaluate(repeated, again)
-    assert weighted.keys() == expected.keys()
-    for name, value in weighted.items():
-        assert value == pytest.approx(expected[name], nan_ok=True, abs=1e-9), name
 
 
 def test_perfect_and_empty_beliefs(truth: Truth) -> None:
@@ -165,43 +134,27 @@ def test_folds_are_averaged_and_never_pooled(dataset: Path) -> None:
     assert every.nodes[name] == sum(nodes[name] for _, nodes in alone)
 
 
-def take(truth: Truth, rows: np.ndarray, scene: str) -> Truth:
-    """Return some nodes of one building."""
-    return Truth(
-        inputs=truth.inputs[rows],
-        targets=truth.targets[rows],
-        is_building=truth.is_building[rows],
-        visited=truth.visited[rows],
-        building=np.zeros(len(rows), dtype=np.int64),
-        draw=truth.draw[rows],
-        scene_ids=(scene,),
-    )
-
-
 def test_a_fold_without_a_building_of_the_resample_is_not_in_its_mean(truth: Truth) -> None:
     beliefs, name = believe(truth), "rooms/hidden_nll"
     parts = []
     for building, scene in enumerate(truth.scene_ids[:2]):
         rows = np.flatnonzero(truth.building == building)
-        parts.append((take(truth, rows, scene), beliefs.take(rows)))
+        own = replace(
+            truth,
+            inputs=truth.inputs[rows],
+            targets=truth.targets[rows],
+            is_building=truth.is_building[rows],
+            visited=truth.visited[rows],
+            building=np.zeros(len(rows), dtype=np.int64),
+            draw=truth.draw[rows],
+            scene_ids=(scene,),
+        )
+        parts.append((own, beliefs.take(rows)))
     found = measure([Fold(one[0].scene_ids, [one]) for one in parts], resamples=20)
     first, second = (evaluate(*one)[0][name] for one in parts)
     assert found.point[name] == pytest.approx((first + second) / 2)
     ends = {round(value, 9) for value in found.resampled[name].tolist()}
     assert ends == {round(value, 9) for value in (first, second, (first + second) / 2)}
-
-
-def test_batches_and_their_order_do_not_matter(truth: Truth) -> None:
-    beliefs, weights = believe(truth), weigh_buildings(3, resamples=5, seed=0)
-    whole, nodes = measure_fold(Fold(truth.scene_ids, [(truth, beliefs)]), weights)
-    batches = []
-    for first in (16, 0, 4, 20, 8, 12):  # the draws of a building in two batches
-        rows = np.arange(first, first + 4)
-        batches.append((take(truth, rows, truth.scene_ids[first // 8]), beliefs.take(rows)))
-    found, counted = measure_fold(Fold(truth.scene_ids, batches), weights)
-    assert counted == nodes
-    for name, value in whole.items():
-        np.testing.assert_allclose(found[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,6 @@ from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.studies import belief_report
 from bsg_models.studies.belief_report import (
     BeliefRequest,
-    MaskedScenes,
     report_beliefs,
 )
 from bsg_models.training.training import train_run
@@ -68,17 +67,16 @@ def test_a_graph_is_read_into_the_class_space_of_the_run(old_run: Path, tmp_path
 
 
 def test_a_run_of_another_space_is_refused_with_both_named(old_run: Path, dataset: Path) -> None:
-    scenes = MaskedScenes(dataset=dataset, split="test")
     with pytest.raises(MismatchError):
-        report_beliefs(BeliefRequest(run=old_run, scenes=scenes))
+        report_beliefs(BeliefRequest(run=old_run, dataset=dataset, split="test"))
 
 
 def test_any_number_of_beliefs_goes_to_tables_and_some_to_a_page(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
-    scenes = MaskedScenes(dataset=dataset, split="train")
-    request = BeliefRequest(run=tmp_path / "run", scenes=scenes, tables=tmp_path / "all")
+    run, tables = tmp_path / "run", tmp_path / "all"
+    request = BeliefRequest(run=run, dataset=dataset, split="train", tables=tables)
     whole = report_beliefs(request)
     monkeypatch.setattr(belief_report, "MOST_HELD", 2)
     places = {"tables": tmp_path / "b", "html": tmp_path / "p.html"}
