@@ -13,31 +13,18 @@ from bsg_models.evaluation.metric_kinds import Metric
 from bsg_models.evaluation.presence import SELECTIONS
 from bsg_models.evaluation.truth import NODE_SETS
 
-_HERE = "bsg_models.evaluation.metric_rows:"
+_OURS = (
+    *("wasserstein_values", "energy_values", "wasserstein_classes", "energy_classes"),
+    *("total_variation", "mean_error", "mean_absolute_error", "hidden_nll"),
+    *("correlation_frobenius", "presence_auroc_micro", "presence_ap_micro", "presence_brier"),
+    *("presence_calibration_error", "presence_auroc_macro", "presence_ap_macro"),
+    *("top1_unseen", "top3_unseen", "top5_unseen"),
+)
 METRICS: Registry[Metric] = Registry(
     "metric",
     Metric,  # type: ignore[type-abstract]
     group="bsg_models.metrics",
-    rows={
-        "wasserstein_values": _HERE + "WASSERSTEIN_VALUES",
-        "energy_values": _HERE + "ENERGY_VALUES",
-        "wasserstein_classes": _HERE + "WASSERSTEIN_CLASSES",
-        "energy_classes": _HERE + "ENERGY_CLASSES",
-        "total_variation": _HERE + "TOTAL_VARIATION",
-        "mean_error": _HERE + "MEAN_ERROR",
-        "mean_absolute_error": _HERE + "MEAN_ABSOLUTE_ERROR",
-        "hidden_nll": _HERE + "HIDDEN_NLL",
-        "correlation_frobenius": _HERE + "CORRELATION_FROBENIUS",
-        "presence_auroc_micro": _HERE + "PRESENCE_AUROC_MICRO",
-        "presence_ap_micro": _HERE + "PRESENCE_AP_MICRO",
-        "presence_brier": _HERE + "PRESENCE_BRIER",
-        "presence_calibration_error": _HERE + "PRESENCE_CALIBRATION_ERROR",
-        "presence_auroc_macro": _HERE + "PRESENCE_AUROC_MACRO",
-        "presence_ap_macro": _HERE + "PRESENCE_AP_MACRO",
-        "top1_unseen": _HERE + "TOP1_UNSEEN",
-        "top3_unseen": _HERE + "TOP3_UNSEEN",
-        "top5_unseen": _HERE + "TOP5_UNSEEN",
-    },
+    rows={name: f"bsg_models.evaluation.metric_rows:{name.upper()}" for name in _OURS},
 )
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.errors import RecipeError
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
@@ -110,19 +109,7 @@ def measure_metrics(
             cells.add(truth, expectation, rooms, batch.building[rooms])
         for name, metric in metrics.items():
             metric.add(batch, sums[name])
-    found = {name: metric.finish(sums[name]) for name, metric in metrics.items()}
-    for name, values in found.items():
-        _require_parts(name, metrics[name], values)
-    return found
-
-
-def _require_parts(name: str, metric: Metric, found: Values) -> None:
-    expected = {(node_set, part) for node_set in metric.node_sets for part in metric.parts}
-    if set(found.nodes) != expected:
-        raise RecipeError(
-            f"metric {name!r}: expected the values {sorted(expected)} that its node sets and parts "
-            f"say, found {sorted(found.nodes)}"
-        )
+    return {name: metric.finish(sums[name]) for name, metric in metrics.items()}
 
 
 def _weigh_folds(folds: Sequence[Sequence[str]], *, resamples: int, seed: int) -> list[Weights]:

@@ -24,7 +24,6 @@ import numpy.typing as npt
 from scipy import sparse
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.errors import RecipeError
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.metrics import MOMENTS, correlate_sums, mean_known, moments_of_sums
 from bsg_models.evaluation.presence import SELECTIONS, PresenceHistograms, select_cells
@@ -160,9 +159,10 @@ class NodeMetric(Metric):
 
     def add(self, batch: Batch, sums: Sums) -> None:
         """Add the powers of the values, about the mean of the first batch."""
-        values = self._evaluate(batch.prediction)
+        one = batch.prediction
+        values = np.asarray(self.values(one.truth, one.expectation), dtype=float)
         for name in self.over:
-            rows = batch.prediction.rows[name]
+            rows = one.rows[name]
             rows = rows[~np.isnan(values[rows])]
             if len(rows):
                 shifted = sums.shift(name, values[rows])
@@ -182,16 +182,6 @@ class NodeMetric(Metric):
     @property
     def _powers(self) -> Ints:
         return np.arange(5 if self.spread else 2)
-
-    def _evaluate(self, prediction: Prediction) -> Floats:
-        values = np.asarray(self.values(prediction.truth, prediction.expectation), dtype=float)
-        nodes = len(prediction.truth.building)
-        if values.shape != (nodes,):
-            raise RecipeError(
-                f"metric {self.label!r}: expected a value for each of {nodes} nodes, found "
-                f"{list(values.shape)}"
-            )
-        return values
 
 
 class _PresenceMetric(Metric):

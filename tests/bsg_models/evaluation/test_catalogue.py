@@ -47,8 +47,6 @@ class Sharpest(WholeMetric):
 
 
 SHARPEST = Sharpest(label="", less=False, about="greatest presence")
-LYING = Sharpest(label="lying", less=False, about="says another part than it has")
-RAGGED = NodeMetric(label="ragged", less=True, about="no", values=lambda t, e: t.targets)
 
 
 def evaluate(
@@ -122,12 +120,3 @@ def test_a_metric_may_be_any_function_of_the_weights(
     of_second = prediction.expectation.presence[[8, 12]].max()
     assert evaluate(prediction, (0.0, 2.0, 0.0))[0]["building/overshoot"] == of_second
     assert list_values()[-1] == "building/overshoot"
-
-
-@pytest.mark.parametrize("target", ["LYING", "RAGGED"])
-def test_a_metric_of_other_parts_or_another_shape_is_refused(
-    target: str, prediction: Prediction, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    install(monkeypatch, target)
-    with pytest.raises(RecipeError):
-        evaluate(prediction)
