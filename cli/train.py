@@ -178,10 +178,10 @@ def _print_summary(summary: bsg_models.RunSummary) -> None:
         print_text(f"ensemble of {', '.join(summary.members)}; their runs are in {summary.folder}")
         print_text(f"checkpoint {summary.checkpoint}")
     elif best is None:
-        print_text(f"{summary.model} fitted by counting; checkpoint {summary.checkpoint}")
+        print_text(f"{summary.config.name} fitted by counting; checkpoint {summary.checkpoint}")
     else:
         print_text(
-            f"{summary.model}: {summary.epochs} epochs in {summary.seconds:.1f} s; lowest "
+            f"{summary.config.name}: {summary.epochs} epochs in {summary.seconds:.1f} s; lowest "
             f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
         )
         curve = f", learning curve {summary.curve}" if summary.curve.is_file() else ""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from bsg_data.arrays import Bools, Floats
 from bsg_models.belief.expectation import Expectation
@@ -36,26 +36,24 @@ class ClassErrors:
             self._nodes[name] += len(rows)
             self._cells[name].add(truth, expectation, rows, np.zeros(len(rows), dtype=np.int64))
 
-    def rows(self, model: str, classes: Sequence[str]) -> list[dict[str, Any]]:
+    def tabulate(self, model: str, classes: Sequence[str]) -> pd.DataFrame:
         """Return one row per node set and class: the paper's error in number O″ − O, presence."""
-        found = []
+        frames = []
         for name in _SETS:
             count, error, absolute = self._sums[name] / max(self._nodes[name], 1)
             ranks = self._cells[name].ranks
-            for c, class_name in enumerate(classes):
-                found.append(
-                    {
-                        "model": model,
-                        "nodes": name,
-                        "class": class_name,
-                        "count": count[c],
-                        "mean_error": error[c],
-                        "mean_absolute_error": absolute[c],
-                        "presence_auroc": ranks.auroc["all"][1 + c, 0],
-                        "presence_ap": ranks.precision["all"][1 + c, 0],
-                    }
-                )
-        return found
+            columns = {
+                "model": model,
+                "nodes": name,
+                "class": classes,
+                "count": count,
+                "mean_error": error,
+                "mean_absolute_error": absolute,
+                "presence_auroc": ranks.auroc["all"][1:, 0],
+                "presence_ap": ranks.precision["all"][1:, 0],
+            }
+            frames.append(pd.DataFrame(columns))
+        return pd.concat(frames, ignore_index=True)
 
 
 @dataclass(frozen=True, eq=False)

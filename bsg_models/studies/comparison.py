@@ -195,13 +195,13 @@ def compare_runs(
         for name, opener in openers.items()
     }
     classes = data.manifest.class_space.classes
-    rows = (row for name, one in measuring.classes.items() for row in one.rows(name, classes))
+    tables = [one.tabulate(name, classes) for name, one in measuring.classes.items()]
     return Comparison(
         runs=chosen,
         bootstraps=bootstraps,
         shown={name: measuring.shown[name].finish() for name in chosen},
         buildings=measuring.buildings,
-        classes=pd.DataFrame(rows),
+        classes=pd.concat(tables, ignore_index=True),
         class_names=classes,
         facts={
             "split": split if fresh is None else WHOLE,

@@ -124,10 +124,7 @@ def make_leaderboard(
         raise DatasetError(
             f"{out} and the dataset {dataset} lie one inside the other; choose another --out"
         )
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DatasetError(f"{out}: cannot be made ({error.strerror})") from error
+    out.mkdir(parents=True, exist_ok=True)
     out = out.absolute()  # a worker may run in another folder
     runs = plan_runs(models, recipe)
     for place in runs:

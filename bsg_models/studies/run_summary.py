@@ -36,11 +36,6 @@ class RunSummary:
     outdated: tuple[Path, ...] = ()
 
     @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.config.name
-
-    @property
     def members(self) -> tuple[str, ...]:
         """Members of an ensemble."""
         return self.config.model.members if isinstance(self.config.model, EnsembleConfig) else ()

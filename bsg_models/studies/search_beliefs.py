@@ -16,7 +16,7 @@ from bsg_data.observation.observation import Observation, observe_search, stack
 from bsg_data.observation.view import View, sample_hidden
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
-from bsg_models.search.simulator import Answer
+from bsg_models.search.simulator import Answer, Beliefs
 from bsg_models.zoo.model import BeliefModel
 
 _NODES = 4096  # of all graphs in one call of the model
@@ -136,13 +136,11 @@ class ModelBeliefs:
         )
 
 
-class FixedBeliefs:
-    """Beliefs that exploration does not change: presence, and share if it differs, `[E, N, A]`."""
+def fix_beliefs(presence: Floats, share: Floats | None = None) -> Beliefs:
+    """Return beliefs that exploration does not change: presence, and share if it differs."""
+    every = presence if share is None else share
 
-    def __init__(self, presence: Floats, share: Floats | None = None) -> None:
-        self._presence = presence
-        self._share = presence if share is None else share
+    def answer(rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
+        return presence[rows], every[rows]
 
-    def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
-        """Return presence and share of the artifacts; see `bsg_models.search.simulator.Beliefs`."""
-        return self._presence[rows], self._share[rows]
+    return answer

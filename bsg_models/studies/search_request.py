@@ -107,7 +107,7 @@ class SearchRequest(StudyRecipe):
     scene: str | None = None  # search this building alone
     resamples: int = Field(default=1000, ge=0)  # of the buildings
     # number of the search of the first building to replay; `auto` chooses one by the rule of
-    # `replay`
+    # `kept_searches`
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
     animation: Path | None = None  # file for the replay, in the format of its suffix
     out: Path | None = None  # None for `search` in the first run or, without runs, here

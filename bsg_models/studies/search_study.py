@@ -29,7 +29,7 @@ from bsg_models.search.knowledge import Task
 from bsg_models.search.room_graphs import world_generator
 from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, Step, search
 from bsg_models.studies.kept_searches import KeptSearch, Steps, keep_searches
-from bsg_models.studies.search_beliefs import FixedBeliefs, ModelBeliefs
+from bsg_models.studies.search_beliefs import ModelBeliefs, fix_beliefs
 from bsg_models.studies.search_cases import sample_episodes, sample_presence
 from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
 from bsg_models.zoo.model import BeliefModel, one_thread
@@ -247,7 +247,7 @@ def _look(
         rng = world_generator(recipe.seed, scene_id, "posterior")
         there = sample_presence(presence, open_, rng)
         episodes = replace(episodes, instances=there.astype(np.int64))
-        beliefs = FixedBeliefs(presence, share)
+        beliefs = fix_beliefs(presence, share)
     likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
     there = episodes.instances[every, likeliest].any(axis=1)
     return episodes, beliefs, there.astype(float)

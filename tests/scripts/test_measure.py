@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from dataclasses import replace
@@ -18,7 +17,6 @@ from folds import (
     list_models,
     mask_of,
     measure,
-    open_dataset,
     open_folds,
     tally_likelihood,
     tally_second,
@@ -28,11 +26,9 @@ from folds import (
 )
 from one_building import surround_rooms
 from refusals import refuses
-from results import format_command, hash_unsplit
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked
 from bsg_data.observation.observation import Observation
@@ -168,17 +164,6 @@ def test_the_likelihood_is_that_of_the_leaderboard(board: Path, name: str) -> No
     theirs = report["masks"]["rooms"][name]["metrics"]["rooms/hidden_nll"]
     assert found.point["nll"] == pytest.approx(theirs["value"])
     assert found.nodes["nll"] == theirs["nodes"]
-
-
-def test_the_hash_is_that_of_the_dataset_before_it_was_split(board: Path) -> None:
-    data = open_dataset(board, "mixture@rooms")
-    whole = encode_manifest(read_manifest(board.parent / "dataset"))
-    assert hash_unsplit(data) == hashlib.sha256(whole).hexdigest() != data.sha256
-
-
-def test_a_command_is_shown_without_the_folders_of_a_machine() -> None:
-    argv = ["/srv/x.py", "--out=/srv/b/c.md", "~/data", "../../up", "docs/a.md", "two words"]
-    assert format_command(argv) == "python x.py --out=c.md data up docs/a.md 'two words'"
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import exact_ranks
 import numpy as np
-import pandas as pd
 import pytest
 from scipy import stats
 
@@ -95,7 +94,7 @@ def test_errors_per_class_by_hand(truth: Truth) -> None:
     beliefs = believe(truth)
     errors = ClassErrors()
     errors.add(truth, beliefs)
-    frame = pd.DataFrame(errors.rows("m", list("abcde")))
+    frame = errors.tabulate("m", list("abcde"))
     row = frame[(frame["nodes"] == "building") & (frame["class"] == "c")].iloc[0]
     error = (beliefs.totals - truth.targets)[truth.is_building, 2]
     assert row["mean_error"] == pytest.approx(error.mean())

@@ -14,7 +14,7 @@ from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Task, find_ways
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
 from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, Step, search
-from bsg_models.studies.search_beliefs import FixedBeliefs
+from bsg_models.studies.search_beliefs import fix_beliefs
 
 Floats = npt.NDArray[np.float64]
 TASKS: tuple[Task, ...] = ("single", "all")
@@ -84,7 +84,7 @@ def test_what_is_passed_through_is_entered() -> None:
     row = in_a_row([1, 1, 1], [0, 0, 1, 0], start=1)
     presence = np.array([0, 0, 0.1, 0.2, 0.9])[None, :, None]
     steps: list[Step] = []
-    done = run_one(row, "greedy-belief", "single", beliefs=FixedBeliefs(presence), steps=steps)
+    done = run_one(row, "greedy-belief", "single", beliefs=fix_beliefs(presence), steps=steps)
     assert [int(step.target[0]) for step in steps] == [4, 4]
     assert [int(step.entered[0]) for step in steps] == [2, 3]  # where it is found, on the way to 4
     assert done.costs[0] == 2.0
@@ -93,7 +93,7 @@ def test_what_is_passed_through_is_entered() -> None:
 def test_a_robot_that_stops_itself_misses_what_it_does_not_believe_in() -> None:
     row = in_a_row([1, 1, 1], [0, 1, 0, 2], start=1)
     presence = np.array([0, 0, 0.5, 0.04, 0.05])[None, :, None]
-    planner, beliefs = "expected-cost", FixedBeliefs(presence)
+    planner, beliefs = "expected-cost", fix_beliefs(presence)
     eager = run_one(row, planner, "all", beliefs=beliefs, stop_at=0.1)
     assert (eager.costs[0], eager.missed[0]) == (1.0, 2)
     careful = run_one(row, planner, "all", beliefs=beliefs, stop_at=0.01)
@@ -125,7 +125,7 @@ def test_the_oracle_is_never_beaten(
     if classes == rooms:
         return
     episodes = draw_episodes(seed, rooms=rooms, kind=kind, classes=classes)
-    beliefs = FixedBeliefs(np.random.default_rng(seed).random(episodes.instances.shape))
+    beliefs = fix_beliefs(np.random.default_rng(seed).random(episodes.instances.shape))
     best = run_one(episodes, "oracle", task).costs
     for name in PLANNERS:
         found = run_one(episodes, name, task, beliefs=beliefs)
@@ -141,7 +141,7 @@ def test_the_oracle_is_never_beaten(
 @settings(max_examples=30, deadline=None)
 def test_with_a_perfect_belief_expected_cost_is_the_oracle(seed: int, kind: str) -> None:
     episodes = draw_episodes(seed, rooms=7, kind=kind)
-    truth = FixedBeliefs((episodes.instances > 0).astype(float))
+    truth = fix_beliefs((episodes.instances > 0).astype(float))
     planned = run_one(episodes, "expected-cost", "single", beliefs=truth)
     known = run_one(episodes, "oracle", "single")
     np.testing.assert_allclose(planned.costs, known.costs, rtol=1e-4)
@@ -150,7 +150,7 @@ def test_with_a_perfect_belief_expected_cost_is_the_oracle(seed: int, kind: str)
 def routes(episodes: Episodes, name: str, task: Task, *, sweep: bool = False) -> list[list[int]]:
     """Return the rooms that each search enters, in order."""
     steps: list[Step] = []
-    beliefs = FixedBeliefs(np.random.default_rng(0).random(episodes.instances.shape))
+    beliefs = fix_beliefs(np.random.default_rng(0).random(episodes.instances.shape))
     stop = -1.0 if sweep else None
     run_one(episodes, name, task, beliefs=beliefs, stop_at=stop, steps=steps)
     return [

@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bsg_data.dataset.kept_maps import ClassMapEntry
-from bsg_data.dataset.manifest import Manifest, SourceEntry, Totals
+from bsg_data.dataset.manifest import ClassMapEntry, Manifest, SourceEntry, Totals
 from bsg_data.errors import DatasetError
-from bsg_data.files import FigureError
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import list_values
@@ -23,7 +21,6 @@ from bsg_models.studies.leaderboard_report import (
     compare,
     rank_models,
     refuse_finished,
-    report_leaderboard,
     write_json,
     write_markdown,
 )
@@ -46,25 +43,19 @@ def board(values: Mapping[str, float]) -> Leaderboard:
         )
         for model, value in values.items()
     }
-    return Leaderboard(RECIPE, _small_manifest(), {"rooms": results})
-
-
-def _small_manifest() -> Manifest:
-    return Manifest(
+    class_map = load_class_map()
+    source = SourceEntry(
+        kind="hm3d", version=None, fingerprint="0", class_map=ClassMapEntry.of(class_map)
+    )
+    manifest = Manifest(
         generator="test",
-        class_space=load_class_map().space,
-        sources=(
-            SourceEntry(
-                kind="hm3d",
-                version=None,
-                fingerprint="0",
-                class_map=ClassMapEntry.of(load_class_map()),
-            ),
-        ),
+        class_space=class_map.space,
+        sources=(source,),
         scenes_per_shard=16,
         totals=Totals(scenes=3, rooms=9),
         files=(),
     )
+    return Leaderboard(RECIPE, manifest, {"rooms": results})
 
 
 def test_paired_comparisons_by_hand() -> None:
@@ -132,17 +123,3 @@ def test_a_finished_leaderboard_is_replaced_by_force_alone(tmp_path: Path) -> No
     refuse_finished(tmp_path, force=True)
     with pytest.raises(DatasetError):
         refuse_finished(tmp_path, force=False)
-
-
-def test_a_figure_that_cannot_be_drawn_is_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object, **__: object) -> None:
-        raise FigureError("no LaTeX")
-
-    monkeypatch.setattr("bsg_models.studies.leaderboard_report.plot_leaderboard", fail)
-    made = board({"ours": 0.3})
-    report = report_leaderboard(made, tmp_path / "out")
-    assert report.figures == ()
-    assert len(report.notes) == 1
-    assert report.table.read_text("utf-8") == write_markdown(made)
