@@ -19,6 +19,7 @@ import hashlib
 import heapq
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -84,26 +85,18 @@ def _pack_scenes(data: Dataset, split: str) -> Iterator[tuple[bytes, str, bytes]
 
 def _pack(table: pa.Table, data: Dataset) -> tuple[npt.NDArray[np.bytes_], npt.NDArray[np.void]]:
     """Return the scene id of every pair as bytes, and the record to hash."""
-    classes = len(data.manifest.class_space.classes)
-    record = np.dtype(
-        [
-            ("draw", "<i4"),
-            ("node", "<i4"),
-            ("hidden_share", "<f4"),
-            ("visited", "u1"),
-            ("withheld", "u1", (classes,)),
-            ("input", "<i4", (classes,)),
-            ("target", "<i4", (classes,)),
-        ]
-    )
-    view = read_views(table)
-    packed = np.empty(len(table), dtype=record)
-    packed["draw"] = table["draw"].to_numpy()
-    packed["node"] = table["node_index"].to_numpy()
-    packed["hidden_share"] = view.told
-    packed["visited"] = view.visited
-    packed["withheld"] = view.withheld
-    packed["input"] = list_column(table, "input")
-    packed["target"] = list_column(table, "target")
+    view, wide = read_views(table), (len(data.manifest.class_space.classes),)
+    columns: list[tuple[str, str, tuple[int, ...], npt.NDArray[Any]]] = [
+        ("draw", "<i4", (), table["draw"].to_numpy()),
+        ("node", "<i4", (), view.nodes),
+        ("hidden_share", "<f4", (), view.told),
+        ("visited", "u1", (), view.visited),
+        ("withheld", "u1", wide, view.withheld),
+        ("input", "<i4", wide, list_column(table, "input")),
+        ("target", "<i4", wide, list_column(table, "target")),
+    ]
+    packed = np.empty(len(table), dtype=np.dtype([column[:3] for column in columns]))
+    for name, _, _, values in columns:
+        packed[name] = values
     scenes = np.array([name.encode() for name in table["scene_id"].to_pylist()], dtype=np.bytes_)
     return scenes, packed

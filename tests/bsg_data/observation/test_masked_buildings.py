@@ -46,16 +46,6 @@ def test_buildings_are_taken_with_their_targets_and_draws(masked: MaskedBuilding
     assert some.draws.tolist() == [2, 0]
 
 
-def test_batches_are_in_order_and_the_last_is_what_is_left(masked: MaskedBuildings) -> None:
-    for size, sizes in ((1, [1, 1, 1]), (2, [2, 1]), (9, [3])):
-        batches = list(masked.batches(size))
-        assert [len(some) for some in batches] == sizes
-        whole = stack_masked(batches)
-        assert whole.seen.scene_ids == masked.seen.scene_ids
-        assert whole.targets.tolist() == masked.targets.tolist()
-        assert whole.draws.tolist() == masked.draws.tolist()
-
-
 @pytest.mark.parametrize("strategy", ["uniform", "mixed"])
 def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(dataset: Path, strategy: str) -> None:
     recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=2, withhold=0.2)

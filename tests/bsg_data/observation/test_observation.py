@@ -9,7 +9,7 @@ from one_building import observe_building, same_surroundings, surround_rooms
 from bsg_data.observation.observation import Observation, observe_search, stack
 from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.surroundings import BUILDING_KINDS, UNKNOWN, Surroundings
+from bsg_data.scene.surroundings import Surroundings
 
 HOME = surround_rooms([12, None], [None, "kitchen"], building_kind="home", source="hm3d")
 FIELDS = ("starts", "inputs", "hidden_share", "visited", "withheld", "others")
@@ -71,17 +71,6 @@ def test_the_share_of_a_cell_is_its_nodes_and_all_where_a_class_is_withheld(
 @pytest.mark.parametrize("order", [[0, 1, 2], [2, 0], [1], [2, 2, 1, 0]])
 def test_what_is_taken_is_what_was_stacked(parts: list[Observation], order: list[int]) -> None:
     assert same(stack(parts).take(order), stack([parts[number] for number in order]))
-
-
-def test_surroundings_go_with_their_buildings(parts: list[Observation]) -> None:
-    around = stack(parts).surroundings
-    assert around.building_kinds.tolist() == [BUILDING_KINDS.index("home"), UNKNOWN, UNKNOWN]
-    np.testing.assert_array_equal(around.floor_area[:4], [np.nan, 12, np.nan, np.nan])
-    assert same_surroundings(stack(parts).take([2, 0]).take([1]).surroundings, HOME)
-
-    without = stack(parts).without("floor_area").surroundings
-    assert np.isnan(without.floor_area).all()
-    assert without.labels.any()
 
 
 def search(

@@ -104,13 +104,6 @@ def test_nothing_is_withheld_in_a_searched_room() -> None:
     assert not both.observation(withheld=[bed]).withheld.any()
 
 
-def test_a_graph_without_rooms_and_objects_is_observed() -> None:
-    seen = PartialGraph("empty", CLASS_SPACE, 0.5, (), ()).observation(vocabulary=("tap",))
-    assert seen.inputs.tolist() == [[0] * 45]
-    assert seen.others.tolist() == [[0]]
-    assert len(seen.connections) == 0
-
-
 def test_a_searched_room_hides_nothing() -> None:
     after = observe(GRAPH, 2, [seen("5", 2, "sink"), seen("6", 2, "toilet")])
     assert after.rooms[1] == replace(GRAPH.rooms[1], visited=True, hidden_share=0.0)

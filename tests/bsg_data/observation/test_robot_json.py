@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import REPOSITORY
 from hypothesis import given
 from hypothesis import strategies as st
 from refusals import refuses
@@ -138,20 +137,16 @@ def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
         ({"format": "bsg-belief-graph"}, "a belief graph without `partial`"),
         ({"scene_id": "a", "roms": []}, "'roms' is no key; did you mean rooms"),
         ({"x" * 10_000: 1}, f"'{'x' * 80}' is no key"),
-        ({"version": 4}, "version: "),
         ({"version": True}, "version: "),
         ({"building_kind": "castle"}, "building_kind: "),
-        ({"source": ""}, "source: "),
         ({"detector": "chair"}, "detector: expected a JSON list of words"),
         ({"detector": ["chair", 5]}, "detector: expected a JSON list of words"),
         ({"rooms": 5}, "rooms: expected a JSON list"),
         ({"rooms": [5]}, "room number 1: expected a JSON object"),
         ({"rooms": [{"id": "a"}, {"id": "a"}]}, "room id 'a'"),
-        ({"rooms": [{"id": ""}]}, "room number 1: id: "),
         ({"objects": [{"id": "1", "category": "bed", "room": "attic"}]}, "object '1' (bed): "),
         ({"objects": [{"id": "7", "clas": "bed"}]}, "object '7': 'clas' is no key; did you mean"),
         ({"objects": [{"id": "7", "category": "bed"}] * 11 + [5]}, "object number 12: "),
-        ({"objects": [{"id": "7", "category": "bed"}] * 2}, "object id '7'"),
         ({"adjacency": [["hall", "hall"]]}, "adjacency: 'hall' with itself"),
         ({"adjacency": [["hall", "attic"]]}, "adjacency of 'hall' and 'attic': "),
         ({"adjacency": [["hall", "kitchen"], ["hall", 5]]}, "pair of adjacency number 2: 1: "),
@@ -167,28 +162,18 @@ def test_a_fault_of_a_graph_is_at_its_place(said: Any, place: str) -> None:
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("colour", 1),
         ("hiden_share", 0.5),
         ("visited", "yes"),
-        ("label", "x" * 501),
         ("hidden_share", 1.5),
-        ("hidden_share", True),
         ("hidden_share_sd", -0.1),
-        ("walls_in_view", "0.5"),
         ("seconds_inside", -1),
         ("position", [True, 2, 3]),
-        ("position", ["1", 2, 3]),
         ("position", [1e300, 0, 0]),
         ("box", [[0, 0, 0]] * 3),
         ("footprint", [[0, 0]]),
-        ("footprint", [[0, 0], [1, 0], [1, True]]),
         ("floor_index", True),
-        ("floor_index", 10**30),
         ("floor_area", 0),
-        ("floor_area", 1e6),
-        ("floor_area", "9"),
         ("room_type", 5),
-        ("room_type", {"kitchen": True}),
         ("room_type", {"kitchen": 0.7, "bar": 0.4}),
     ],
 )
@@ -205,10 +190,8 @@ def test_a_fault_of_a_room_is_at_its_key(key: str, value: Any) -> None:
     "said",
     [
         {"hidden_share": 0.5, "floor_in_view": 0.5},
-        {"hidden_share": 0.5, "seconds_inside": 3.0},
         {"hidden_share_sd": 0.1, "seconds_inside": 5},
         {"hidden_share": 1.0, "hidden_share_sd": 0.1},
-        {"hidden_share": 0.5, "hidden_share_sd": 0.5},
         {"visited": False, "seconds_inside": 5},
     ],
 )
@@ -285,10 +268,3 @@ def test_a_look_stands_in_the_place_of_a_share() -> None:
     ]
     written = json.loads(json.dumps(encode_robot_graph(graph)))
     assert parse_robot_graph(written, path=Path("x")) == graph
-
-
-def test_the_example_of_the_docs_is_understood() -> None:
-    graph = read_robot_graph(REPOSITORY / "docs" / "office.json")
-    assert list_unmapped(graph) == {}
-    assert len(graph.rooms) == 3
-    assert graph.histograms()[0].sum() >= 15

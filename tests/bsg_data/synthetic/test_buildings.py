@@ -91,19 +91,6 @@ def test_hm3d_ids_come_first_and_every_later_one_is_its_number() -> None:
 # Layout
 
 
-@pytest.mark.parametrize(("scenes", "val"), [(8, 0), (9, 1), (20, 2), (100, 11), (900, 100)])
-def test_about_every_tenth_building_is_in_val(
-    scenes: int, val: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("bsg_data.synthetic.building._draw_names", lambda *_: [("wall", 0)])
-    made = [synthesise(RATES, seed=0, number=number) for number in range(scenes)]
-    ids = [int(one.scene_id[:5]) for one in made]
-    assert len(set(ids)) == scenes
-    assert sum(one.split == "val" for one in made) == val
-    for one, scene in zip(made, ids, strict=True):
-        assert scene in (range(800, 900) if one.split == "val" else range(800))
-
-
 def test_every_line_is_a_row_of_hm3d(tmp_path: Path) -> None:
     for path in write_synthetic(tmp_path, scenes=20, seed=1):
         data = path.read_bytes()

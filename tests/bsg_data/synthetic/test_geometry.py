@@ -111,12 +111,6 @@ def test_most_connections_are_found(places: Path, built: tuple[Path, Manifest]) 
     assert 2 * right / (found + true) > 0.8
 
 
-def test_the_annotation_is_the_same_with_and_without_meshes(places: Path, tmp_path: Path) -> None:
-    for path in write_synthetic(tmp_path / "plain", scenes=3, seed=5):
-        other = places / path.relative_to(tmp_path / "plain")
-        assert other.read_bytes() == path.read_bytes()
-
-
 def test_files_have_what_real_ones_have(tmp_path: Path) -> None:
     options = GeometryOptions(coloured_by="both")
     tree, binary = take_apart(shape_building(ROWS, options, seed=0, number=0)[0])
