@@ -351,8 +351,7 @@ def _describe_source(source: Source, found: FoundScenes, class_map: ClassMap) ->
 def _make_shard(build: _Build, folder: Path, number: int) -> _Share:
     """Make one shard, unless an earlier run of the same build did; its manifest comes last."""
     done = _read_shard(folder, number)
-    lost = done is not None and (done.skipped or done.left_out or done.unmapped)
-    if done is not None and not (build.strict and lost):
+    if done and not (build.strict and (done.skipped or done.left_out or done.unmapped)):
         return done
     class_map = load_class_map(build.plan.class_maps[0].name_in(folder))
     readings: list[Reading] = []

@@ -61,8 +61,21 @@ class Registry(Generic[Row]):
         try:
             row = point.load()
         except Exception as error:
-            self._explain(name, point, error)
-            raise
+            if name not in self._rows:  # a foreign module may raise anything
+                raise RecipeError(
+                    f"{self.kind} {name!r}: the entry point {point.value} of {self.group} cannot "
+                    f"be imported ({error!r}); repair or remove its package",
+                    code="entry-point-broken",
+                    where=name,
+                ) from error
+            if not isinstance(error, ModuleNotFoundError):
+                raise
+            raise RecipeError(
+                f"{self.kind} {name!r} needs {error.name}, which is not installed; all that this "
+                f"project needs: {ask_to_install('all')}",
+                code="library-missing",
+                where=name,
+            ) from error
         if not isinstance(row, self._row_type):
             raise RecipeError(
                 f"{self.kind} {name!r}: {point.value} is a {type(row).__name__}, expected a "
@@ -71,23 +84,6 @@ class Registry(Generic[Row]):
                 where=name,
             )
         return row
-
-    def _explain(self, name: str, point: EntryPoint, error: Exception) -> None:
-        """Raise the error of a user's package or of a missing library; return if it is our own."""
-        if name not in self._rows:  # a foreign module may raise anything
-            raise RecipeError(
-                f"{self.kind} {name!r}: the entry point {point.value} of {self.group} cannot be "
-                f"imported ({error!r}); repair or remove its package",
-                code="entry-point-broken",
-                where=name,
-            ) from error
-        if isinstance(error, ModuleNotFoundError):
-            raise RecipeError(
-                f"{self.kind} {name!r} needs {error.name}, which is not installed; all that this "
-                f"project needs: {ask_to_install('all')}",
-                code="library-missing",
-                where=name,
-            ) from error
 
     def require(self, names: Iterable[str]) -> None:
         """Refuse unknown names as `require_known` does, without importing anything."""

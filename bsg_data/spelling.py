@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable
 
 SHOWN = 80  # characters of a wrong name that are compared, and shown in errors
-LIKE = 0.75  # difflib's ratio: keeps shoos for shoes and vaze for vase; not mobile for bicycle
-BEGUN = 4  # letters by which a word of a name is known
+_LIKE = 0.75  # difflib's ratio: keeps shoos for shoes and vaze for vase; not mobile for bicycle
+_BEGUN = 4  # letters by which a word of a name is known
 
 
 def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str, ...]:
@@ -33,9 +33,9 @@ def meant_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str,
     listed = {words: one for one in known if (words := _split_words(one))}
     said = _split_words(name)
     joined = {words.replace(" ", ""): words for words in listed}
-    near = difflib.get_close_matches(said.replace(" ", ""), joined, n=most, cutoff=LIKE)
+    near = difflib.get_close_matches(said.replace(" ", ""), joined, n=most, cutoff=_LIKE)
     longer = [words for words in listed if f" {words} " in f" {said} "]
-    cut_off = [words for words in listed if len(said) >= BEGUN and f" {said}" in f" {words}"]
+    cut_off = [words for words in listed if len(said) >= _BEGUN and f" {said}" in f" {words}"]
     found = [joined[one] for one in near]
     found += sorted(longer, key=len, reverse=True) + sorted(cut_off, key=len)
     return tuple(listed[words] for words in dict.fromkeys(found))[:most]

@@ -27,7 +27,8 @@ _MEANINGS = {
 _CROISSANT_TYPES = {
     **dict.fromkeys(("int16", "int32", "uint16", "uint8"), "sc:Integer"),
     **dict.fromkeys(("double", "float"), "sc:Float"),
-    "bool": "sc:Boolean", "string": "sc:Text",
+    "bool": "sc:Boolean",
+    "string": "sc:Text",
 }
 
 
