@@ -52,7 +52,7 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
-from bsg_models.zoo.room_types import MOST, FittedTypes, Rooms, fit_types, tilted_means
+from bsg_models.zoo.room_types import MISSING, MOST, FittedTypes, Rooms, fit_types, tilted_means
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_models.zoo.training_rooms import read_rooms
 
@@ -189,10 +189,13 @@ def _fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes) -> Floats:
     buildings, building = np.unique(building, return_inverse=True)
     totals = np.zeros((len(buildings), counts.shape[1]))
     rooms = np.zeros((len(totals), len(fitted.means)))  # of every type
-    np.add.at(totals, building, counts)
+    known = np.ones(totals.shape, dtype=bool)
+    known[building] = counts != MISSING
+    np.add.at(totals, building, np.where(known[building], counts, 0))
     np.add.at(rooms, building, fitted.belonging(counts))
     expected = rooms @ fitted.expected
-    return np.array([fit_habit(t, e) for t, e in zip(totals.T, expected.T, strict=True)])
+    columns = zip(totals.T, expected.T, known.T, strict=True)
+    return np.array([fit_habit(t[own], e[own]) for t, e, own in columns])
 
 
 def fit_habit(totals: Floats, expected: Floats) -> float:

@@ -30,6 +30,7 @@ from bsg_models.belief.negative_binomial import (
 
 Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of any width
 MOST = 60  # the fit treats larger counts of a class in a room as this
+MISSING = MOST + 1  # count of a class that the room's source has no word for: it says nothing
 SAMPLE = 20_000  # rooms in the sample of all rounds
 LAST_ROUNDS = 10  # on all rooms, if there are more
 _CHUNK = 4_096  # rooms in memory as floats at a time
@@ -74,6 +75,7 @@ class FittedTypes:
         table = log_negative_binomial(values, self.means[..., None], self.dispersions[..., None])
         table[..., :tilted] += np.moveaxis(self.tilts, 0, -1)
         table -= log_normaliser(self.tilts, self.means, self.dispersions)[..., None]
+        table[..., MISSING:] = 0
         return table
 
 
@@ -103,7 +105,8 @@ def fit_types(
     """
     width = max(int(counts.max(initial=0)) + 1, tilted, 2)
     some = _take_sample(counts, sample, seed=seed)
-    membership = _group(np.log1p(some.astype(np.float64)), types, seed=seed)
+    points = np.where(some == MISSING, 0, some)
+    membership = _group(np.log1p(points.astype(np.float64)), types, seed=seed)
     shape = (types, counts.shape[1])
     dispersions, tilts = np.ones(shape), np.zeros((tilted, *shape))
     fitted = _fit_sums(_sum_rooms(some, membership, width), dispersions, tilts)
@@ -193,14 +196,19 @@ def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, F
 
 def _fit_sums(sums: _Sums, dispersions: Floats, tilts: Floats) -> FittedTypes:
     """Return the types that fit sums over rooms; dispersions start from the previous ones."""
-    rooms, values = sums.size.sum(), np.arange(sums.frequency.shape[2])
-    totals = sums.frequency @ values
+    frequency = sums.frequency[..., :MISSING]
+    log_types = np.log((sums.size + 1) / (sums.size.sum() + len(sums.size)))
+    size, rooms = sums.size[:, None], sums.size.sum()
+    if sums.frequency.shape[2] > MISSING:
+        size = frequency.sum(axis=2)  # [K, C] of the rooms that can name the class
+        rooms = np.maximum(size.sum(axis=0), 1)
+    values = np.arange(frequency.shape[2])
+    totals = frequency @ values
     overall = np.maximum(totals.sum(axis=0) / rooms, 0.5 / rooms)
-    log_types = np.log((sums.size + 1) / (rooms + len(sums.size)))
-    means = (totals + _PRIOR_ROOMS * overall) / (sums.size[:, None] + _PRIOR_ROOMS)
-    dispersions = _improve_dispersions(dispersions, means, sums.frequency, values)
+    means = (totals + _PRIOR_ROOMS * overall) / (size + _PRIOR_ROOMS)
+    dispersions = _improve_dispersions(dispersions, means, frequency, values)
     table = log_negative_binomial(values, means[..., None], dispersions[..., None])
-    tilts = _fit_tilts(table, sums.frequency, len(tilts))
+    tilts = _fit_tilts(table, frequency, len(tilts))
     return FittedTypes(log_types, means, dispersions, tilts)
 
 

@@ -23,14 +23,18 @@ Tally = tuple[Ints, Ints]  # distinct counts, rising, and the number of rooms wi
 def read_rooms(
     data: Dataset, scenes: Sequence[str], *, most: int
 ) -> tuple[npt.NDArray[np.uint8], Ints]:
-    """Return the counts of some rooms `[R, C]`, cut to `most`, and each room's building `[R]`."""
+    """Return the counts of some rooms `[R, C]`, cut to `most`, and each room's building `[R]`.
+
+    A class that the source has no word for counts as `most` + 1.
+    """
     rooms: dict[str, npt.NDArray[np.uint8]] = {}
     for some in data.in_parts(scenes):
         for scene in some:
-            rooms[scene] = np.minimum(data.cells(scene)[1:], most).astype(np.uint8)
+            counts = np.minimum(data.cells(scene)[1:], most)
+            rooms[scene] = np.where(data.nameable(scene), counts, most + 1).astype(np.uint8)
     sizes = [len(rooms[scene]) for scene in scenes]
-    counts = np.concatenate([rooms[scene] for scene in scenes])
-    return counts, np.repeat(np.arange(len(scenes)), sizes)
+    joined = np.concatenate([rooms[scene] for scene in scenes])
+    return joined, np.repeat(np.arange(len(scenes)), sizes)
 
 
 def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ from bsg_models.zoo.catalogue import UNTRAINED
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.model import Network
-from bsg_models.zoo.training_rooms import tally_rooms
+from bsg_models.zoo.room_types import MISSING, MOST, fit_types
+from bsg_models.zoo.training_rooms import read_rooms, tally_rooms
 
 LABELS = [
     f"{name}_{n}_office_{room}_{area}"
@@ -137,3 +139,21 @@ def test_a_dataset_without_a_split_is_measured_whole(merged: Path) -> None:
     assert found.facts["nodes"]["building"] == 12
     assert list(found.bootstraps) == ["mixture", *UNTRAINED]
     assert any("no split" in note for note in found.notes)
+
+
+def test_room_types_leave_out_what_a_room_cannot_name(merged: Path) -> None:
+    """The mean of a class is that of the rooms whose source has a word for it."""
+    data = Dataset.open(merged)
+    bed = data.manifest.class_space.class_index("bed")
+    counts, _ = read_rooms(data, data.scene_ids, most=MOST)
+    assert (counts[:, bed] == MISSING).sum() == 6
+    fitted = fit_types(counts, types=1, iterations=5, seed=0)
+    assert fitted.means[0, bed] == pytest.approx(1)  # in a home; .5 if offices counted as without
+    alone = fit_types(counts[counts[:, bed] != MISSING], types=1, iterations=5, seed=0)
+    assert fitted.means[0, bed] == pytest.approx(alone.means[0, bed])
+    assert np.isfinite(fitted.log_probability(counts)).all()
+    hidden = replace(fitted, means=fitted.means * np.where(np.arange(45) == bed, 9, 1))
+    offices = counts[:, bed] == MISSING
+    np.testing.assert_allclose(
+        hidden.log_probability(counts)[offices], fitted.log_probability(counts)[offices]
+    )
