@@ -26,11 +26,17 @@ def run(*words: str | Path, code: int = 0) -> Result:
     return result
 
 
+def train_run(dataset: Path, out: Path) -> Result:
+    words = ["--config", "ceci-gcn", "--data", str(dataset), "--out", str(out)]
+    words += ["--set", "training.epochs=2", "--set", "model.width=8"]
+    done = CliRunner().invoke(train.main, words)
+    assert done.exit_code == 0, done.output
+    return done
+
+
 @pytest.fixture
 def trained(dataset: Path, tmp_path: Path) -> Path:
-    words = ["--config", "ceci-gcn", "--data", str(dataset), "--out", str(tmp_path / "run")]
-    words += ["--set", "training.epochs=2", "--set", "model.width=8"]
-    assert CliRunner().invoke(train.main, words).exit_code == 0
+    train_run(dataset, tmp_path / "run")
     return tmp_path / "run"
 
 
@@ -70,10 +76,7 @@ def test_results_are_kept_if_a_figure_cannot_be_drawn(
         write_figure(figure, path)
 
     monkeypatch.setattr("bsg_models.rendering.figures._save", fail)
-    words = ["--config", "ceci-gcn", "--data", str(dataset), "--out", str(tmp_path / "run")]
-    words += ["--set", "training.epochs=1", "--set", "model.width=8"]
-    done = CliRunner().invoke(train.main, words)
-    assert done.exit_code == 0, done.output
+    done = train_run(dataset, tmp_path / "run")
     assert "note: a figure is missing: curve.png: no LaTeX\n" in done.stderr
     assert "learning curve" not in done.stdout
     assert "best.safetensors" in read_seal(tmp_path / "run")
@@ -104,11 +107,13 @@ def test_a_shipped_model_is_measured_by_its_name(
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_json_all_metrics_and_force(dataset: Path, trained: Path, tmp_path: Path) -> None:
-    words = [trained, "--data", dataset, "--resamples", "0", "--out", tmp_path / "e"]
+def test_json_all_metrics_and_twins(dataset: Path, trained: Path, tmp_path: Path) -> None:
+    twins = [Path(shutil.copytree(trained, tmp_path / up / "run")) for up in ("a", "b")]
+    words = [trained, *twins, "--data", dataset, "--resamples", "0", "--out", tmp_path / "e"]
     report = json.loads(run(*words, "--split", "val", "--json").stdout)
     assert report["split"] == "val"
-    assert report["metrics"]["rooms/hidden_nll"]["ceci-gcn"]["low"] is None
+    assert report["metrics"]["rooms/hidden_nll"]["ceci-gcn (run)"]["low"] is None
+    assert [*report["runs"]] == ["ceci-gcn (run)", "ceci-gcn (run)-2", "ceci-gcn (run)-3"]
     assert "--force" in run(*words, code=1).stderr
     everything = run(*words, "--force", "--all-metrics").stdout
     assert "rooms/wasserstein_classes/kurtosis" in everything
@@ -126,18 +131,3 @@ def test_the_page_holds_everything_and_opens_offline(
     assert "Belief scene graph" in text
     assert not re.search(r"(src|href)=.?https?:", text)
     assert "is there already; --force replaces it" in run(*words, code=1).stderr
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_runs_of_one_model_in_folders_of_one_name_are_told_apart(
-    dataset: Path, trained: Path
-) -> None:
-    twins = [trained]
-    twins += [Path(shutil.copytree(trained, dataset.parent / up / "run")) for up in ("a", "b")]
-    out = dataset.parent / "e"
-    words = [*twins, "--data", dataset, "--resamples", "0", "--out", out, "--json"]
-    assert set(json.loads(run(*words).stdout)["runs"]) == {
-        "ceci-gcn (run)",
-        "ceci-gcn (run)-2",
-        "ceci-gcn (run)-3",
-    }

@@ -12,14 +12,15 @@ from bsg_cli.search import main
 from bsg_data.inputs.bounded_file import hash_file
 
 
-def run_command(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(one) for one in arguments])
+def run_command(*arguments: object, code: int = 0) -> Result:
+    result = CliRunner().invoke(main, [str(one) for one in arguments])
+    assert result.exit_code == code, result.stderr
+    return result
 
 
 def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "tree:2-3,star")
     result = run_command("--model", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
-    assert result.exit_code == 0, result.stderr
     assert "need 5 of them" in result.stderr  # intervals, of one building
     for word in ("star:1-10: 6 searches", "all: expected-cost stops by itself", "all: saved, %"):
         assert word in result.stdout
@@ -31,23 +32,18 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     assert report["standings"][0]["savings"]["nearest"]["saved"]["value"] == 0
     assert (out / "savings.png").stat().st_size > 10_000
     assert "Looking for" in (out / "trace.html").read_text("utf-8")
-    again = run_command("--model", run, "--data", dataset, *few)
-    assert again.exit_code == 1
-    assert "--force" in again.stderr
+    assert "--force" in run_command("--model", run, "--data", dataset, *few, code=1).stderr
 
 
 def test_without_a_model_planners_have_no_belief(dataset: Path, tmp_path: Path) -> None:
     few = ("--episodes", 2, "--workers", 1, "--out", tmp_path / "out", "--split", "all")
     few += ("--no-model",)
     result = run_command("--data", dataset, *few, "--worlds", "star,layout", "--json")
-    assert result.exit_code == 0, result.stderr
     report = json.loads(result.stdout)
     assert list(report["standings"][0]["savings"]) == ["nearest", "routing", "oracle"]
     assert "layout: 12 of 12 buildings left out" in result.stderr
     for refused in (("--planners", "ratio"), ("--stop", "0.1"), ("--trace", 0), ("--trace",)):
-        result = run_command("--data", dataset, *few, *refused, "--force")
-        assert result.exit_code == 2
-        assert "--model" in result.stderr
+        assert "--model" in run_command("--data", dataset, *few, *refused, "--force", code=2).stderr
 
 
 @pytest.mark.usefixtures("shipped")
@@ -55,11 +51,9 @@ def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_p
     few = ("--episodes", 1, "--workers", 1, "--resamples", 0, "--worlds", "star", "--json")
     one = ("--artifacts", "bed", "--data", dataset, *few)
     result = run_command(*one, "--out", tmp_path / "a", "--planners", "nearest,greedy-belief")
-    assert result.exit_code == 0, result.stderr
     assert "model: universal (shipped; trained on" in result.stderr
     assert json.loads(result.stdout)["model"] == "gamma-poisson"
-    both = run_command(*one, "--no-model", "--model", "universal")
-    assert both.exit_code == 2
+    run_command(*one, "--no-model", "--model", "universal", code=2)
 
 
 def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Path) -> None:
@@ -67,7 +61,6 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
     few += ("--planners", "ratio", "--out", tmp_path / "out")
     picture = tmp_path / "search.gif"
     result = run_command("--model", run, "--data", dataset, *few, "--trace", "--animation", picture)
-    assert result.exit_code == 0, result.stderr
     assert f"the same as a picture: {picture}" in result.stdout
     page = (tmp_path / "out" / "trace.html").read_text("utf-8")
     assert "This search was chosen as worth watching" in page
@@ -88,6 +81,5 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
 def test_wrong_use_is_refused(
     options: tuple[str, ...], code: int, dataset: Path, run: Path
 ) -> None:
-    result = run_command("--model", run, "--data", dataset, "--workers", 1, *options)
-    assert result.exit_code == code, result.stderr
+    run_command("--model", run, "--data", dataset, "--workers", 1, *options, code=code)
     assert not (run / "search").exists()
