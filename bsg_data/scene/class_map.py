@@ -10,8 +10,9 @@ from __future__ import annotations
 import hashlib
 import os
 import unicodedata
+from collections import ChainMap
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -36,14 +37,8 @@ DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
 _SYNONYMS = "synonyms-v1.csv"
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
+_FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
-
-
-class MapEntry(NamedTuple):
-    """The corrected name of one spelling, and its class; None outside the classes."""
-
-    category: str
-    class_index: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,28 +55,19 @@ class Classified:
 
 @dataclass(frozen=True, slots=True)
 class ClassMap:
-    """A class map, ready to look names up.
+    """A class map, ready to look names up."""
 
-    Attributes:
-        version: name of the map, e.g. `hm3d45-v1`.
-        sha256: hash of its files: spellings, then classes; for a map with rules also the list of
-            structure, the synonyms and the version of the rules.
-        space: its class space.
-        definitions: `[C]` one sentence per class.
-        structure: categories that are parts of the building, not objects in it.
-        entries: spelling → entry, as published.
-        normalised: normalised spelling (`normalise_name`) → entry.
-        synonyms: normalised name → listed name, or the empty name if the last word misleads; None
-            for a map without rules.
-    """
-
-    version: str
+    version: str  # its name, e.g. `hm3d45-v1`
+    # hash of its files: spellings, then classes; for a map with rules also the list of structure,
+    # the synonyms and the version of the rules
     sha256: str
     space: ClassSpace
-    definitions: tuple[str, ...]
-    structure: frozenset[str]
-    entries: Mapping[str, MapEntry]
-    normalised: Mapping[str, MapEntry]
+    definitions: tuple[str, ...]  # [C] one sentence per class
+    structure: frozenset[str]  # categories that are parts of the building, not objects in it
+    entries: Mapping[str, Classified]  # by spelling, as published
+    normalised: Mapping[str, Classified]  # by normalised spelling (`normalise_name`)
+    # normalised name → listed name, or the empty name if the last word misleads; None for a map
+    # without rules
     synonyms: Mapping[str, str] | None = None
     _resolved: dict[str, Classified] = field(default_factory=dict, repr=False, compare=False)
 
@@ -96,7 +82,7 @@ class ClassMap:
         known = {entry.class_index for entry in self.entries.values()}
         return tuple(name for index, name in enumerate(self.classes) if index in known)
 
-    def lookup(self, name: str) -> MapEntry | None:
+    def lookup(self, name: str) -> Classified | None:
         """Look up a listed name, exact first, then normalised; None if it is not listed."""
         entry = self.entries.get(name)
         return entry if entry is not None else self.normalised.get(normalise_name(name))
@@ -105,7 +91,7 @@ class ClassMap:
         """Return category, class and role of an annotated name; every lookup goes through here."""
         entry = self.lookup(name)
         if entry is not None:
-            return self._describe(entry)
+            return entry
         if is_nameless(name):
             return Classified(UNKNOWN, None, "nameless")
         if name not in self._resolved:
@@ -114,31 +100,18 @@ class ClassMap:
 
     def _resolve(self, name: str) -> Classified:
         """Resolve a name that is not listed by the rules."""
-        if self.synonyms is None:
-            return _UNMAPPED
         listed = self.normalised.__contains__
-        for other, rule in resolve(normalise_name(name), synonyms=self.synonyms, known=listed):
+        words = normalise_name(name)
+        found = () if self.synonyms is None else resolve(words, self.synonyms, known=listed)
+        for other, rule in found:
             entry = self.normalised[normalise_name(other)]
             if rule != "head noun" or entry.class_index is not None:
-                return self._describe(entry, rule=rule)
-        return _UNMAPPED
-
-    def _describe(self, entry: MapEntry, *, rule: Rule | None = None) -> Classified:
-        role: Role = "left-out"
-        if entry.class_index is not None:
-            role = "classified"
-        elif is_nameless(entry.category):
-            role = "nameless"
-        elif entry.category in self.structure:
-            role = "structure"
-        return Classified(entry.category, entry.class_index, role, rule)
+                return replace(entry, rule=rule)
+        return Classified(None, None, "unmapped")
 
     def nearest(self, name: str, *, count: int = 3) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
         return nearest_names(normalise_name(name), self.normalised, most=count)
-
-
-_UNMAPPED = Classified(None, None, "unmapped")
 
 
 class PublishedMap(NamedTuple):
@@ -173,9 +146,8 @@ def is_nameless(name: str) -> bool:
 def published_maps() -> Mapping[str, PublishedMap]:
     """Return the published maps by their names, in the order of `mappings/class_maps.csv`."""
     data = files("bsg_mappings").joinpath("class_maps.csv").read_bytes()
-    header = ("class_map", "class_space", "source", "rules")
-    rows = [row for _, row in read_rows("class_maps.csv", data, header)]
-    return {row[0]: PublishedMap(row[0], row[1], row[2], row[3] == "yes") for row in rows}
+    rows = read_rows("class_maps.csv", data, ("class_map", "class_space", "source", "rules"))
+    return {row[0]: PublishedMap(row[0], row[1], row[2], row[3] == "yes") for _, row in rows}
 
 
 def map_into(class_space: str) -> str:
@@ -224,7 +196,7 @@ def _load(name: str) -> ClassMap:
         spellings=read_published(f"{name}.csv"),
         classes=read_published(f"{row.class_space}.classes.csv"),
         structure=read_published(f"{name}.structure.csv"),
-        synonyms=read_published(_SYNONYMS) if row.rules else None,
+        rules=row.rules,
     )
 
 
@@ -246,20 +218,18 @@ def read_own_map(path: Path) -> OwnMap:
             code="class-map-missing",
             where=path,
         )
-    spellings, *beside = (
-        read_bytes(file, CLASS_MAP, error=ClassMapError) if file.is_file() else None
-        for file in (path, path.with_suffix(CLASSES), path.with_suffix(STRUCTURE))
-    )
-    return OwnMap(
-        name=path.stem, spellings=spellings or b"", classes=beside[0], structure=beside[1]
-    )
+    found = {
+        part: read_bytes(file, CLASS_MAP, error=ClassMapError)
+        for part, suffix in _FILES.items()
+        if (file := path.with_suffix(suffix)).is_file()
+    }
+    return OwnMap(name=path.stem, **{"spellings": b"", **found})
 
 
 def write_own_map(own: OwnMap, folder: Path) -> Path:
     """Write the files of a class map into a folder, and return the path of its `NAME.csv`."""
-    beside = {CLASSES: own.classes, STRUCTURE: own.structure}
-    for suffix, data in {SUFFIX: own.spellings, **beside}.items():
-        if data is not None:
+    for part, suffix in _FILES.items():
+        if (data := getattr(own, part)) is not None:
             write_bytes(folder / f"{own.name}{suffix}", data)
     return folder / f"{own.name}{SUFFIX}"
 
@@ -274,7 +244,6 @@ def parse_own_map(own: OwnMap) -> ClassMap:
         spellings=own.spellings,
         classes=own.classes or read_published(f"{DEFAULT_CLASS_SPACE}.classes.csv"),
         structure=own.structure or b"category\n",
-        synonyms=read_published(_SYNONYMS),
     )
 
 
@@ -292,21 +261,17 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
                 f"class maps {first.version} and {other.version} have different class spaces"
             )
     maps = (first, *others)
-    backwards = maps[::-1]
-    return ClassMap(
+    normalised = ChainMap(*(dict(one.normalised) for one in maps))
+    synonyms = ChainMap(*(dict(one.synonyms or {}) for one in maps))
+    return replace(
+        first,
         version=" + ".join(one.version for one in maps),
         sha256=hashlib.sha256("".join(one.sha256 for one in maps).encode()).hexdigest(),
-        space=first.space,
-        definitions=first.definitions,
         structure=frozenset().union(*(one.structure for one in maps)),
-        entries={raw: entry for one in backwards for raw, entry in one.entries.items()},
-        normalised={raw: entry for one in backwards for raw, entry in one.normalised.items()},
-        synonyms={
-            name: listed
-            for one in backwards
-            for name, listed in (one.synonyms or {}).items()
-            if not any(name in other.normalised for other in maps)
-        },
+        entries=ChainMap(*(dict(one.entries) for one in maps)),
+        normalised=normalised,
+        synonyms={name: word for name, word in synonyms.items() if name not in normalised},
+        _resolved={},
     )
 
 
@@ -317,27 +282,28 @@ def _parse_map(
     spellings: bytes,
     classes: bytes,
     structure: bytes,
-    synonyms: bytes | None,
+    rules: bool = True,
 ) -> ClassMap:
     space, definitions = parse_class_space(space_name, classes)
-    entries, normalised = _parse_spellings(f"{version}.csv", spellings, space)
-    rows = read_rows(f"{version}.structure.csv", structure, ("category",))
-    hashed = [spellings, classes]
-    if synonyms is not None:
-        hashed += [structure, synonyms, RULES_VERSION]
+    parts = frozenset(
+        row[0] for _, row in read_rows(f"{version}.structure.csv", structure, ("category",))
+    )
+    entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, parts)
+    words = read_published(_SYNONYMS)
+    hashed = [spellings, classes, *([structure, words, RULES_VERSION] if rules else [])]
     return ClassMap(
         version=version,
         sha256=hashlib.sha256(b"".join(hashed)).hexdigest(),
         space=space,
         definitions=definitions,
-        structure=frozenset(category for _, (category,) in rows),
+        structure=parts,
         entries=entries,
         normalised=normalised,
-        synonyms=None if synonyms is None else _parse_synonyms(synonyms, normalised),
+        synonyms=_parse_synonyms(words, normalised) if rules else None,
     )
 
 
-def _parse_synonyms(data: bytes, listed: Mapping[str, MapEntry]) -> dict[str, str]:
+def _parse_synonyms(data: bytes, listed: Mapping[str, Classified]) -> dict[str, str]:
     """Return the synonyms of what a map lists; it need not list all that there are."""
     rows = [row for _, row in read_rows(_SYNONYMS, data, ("name", "category"))]
     words = {normalise_name(name): normalise_name(category) for name, category in rows}
@@ -345,22 +311,28 @@ def _parse_synonyms(data: bytes, listed: Mapping[str, MapEntry]) -> dict[str, st
 
 
 def _parse_spellings(
-    file: str, data: bytes, space: ClassSpace
-) -> tuple[dict[str, MapEntry], dict[str, MapEntry]]:
-    index = {name: i for i, name in enumerate(space.classes)}
-    entries: dict[str, MapEntry] = {}
-    normalised: dict[str, MapEntry] = {}
+    file: str, data: bytes, space: ClassSpace, structure: frozenset[str]
+) -> tuple[dict[str, Classified], dict[str, Classified]]:
+    entries: dict[str, Classified] = {}
+    normalised: dict[str, Classified] = {}
     for line, (raw, category, name) in read_rows(file, data, ("raw_category", "category", "class")):
-        if name and name not in index:
+        if name and name not in space.classes:
             raise ClassMapError(f"{file}, line {line}: {name!r} is no class of {space.name}")
         if raw in entries:
             raise ClassMapError(f"{file}, line {line}: {raw!r} is listed twice")
-        entry = MapEntry(category, index[name] if name else None)
-        entries[raw] = entry
-        first = normalised.setdefault(normalise_name(raw), entry)
-        if first.class_index != entry.class_index:
+        index = space.classes.index(name) if name else None
+        entries[raw] = Classified(category, index, _find_role(category, index, structure))
+        if normalised.setdefault(normalise_name(raw), entries[raw]).class_index != index:
             raise ClassMapError(
                 f"{file}, line {line}: {raw!r} differs from an earlier row only in case or spaces "
                 "but has another class"
             )
     return entries, normalised
+
+
+def _find_role(category: str, class_index: int | None, structure: frozenset[str]) -> Role:
+    if class_index is not None:
+        return "classified"
+    if is_nameless(category):
+        return "nameless"
+    return "structure" if category in structure else "left-out"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.resources import files
 
@@ -23,23 +23,17 @@ from bsg_data.recipes import Record
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 DEFAULT_CLASS_SPACE = "hm3d45-v2"
-MAX_CLASSES = 256  # the objects table stores the index in a byte
+_MAX_CLASSES = 256  # the objects table stores the index in a byte
 _SUFFIX = ".classes.csv"
 _PARTS = "parts-v1.csv"
 
 
 class ClassSpace(Record):
-    """An ordered list of classes: that of a histogram, as files hold it.
+    """An ordered list of classes: that of a histogram, as files hold it."""
 
-    Attributes:
-        name: name of the space, e.g. `hm3d45-v1`.
-        sha256: hash of the ordered names.
-        classes: `[C]` names.
-    """
-
-    name: str
-    sha256: str
-    classes: tuple[str, ...]
+    name: str  # e.g. `hm3d45-v1`
+    sha256: str  # of the ordered names
+    classes: tuple[str, ...]  # [C]
 
     @model_validator(mode="after")
     def _hash_fits(self) -> ClassSpace:
@@ -71,7 +65,6 @@ class ClassSpace(Record):
 
 
 def _hash_classes(classes: Iterable[str]) -> str:
-    """Return the sha256 of class names, joined by line feeds."""
     return hashlib.sha256("\n".join(classes).encode()).hexdigest()
 
 
@@ -94,13 +87,9 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
 def read_published(file: str) -> bytes:
     """Read a file of `mappings/` that SHA256SUMS lists; `ClassMapError` if it was changed."""
     folder = files("bsg_mappings")
-    lines = folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines()
-    published = {
-        name.lstrip("*"): digest
-        for digest, name in (line.split(maxsplit=1) for line in lines if line.strip())
-    }
     data = folder.joinpath(file).read_bytes()
-    if hashlib.sha256(data).hexdigest() != published.get(file):
+    published = folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines()
+    if f"{hashlib.sha256(data).hexdigest()}  {file}" not in published:
         raise ClassMapError(
             f"mappings/{file} is not the published file (sha256 differs from SHA256SUMS): "
             "published files never change; reinstall the package, or give your version a new name"
@@ -111,39 +100,30 @@ def read_published(file: str) -> bytes:
 def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ...]]:
     """Parse `index,class,definition` as a space, and one sentence per class `[C]`."""
     file = f"{name}{_SUFFIX}"
-    classes: list[str] = []
-    definitions: list[str] = []
-    for line, (index, class_name, definition) in read_rows(
-        file, data, ("index", "class", "definition")
-    ):
-        if index != str(len(classes)) or not class_name or class_name in classes:
+    found: dict[str, str] = {}
+    for line, (index, one, definition) in read_rows(file, data, ("index", "class", "definition")):
+        if index != str(len(found)) or not one or one in found:
             raise ClassMapError(
-                f"{file}, line {line}: expected index {len(classes)} and a new class name, "
-                f"found {index!r}, {class_name!r}"
+                f"{file}, line {line}: expected index {len(found)} and a new class name, "
+                f"found {index!r}, {one!r}"
             )
-        classes.append(class_name)
-        definitions.append(definition)
-    if not 1 <= len(classes) <= MAX_CLASSES:
-        raise ClassMapError(f"{file}: expected 1 to {MAX_CLASSES} classes, found {len(classes)}")
-    return ClassSpace.of(name, classes), tuple(definitions)
+        found[one] = definition
+    if not 1 <= len(found) <= _MAX_CLASSES:
+        raise ClassMapError(f"{file}: expected 1 to {_MAX_CLASSES} classes, found {len(found)}")
+    return ClassSpace.of(name, found), tuple(found.values())
 
 
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Read a CSV file of `mappings/` as numbered rows; `ClassMapError` names the line at fault."""
     try:
         reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
-        first = next(reader, [])
-        if tuple(first) != header:
-            raise ClassMapError(
-                f"{file}, line 1: expected {','.join(header)}, found {','.join(first)!r}"
-            )
-        rows = [(reader.line_num, row) for row in reader]
-    except UnicodeDecodeError as error:
-        raise ClassMapError(
-            f"{file}: expected UTF-8, found byte {error.start} that is not"
-        ) from error
-    except csv.Error as error:
+        first, *rows = [(reader.line_num, row) for row in reader] or [(1, [])]
+    except (UnicodeDecodeError, csv.Error) as error:
         raise ClassMapError(f"{file}: not a readable CSV file ({error})") from error
+    if tuple(first[1]) != header:
+        raise ClassMapError(
+            f"{file}, line 1: expected {','.join(header)}, found {','.join(first[1])!r}"
+        )
     for line, row in rows:
         if len(row) != len(header):
             raise ClassMapError(
@@ -153,7 +133,7 @@ def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int
 
 
 @cache
-def _load_parts() -> Mapping[str, str]:
+def _load_parts() -> dict[str, str]:
     rows = read_rows(_PARTS, read_published(_PARTS), ("category", "class"))
     return dict(row for _, row in rows)
 

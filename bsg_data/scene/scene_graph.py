@@ -14,6 +14,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from bsg_data.arrays import Floats
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import Role
 
@@ -67,6 +68,12 @@ class Box:
         """The middle of the box, metres."""
         x, y, z = ((a + b) / 2 for a, b in zip(self.minimum, self.maximum, strict=True))
         return x, y, z
+
+    @classmethod
+    def around(cls, points: Floats) -> Box:
+        """Return the box around points `[P, 3]`, one or more."""
+        (a, b, c), (d, e, f) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+        return cls((a, b, c), (d, e, f))
 
     @property
     def footprint(self) -> tuple[tuple[float, float], ...]:

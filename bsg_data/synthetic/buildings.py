@@ -238,7 +238,8 @@ def _list_fixtures(
         room = place.get(row.room_index)
         if room is None:
             room = int(rng.integers(len(regions)))
-        fixtures.append(Fixture(row.instance_id, entry.category if entry else "", room))
+        category = entry.category if entry else None
+        fixtures.append(Fixture(row.instance_id, category or "", room))
     return fixtures
 
 

@@ -104,7 +104,7 @@ def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str,
     for model, class_map in enumerate(class_maps):
         for entry in class_map.entries.values():  # corrected names: published spellings have errors
             if entry.class_index is not None:
-                names.setdefault(normalise_name(entry.category), (model, entry.class_index))
+                names.setdefault(normalise_name(str(entry.category)), (model, entry.class_index))
         for index, name in enumerate(class_map.classes):
             names.setdefault(normalise_name(name), (model, index))
     close = meant_names(said, names)

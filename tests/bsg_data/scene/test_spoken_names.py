@@ -34,13 +34,13 @@ SYNONYMS = {"sofa": "couch", "television": "tv"}
     ],
 )
 def test_rules_by_hand(name: str, first: tuple[str, str] | None) -> None:
-    found = resolve(name, synonyms=SYNONYMS, known=LISTED.__contains__)
+    found = resolve(name, SYNONYMS, known=LISTED.__contains__)
     assert next(found, None) == first
 
 
 @given(st.text(max_size=40))
 def test_of_any_text_only_listed_names_come_out(name: str) -> None:
-    for other, _ in resolve(name, synonyms=SYNONYMS, known=LISTED.__contains__):
+    for other, _ in resolve(name, SYNONYMS, known=LISTED.__contains__):
         assert other in LISTED
 
 
@@ -48,10 +48,10 @@ def test_of_any_text_only_listed_names_come_out(name: str) -> None:
 def test_the_number_at_the_end_is_what_a_regular_expression_says(name: str) -> None:
     """The expression is the rule; on a long run of spaces it took a time that grows as its cube."""
     words = re.sub(r"[ .#]*[0-9]*[ .]*$", "", name.replace("-", " ")).split()
-    found = resolve(name, synonyms={}, known=" ".join(words).__eq__)
+    found = resolve(name, {}, known=" ".join(words).__eq__)
     assert (next(found, None) is not None) == bool(words)
 
 
 def test_a_name_of_many_spaces_is_resolved_at_once() -> None:
     name = "chair" + " -" * 100_000
-    assert next(resolve(name, synonyms={}, known="chair".__eq__)) == ("chair", "separator")
+    assert next(resolve(name, {}, known="chair".__eq__)) == ("chair", "separator")
