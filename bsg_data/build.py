@@ -67,7 +67,6 @@ from bsg_data.sources.source import (
     SceneRef,
     SkippedScene,
     Source,
-    SourceWithTerms,
 )
 
 SCENES_PER_SHARD = 16
@@ -343,7 +342,7 @@ def _describe_source(source: Source, found: FoundScenes, class_map: ClassMap) ->
         fingerprint=digest.hexdigest(),
         class_map=ClassMapEntry.of(class_map),
         options=source.options,
-        terms=source.terms if isinstance(source, SourceWithTerms) else find_terms(source.kind),
+        terms=getattr(source, "terms", None) or find_terms(source.kind),
         nameable=None if class_map.nameable == class_map.classes else class_map.nameable,
     )
 

@@ -20,7 +20,9 @@ Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class 
 _DAMAGE = (OSError, EOFError, zlib.error)
 # A RuntimeError of an encrypted member, a ValueError of a name that is no text.
 _ZIP_DAMAGE = (*_DAMAGE, zipfile.BadZipFile, RuntimeError, ValueError)
-_UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
+_UNSUSPICIOUS = (
+    512 * MIB
+)  # unpacked, before a ratio is judged: no file is read whole that is larger
 
 
 class TooLargeError(OSError):
@@ -29,30 +31,17 @@ class TooLargeError(OSError):
 
 def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
     """Read a file whole, also a pipe or a device; unpacked if its name ends in `.gz`."""
-    return unpack(read_packed(path, bound, error=error), path, bound, error=error)
-
-
-def read_packed(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
-    """Read a file whole, as it lies there."""
-    with _refusing(path, error), path.open("rb") as file:
-        _require_size(path.stat().st_size, path, bound, error)  # 0 of pipes and devices
-        return _take(file, path, bound, error)
-
-
-def unpack(data: bytes, path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
-    """Unpack the bytes of a file if its name ends in `.gz`."""
-    if not path.name.endswith(PACKED):
-        return data
-    with _refusing(path, error):
-        return _take(cast(BinaryIO, gzip.GzipFile(fileobj=io.BytesIO(data))), path, bound, error)
+    with open_stream(path, bound, error=error) as file:
+        return file.read()
 
 
 def read_member(path: Path, name: str, bound: Bound) -> bytes:
     """Read the one member of a zip that has a name, in whatever folder; nothing goes to disk."""
-    with _refusing(path, SourceError, is_zip=True):
+    with _refusing(path, SourceError, _ZIP_DAMAGE):
         if not path.is_file() and path.exists():
-            raise ValueError("it is no file")  # a device may have no end
-        _require_size(path.stat().st_size, path, bound, SourceError)
+            raise OSError("it is no file")  # a device may have no end
+        if path.stat().st_size > bound.bytes:
+            raise _too_large(path, bound, SourceError)
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
             found = [one for one in names if PurePosixPath(one).name == name]
@@ -64,7 +53,10 @@ def read_member(path: Path, name: str, bound: Bound) -> bytes:
                     where=path,
                 )
             with archive.open(found[0]) as member:
-                return _take(cast(BinaryIO, member), path, bound, SourceError)
+                data = member.read(bound.bytes + 1)
+        if len(data) > bound.bytes:
+            raise _too_large(path, bound, SourceError)
+        return data
 
 
 @contextmanager
@@ -73,7 +65,7 @@ def open_stream(path: Path, bound: Bound, *, error: Refusal = SourceError) -> It
     with (
         _refusing(path, error),
         path.open("rb") as file,
-        io.BufferedReader(_Counted(file, path, bound, error)) as stream,
+        io.BufferedReader(_Counted(file, path, bound, error), MIB) as stream,
     ):
         yield cast(BinaryIO, stream)
 
@@ -96,9 +88,8 @@ class _Counted(io.RawIOBase):
     """What is read of a file, counted against its bound."""
 
     def __init__(self, file: BinaryIO, path: Path, bound: Bound, error: Refusal) -> None:
-        packed = path.name.casefold().endswith(PACKED)
-        self._packed = file if packed else None
-        self._file = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if packed else file
+        self._packed = file if path.name.casefold().endswith(PACKED) else None
+        self._file = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if self._packed else file
         self._path, self._bound, self._error, self._done = path, bound, error, 0
 
     def readable(self) -> bool:
@@ -110,7 +101,8 @@ class _Counted(io.RawIOBase):
         data = self._file.read(len(buffer))
         buffer[: len(data)] = data
         self._done += len(data)
-        _require_size(self._done, self._path, self._bound, self._error)
+        if self._done > self._bound.bytes:
+            raise _too_large(self._path, self._bound, self._error)
         taken = self._done if self._packed is None else max(self._packed.tell(), 1)
         if self._done > max(_UNSUSPICIOUS, MAX_RATIO * taken):
             raise self._error(
@@ -123,32 +115,18 @@ class _Counted(io.RawIOBase):
 
 
 @contextmanager
-def _refusing(path: Path, error: Refusal, *, is_zip: bool = False) -> Iterator[None]:
-    damage = _ZIP_DAMAGE if is_zip else _DAMAGE
+def _refusing(
+    path: Path, error: Refusal, damage: tuple[type[Exception], ...] = _DAMAGE
+) -> Iterator[None]:
     try:
         yield
     except BSGError:  # of whoever reads within the block; some are a ValueError, too
         raise
     except damage as fault:
-        kind = "zip" if is_zip else "gzip"
-        said = f"not a readable {kind} file: {fault}"
-        if isinstance(fault, OSError) and not isinstance(fault, gzip.BadGzipFile):
-            said = fault.strerror or str(fault)
-        message = f"{path}: cannot be read ({said})"
+        message = f"{path}: cannot be read ({getattr(fault, 'strerror', None) or fault})"
         raise error(message, code="file-unreadable", where=path) from fault
 
 
-def _take(file: BinaryIO, path: Path, bound: Bound, error: Refusal) -> bytes:
-    """Return what a file has, reading one block more than its bound at most."""
-    blocks, size = [], 0
-    while block := file.read(MIB):
-        blocks.append(block)
-        size += len(block)
-        _require_size(size, path, bound, error)
-    return b"".join(blocks)
-
-
-def _require_size(size: int, path: Path, bound: Bound, error: Refusal) -> None:
-    if size > bound.bytes:
-        message = f"{path}: expected at most {bound.bytes:,} bytes, found more"
-        raise error(message, code="file-too-large", where=path)
+def _too_large(path: Path, bound: Bound, error: Refusal) -> Exception:
+    message = f"{path}: expected at most {bound.bytes:,} bytes, found more"
+    return error(message, code="file-too-large", where=path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -11,13 +10,18 @@ from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from bsg_data.errors import AnnotationError, SourceChangedError, SourceError, find_io_error
-from bsg_data.inputs.bounded_file import PACKED, TooLargeError, hash_file, read_packed, unpack
+from bsg_data.errors import (
+    AnnotationError,
+    BSGError,
+    SourceChangedError,
+    SourceError,
+    find_io_error,
+)
+from bsg_data.inputs.bounded_file import PACKED, TooLargeError, hash_file, read_bytes
 from bsg_data.inputs.bounds import Bound
 from bsg_data.recipes import name_fault
 from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene
 
-_TOO_LARGE = "too large"
 _SHOWN = 120  # characters of a faulty line
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 SPLITS = ("train", "val", "test", "minival", "example")
@@ -34,15 +38,12 @@ def find_files(
     """
     files, unreadable = list_files(path, (suffix, suffix + PACKED), expected=expected)
     root = path if path.is_dir() else path.parent
-
-    def name_scene(file: Path) -> str:
+    refs = []
+    for file in files:
+        place = file.relative_to(root)
         name = file.name.removesuffix(PACKED).removesuffix(suffix) or file.name
-        return "-".join((*file.relative_to(root).parts[:-1], name)) if is_path else name
-
-    refs = [
-        SceneRef(name_scene(file), file.relative_to(root).as_posix(), fingerprint(file, bound))
-        for file in files
-    ]
+        scene_id = "-".join((*place.parts[:-1], name)) if is_path else name
+        refs.append(SceneRef(scene_id, place.as_posix(), fingerprint(file, bound)))
     return replace(keep_one_copy(refs), unreadable=unreadable)
 
 
@@ -83,7 +84,7 @@ def _walk(root: Path, suffixes: tuple[str, ...], unreadable: list[SkippedScene])
         unreadable.append(SkippedScene(scene_id="-", location=shown, reason=reason))
 
     def fail(error: OSError) -> None:
-        _require_lasting(error, error.filename)
+        require_lasting(error, error.filename)
         note(error.filename, f"the folder cannot be read ({error.strerror})")
 
     seen: set[Path] = set()
@@ -109,18 +110,19 @@ def _why_not(path: Path) -> str | None:
         if not path.is_file():  # a link that leads nowhere, a pipe, a device
             return "not a file, or a link that leads nowhere"
     except OSError as error:
-        _require_lasting(error, path)
+        require_lasting(error, path)
         return f"cannot be read ({error.strerror})"
     if any("\ud800" <= c <= "\udfff" for c in str(path)):
         return "its path is not UTF-8"
     return None
 
 
-def _require_lasting(error: OSError, path: object) -> None:
+def require_lasting(error: BSGError | OSError, path: object) -> None:
     """Refuse to go on after an error of the disk, which may not be there at the next try."""
     if find_io_error(error):
+        why = str(error) if isinstance(error, BSGError) else error.strerror
         raise SourceChangedError(
-            f"{path}: cannot be read ({error.strerror})", code="source-changed", where=path
+            f"{path}: cannot be read ({why})", code="source-changed", where=path
         ) from error
 
 
@@ -150,9 +152,9 @@ def fingerprint(path: Path, bound: Bound) -> str:
     try:
         return hash_file(path, bound)
     except TooLargeError:
-        return _TOO_LARGE
+        return "too large"
     except OSError as error:
-        _require_lasting(error, path)
+        require_lasting(error, path)
         return f"unreadable: {error.strerror}"
 
 
@@ -167,17 +169,10 @@ def state_of(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-def read_listed(path: Path, bound: Bound, *, expected: str | None = None) -> bytes:
-    """Read a file whose packed bytes have the fingerprint of when it was listed, unpacked."""
-    try:
-        data = read_packed(path, bound)
-    except SourceError as error:
-        cause = error.__cause__
-        found = f"unreadable: {cause.strerror}" if isinstance(cause, OSError) else _TOO_LARGE
-        require_fingerprint(path, found, expected)
-        raise
-    require_fingerprint(path, hashlib.sha256(data).hexdigest(), expected)
-    return unpack(data, path, bound)
+def read_listed(path: Path, bound: Bound, *, expected: str) -> bytes:
+    """Read a file that has the fingerprint of when it was listed; unpacked."""
+    require_fingerprint(path, fingerprint(path, bound), expected)
+    return read_bytes(path, bound)
 
 
 def fetch_listed(
@@ -193,9 +188,9 @@ def fetch_listed(
     return content
 
 
-def require_fingerprint(path: Path | str, found: str, expected: str | None) -> None:
-    """Refuse a file that changed after it was listed; one that was not listed has None."""
-    if expected is not None and found != expected:
+def require_fingerprint(path: Path | str, found: str, expected: str) -> None:
+    """Refuse a file that changed after it was listed."""
+    if found != expected:
         raise _changed(path, f" ({found})" if found.startswith("unreadable") else "")
 
 

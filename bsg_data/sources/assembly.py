@@ -18,8 +18,8 @@ def assemble(
     *,
     ref: SceneRef,
     kind: str,
-    sha256: str,
     class_map: ClassMap,
+    sha256: str | None = None,
     rooms: Iterable[Room] = (),
     doors: Iterable[tuple[int, int]] = (),
     method: str = "given",
@@ -35,8 +35,8 @@ def assemble(
         objects: with the region id as `room_index`; they are numbered and classified here.
         ref: the scene.
         kind: of the source.
-        sha256: hash of the annotation.
         class_map: of the source's words.
+        sha256: hash of the annotation; None if that is the fingerprint.
         rooms: what the source tells of some of its rooms, each by its region id; they are numbered
             here, and get the common label of their source label.
         doors: region ids of rooms that connect, in any order; a pair may be there twice.
@@ -52,7 +52,7 @@ def assemble(
         source=kind,
         source_version=ref.source_version,
         source_split=ref.source_split,
-        annotation_sha256=sha256,
+        annotation_sha256=sha256 or ref.fingerprint,
         rooms=tuple(
             _number_room(told.get(region, Room(index, region)), index, kind)
             for region, index in room_of.items()

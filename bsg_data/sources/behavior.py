@@ -134,16 +134,15 @@ class BehaviorRooms:
         rooms: list[Room] = []
         objects: list[SceneObject] = []
         for number, listed in floors.items():
-            for name, content in sorted(listed.items(), key=_by_number):
+            for name, content in sorted(listed.items(), key=lambda one: _split_room(one[0])):
                 region = len(rooms)
-                rooms.append(Room(0, region, _type_of(name), floor_index=number))
+                rooms.append(Room(0, region, _split_room(name)[0], floor_index=number))
                 for category in _list_objects(content, f"{self.path}: {ref.location}, {name}"):
                     objects.append(SceneObject(0, len(objects) + 1, region, category))
         graph = assemble(
             objects,
             ref=ref,
             kind=self.kind,
-            sha256=ref.fingerprint,
             class_map=class_map,
             rooms=rooms,
             building_kind=_find_building_kind(ref.scene_id),
@@ -191,9 +190,8 @@ def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomList
         )
     expected = f"scenes → room → category-model → number, as in {_FILE} of the package bddl"
     document = read_json(path, BEHAVIOR)
-    return validate(
-        _Listing, document, where=path, expected=expected, code="listing-malformed"
-    ).scenes
+    code = "listing-malformed"
+    return validate(_Listing, document, where=path, expected=expected, code=code).scenes
 
 
 def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:
@@ -213,15 +211,10 @@ def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:
             yield "toilet_stall" if name in _TOILET_STALLS else category
 
 
-def _type_of(room: str) -> str:
-    """Return the type of a room: its name without the number."""
+def _split_room(room: str) -> tuple[str, int]:
+    """Return the type of a room and its number; -1 without one."""
     match = _ROOM.fullmatch(room)
-    return match[1] if match else room
-
-
-def _by_number(item: tuple[str, object]) -> tuple[str, int]:
-    match = _ROOM.fullmatch(item[0])
-    return (match[1], int(match[2])) if match else (item[0], -1)
+    return (match[1], int(match[2])) if match else (room, -1)
 
 
 def _digest(content: object) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
+
+from pydantic import TypeAdapter, ValidationError
 
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
@@ -13,6 +15,7 @@ from bsg_data.registry import Registry
 from bsg_data.sources.source import Source, SourceRow, Terms
 from bsg_data.spelling import ask_if_meant
 
+_KINDS: tuple[type, ...] = (bool, int, float, Path)  # of options, besides text
 SOURCES = Registry(
     "source",
     SourceRow,
@@ -30,15 +33,6 @@ SOURCES = Registry(
         "synthetic": "bsg_data.sources.hm3d:SYNTHETIC_ROW",
     },
 )
-
-
-_TRUTHS = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False}
-_PARSERS: Mapping[type, Callable[[str], object]] = {
-    bool: lambda word: _TRUTHS[word.casefold()],
-    int: int,
-    float: float,
-    Path: Path,
-}
 
 
 def open_source(name: str, path: AnyPath, **options: object) -> Source:
@@ -93,7 +87,8 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
         Option → value.
     """
     kinds = _list_options(SOURCES[name])
-    for option in words:
+    options: dict[str, object] = {}
+    for option, word in words.items():
         if option not in kinds:
             asked = ask_if_meant(option, kinds)
             hint = f"; {asked}" if asked else "."
@@ -103,35 +98,30 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
                 code="option-unknown",
                 where=option,
             )
-    return {option: _parse_word(word, kinds[option], option) for option, word in words.items()}
+        try:
+            options[option] = TypeAdapter(kinds[option]).validate_python(word)
+        except ValidationError as error:
+            raise SourceError(
+                f"option {option}: {error.errors()[0]['msg']}; found {word!r}",
+                code="option-malformed",
+                where=option,
+            ) from error
+    return options
 
 
-def _list_options(row: SourceRow) -> dict[str, object]:
-    """Return name → annotation of the keywords of a row's `open`, without the path."""
+def _list_options(row: SourceRow) -> dict[str, Any]:
+    """Return name → type of the keywords of a row's `open`, without the path."""
     try:
         signature = inspect.signature(row.open, eval_str=True)
     except NameError:  # the annotation exists only for type checkers
         signature = inspect.signature(row.open)
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     _, *options = signature.parameters.values()
-    return {option.name: option.annotation for option in options if option.kind in named}
-
-
-def _parse_word(word: str, kind: object, option: str) -> object:
-    """Convert a word to the first suitable type of an annotation."""
-    kinds = get_args(kind) or (kind,)
-    for wanted, parse in _PARSERS.items():
-        if wanted in kinds:
-            try:
-                return parse(word)
-            except (ValueError, KeyError) as error:
-                expected = "yes or no" if wanted is bool else f"a value of type {wanted.__name__}"
-                raise SourceError(
-                    f"option {option}: expected {expected}, found {word!r}",
-                    code="option-malformed",
-                    where=option,
-                ) from error
-    return word
+    kinds = {one.name: one.annotation for one in options if one.kind in named}
+    return {
+        name: next((one for one in _KINDS if one in (get_args(kind) or (kind,))), str)
+        for name, kind in kinds.items()
+    }
 
 
 def find_terms(kind: str) -> Terms | None:

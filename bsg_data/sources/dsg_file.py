@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -166,17 +166,12 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
     place = {node.id: number for number, node in enumerate(rooms)}
     above = _find_parents(graph, path)
-    pairs = {
-        (min(a, b), max(a, b))
-        for edge in graph.edges
-        if (a := place.get(edge.source)) is not None
-        and (b := place.get(edge.target)) is not None
-        and a != b
-    }
+    ends = [(place.get(edge.source), place.get(edge.target)) for edge in graph.edges]
+    joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
     return DSGFile(
-        rooms=_describe(rooms, graph, [None] * len(rooms)),
-        objects=_describe(objects, graph, [_find_room(o.id, above, place) for o in objects]),
-        adjacency=tuple(sorted(pairs)),
+        rooms=_describe(rooms, graph, {}, {}),
+        objects=_describe(objects, graph, above, place),
+        adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
         said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
     )
 
@@ -225,36 +220,31 @@ def _find_room(node: int, above: Mapping[int, int], place: Mapping[int, int]) ->
 
 
 def _describe(
-    nodes: list[_Node], graph: _Graph, rooms: Iterable[int | None]
+    nodes: list[_Node], graph: _Graph, above: Mapping[int, int], place: Mapping[int, int]
 ) -> tuple[DSGNode, ...]:
     indices = [node.id & _INDEX for node in nodes]
-    sound = len(set(indices)) == len(indices) and max(indices, default=0) < 2**31
+    if len(set(indices)) < len(indices) or max(indices, default=0) >= 2**31:
+        indices = list(range(len(nodes)))
     spaces = graph.metadata.labelspaces if graph.metadata else {}
-    return tuple(
-        _describe_node(node, index if sound else number, room, spaces)
-        for number, (node, index, room) in enumerate(zip(nodes, indices, rooms, strict=True))
-    )
-
-
-def _describe_node(
-    node: _Node, index: int, room: int | None, spaces: Mapping[str, tuple[tuple[int, str], ...]]
-) -> DSGNode:
-    held = node.attributes
-    label = None if held.semantic_label == _NO_LABEL else held.semantic_label
-    named = dict(spaces.get(f"_l{node.layer}p{node.partition}", ()))
-    name = held.name.strip()
-    metadata = _what_is_said(held.metadata)
-    return DSGNode(
-        id=node.id,
-        index=index,
-        name=None if _SYMBOL.fullmatch(name) or not name else name,
-        label=label,
-        label_name=None if label is None else named.get(label) or None,
-        position=_point(held.position),
-        box=None if held.bounding_box is None else _surround(held.bounding_box),
-        room=room,
-        said=_what_is_said(metadata.get("bsg")),
-    )
+    found = []
+    for node, index in zip(nodes, indices, strict=True):
+        held = node.attributes
+        label = None if held.semantic_label == _NO_LABEL else held.semantic_label
+        named = dict(spaces.get(f"_l{node.layer}p{node.partition}", ()))
+        name = held.name.strip()
+        one = DSGNode(
+            id=node.id,
+            index=index,
+            name=None if _SYMBOL.fullmatch(name) or not name else name,
+            label=label,
+            label_name=None if label is None else named.get(label) or None,
+            position=_point(held.position),
+            box=None if held.bounding_box is None else _surround(held.bounding_box),
+            room=_find_room(node.id, above, place),
+            said=_what_is_said(_what_is_said(held.metadata).get("bsg")),
+        )
+        found.append(one)
+    return tuple(found)
 
 
 def _point(values: Triple | None) -> Point | None:
@@ -286,8 +276,7 @@ def _surround(box: _BoundingBox) -> Box | None:
             return None
         turn = np.eye(3) if kind == "AABB" else _rotation(box.turn)
         ends = ends[_CORNERS, range(3)] @ turn.T + np.array(centre)
-    (a, b, c), (d, e, f) = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
-    return Box((a, b, c), (d, e, f))
+    return Box.around(ends)
 
 
 _CORNERS = np.array([*product((0, 1), repeat=3)])

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bsg_data.errors import SourceChangedError, SourceError, find_io_error
+from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
@@ -35,6 +35,7 @@ from bsg_data.sources.annotation_files import (
     malformed,
     read_listed,
     require_fingerprint,
+    require_lasting,
 )
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
@@ -70,16 +71,12 @@ class HM3DFolder:
 
     `bsg-data synth` writes a `synthetic.json` above its buildings, so they are never read as real
     ones.
-
-    Attributes:
-        path: the folder.
-        meshes: whether to read the mesh beside an annotation, if there is one.
-        snap_colours: largest distance per channel between a texel of a JPEG texture and an
-            instance's colour; None leaves out meshes with such textures.
     """
 
-    path: Path
-    meshes: bool = True
+    path: Path  # the folder
+    meshes: bool = True  # whether to read the mesh beside an annotation, if there is one
+    # largest distance per channel between a texel of a JPEG texture and an instance's colour; None
+    # leaves out meshes with such textures
     snap_colours: int | None = None
 
     def __init__(self, path: AnyPath, meshes: bool = True, snap_colours: int | None = None) -> None:
@@ -127,12 +124,12 @@ class HM3DFolder:
             parse_annotation(data, path=path),
             ref=ref,
             kind=self.kind,
-            sha256=hashlib.sha256(data).hexdigest(),
             class_map=class_map,
         )
-        mesh = _mesh_beside(path) if self.meshes else None
-        if self.meshes:
-            require_fingerprint(path.with_suffix(".glb"), str(_mesh_mark(path)), str(ref.geometry))
+        if not self.meshes:
+            return Reading(graph)
+        require_fingerprint(path.with_suffix(".glb"), str(_mesh_mark(path)), str(ref.geometry))
+        mesh = _mesh_beside(path)
         if mesh is None:
             return Reading(graph)
         try:
@@ -141,8 +138,7 @@ class HM3DFolder:
             colours = [str(obj.colour) for obj in graph.objects]
             survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
         except MeshError as error:
-            if find_io_error(error):
-                raise SourceChangedError(str(error), code="source-changed", where=mesh) from error
+            require_lasting(error, mesh)
             where = mesh.relative_to(self.path).as_posix()
             skip = SkippedScene(scene_id=ref.scene_id, location=where, reason=str(error))
             return Reading(graph, left_out=(skip,))
@@ -197,16 +193,12 @@ def _mesh_mark(annotation: Path) -> str | None:
         return None if mesh is None else "mesh that is no file"
     try:
         with mesh.open("rb") as file:
+            digest = hashlib.sha256(file.read(_ENDS))
             size = file.seek(0, os.SEEK_END)
-            digest = hashlib.sha256()
-            for start in (0, max(0, size - _ENDS)):
-                file.seek(start)
-                digest.update(file.read(_ENDS))
+            file.seek(max(0, size - _ENDS))
+            digest.update(file.read(_ENDS))
     except OSError as error:
-        if find_io_error(error):
-            raise SourceChangedError(
-                f"{mesh}: cannot be read ({error.strerror})", code="source-changed", where=mesh
-            ) from error
+        require_lasting(error, mesh)
         return f"unreadable mesh: {error.strerror}"
     return f"mesh of {size} bytes, {digest.hexdigest()}"
 
@@ -251,9 +243,8 @@ def split_by_number(scene_id: str) -> str | None:
     'val'
     """
     number, _ = split_scene_id(scene_id)
-    if number is None:
-        return None
-    return next((split for end, split in _FIRST_OF_NEXT.items() if number < end), None)
+    ends = _FIRST_OF_NEXT.items()
+    return None if number is None else next((split for end, split in ends if number < end), None)
 
 
 def version_of(name: str) -> str | None:

@@ -10,14 +10,13 @@ from __future__ import annotations
 import csv
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
 from bsg_data.errors import AnnotationError, SourceError
-from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
@@ -51,9 +50,6 @@ class HM3DStatistics:
 
     path: Path
 
-    def __init__(self, path: AnyPath) -> None:
-        object.__setattr__(self, "path", Path(path))
-
     kind = "hm3d-stats"
     options: ClassVar[dict[str, int | str]] = {}
 
@@ -78,7 +74,6 @@ class HM3DStatistics:
             _parse_scene(lines, path=self.path),
             ref=ref,
             kind=self.kind,
-            sha256=ref.fingerprint,
             class_map=class_map,
         )
         return Reading(graph)
@@ -104,47 +99,45 @@ def read_scene_lines(
     return dict(sorted(scenes.items()))
 
 
-def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> tuple[SceneObject, ...]:
-    """Parse the lines of one scene into objects sorted by id, with their region ids."""
-    objects: dict[int, SceneObject] = {}
-    regions: set[int] = set()
-    for number, line in lines:
-        for obj in _parse_region(line, path, number, regions):
-            if obj.instance_id in objects:
-                expected = "an instance id that no earlier region of the scene has"
-                name = f"{obj.raw_category}_{obj.instance_id}"
-                raise malformed(path / MEMBER, number, name, expected=expected)
-            objects[obj.instance_id] = obj
-    return tuple(objects[key] for key in sorted(objects))
-
-
 def _digest(lines: list[tuple[int, str]]) -> str:
     """Return the sha256 of the lines of one scene, joined by line feeds."""
     return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
 
 
-def _parse_region(line: str, path: Path, number: int, seen: set[int]) -> Iterator[SceneObject]:
-    def fault(text: str, expected: str) -> AnnotationError:
-        return malformed(path / MEMBER, number, text, expected=expected)
+def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[SceneObject]:
+    """Yield the objects of one scene, with their region ids."""
+    regions: set[int] = set()
+    seen: set[int] = set()
+    for number, line in lines:
 
+        def fault(text: str, expected: str, number: int = number) -> AnnotationError:
+            return malformed(path / MEMBER, number, text, expected=expected)
+
+        row = _split_row(line, fault)
+        region, tokens = int(row[1]), row[4].split(":") if row[4] else []
+        if region in regions:
+            raise fault(line, f"region {region} of this scene once")
+        regions.add(region)
+        if len(tokens) != int(row[3]):
+            raise fault(line, f"{row[3]} instances as the row says ({len(tokens)} are listed)")
+        for token in tokens:
+            match = _TOKEN.fullmatch(token)
+            if match is None:
+                raise fault(token, "<name>_<instance id>")
+            if (instance_id := int(match[2])) in seen:
+                raise fault(token, "an instance id that no earlier region of the scene has")
+            seen.add(instance_id)
+            yield SceneObject(0, instance_id, region, match[1])
+
+
+def _split_row(line: str, fault: Callable[[str, str], AnnotationError]) -> list[str]:
     try:
         row = next(csv.reader([line], strict=True))
     except csv.Error as error:
         raise fault(line, f"a row of comma separated values ({error})") from error
     if len(row) != len(HEADER) or not _WHOLE.fullmatch(row[1]) or not _WHOLE.fullmatch(row[3]):
         raise fault(line, f"{','.join(HEADER)}, with whole numbers as region and # Objects")
-    region, count = int(row[1]), int(row[3])
-    if region in seen:
-        raise fault(line, f"region {region} of this scene once")
-    seen.add(region)
-    tokens = row[4].split(":") if row[4] else []
-    if len(tokens) != count:
-        raise fault(line, f"{count} instances as the row says ({len(tokens)} are listed)")
-    for token in tokens:
-        match = _TOKEN.fullmatch(token)
-        if match is None:
-            raise fault(token, "<name>_<instance id>")
-        yield SceneObject(0, int(match[2]), region, match[1])
+    return row
 
 
 ROW = SourceRow(

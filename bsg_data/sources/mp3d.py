@@ -21,13 +21,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from bsg_data.errors import AnnotationError
+from bsg_data.arrays import Floats
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounds import HOUSE
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import Box, Point, Room, SceneObject
+from bsg_data.scene.scene_graph import Box, Room, SceneObject
 from bsg_data.sources.annotation_files import decode, find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
@@ -130,7 +130,6 @@ class House:
     """What the lines of a `.house` file said so far; all in the order of their indices."""
 
     counted: Counter[str] = field(default_factory=Counter)  # lines by their kinds
-    header: _Line | None = None
     levels: list[float | None] = field(default_factory=list)  # lowest z; None for an empty one
     regions: list[_Region] = field(default_factory=list)
     surfaces: list[list[tuple[float, float]]] = field(default_factory=list)  # polygons of regions
@@ -139,42 +138,42 @@ class House:
     # region, category and axis-aligned box; `_NOWHERE` without the first two, None without a box
     objects: list[tuple[int, int, Box | None]] = field(default_factory=list)
 
-    def add(self, line: _Line) -> None:
-        """Take up one line, which may refer to earlier ones alone."""
-        kind = line.kind
-        if kind in ("L", "R", "S", "C", "O") and line.whole(1, "its index") != self.counted[kind]:
-            raise line.fault(f"the next index, {self.counted[kind]}")
-        if kind == "H":
-            if self.header is not None:
-                raise line.fault("one header H")
-            self.header = line
-        elif kind == "L":
-            box = line.box(7)
+    def add(self, kind: str, line: Sequence[str]) -> None:
+        """Take up the fields of one line, which may refer to earlier ones alone.
+
+        Raises:
+            ValueError: that says what was expected.
+        """
+        if kind in set("LRSCO") and _whole(line, 1, "its index") != self.counted[kind]:
+            raise ValueError(f"the next index, {self.counted[kind]}")
+        if kind == "L":
+            box = _box(line, 7)
             self.levels.append(None if box is None else box.minimum[2])
         elif kind == "R":
-            level = line.refer(2, "a level", len(self.levels))
-            self.regions.append(_Region(level, line.field(5, "a label"), line.box(9)))
+            level = _refer(line, 2, "a level", self.levels)
+            self.regions.append(_Region(level, line[5], _box(line, 9)))
         elif kind == "portal":
-            one, other = sorted(line.refer(at, "a region", len(self.regions)) for at in (2, 3))
+            one, other = sorted(_refer(line, at, "a region", self.regions) for at in (2, 3))
             if one != other and one != _NOWHERE:
                 self.portals.add((one, other))
         elif kind == "S":
-            region = line.refer(2, "a region", len(self.regions))
+            region = _refer(line, 2, "a region", self.regions)
             self.surfaces.append([])
             if region != _NOWHERE:
                 self.regions[region].polygons.append(self.surfaces[-1])
         elif kind == "V":
-            surface = line.refer(2, "a surface", len(self.surfaces))
+            surface = _refer(line, 2, "a surface", self.surfaces)
+            (x, y, _) = _points(line, 4, 1)[0].tolist()
             if surface != _NOWHERE:
-                self.surfaces[surface].append(line.point(4, "a position")[:2])
+                self.surfaces[surface].append((x, y))
         elif kind == "C":
-            self.categories.append(line.field(3, "a name").replace("#", " "))
+            self.categories.append(line[3].replace("#", " "))
         elif kind == "O":
-            region = line.refer(2, "a region", len(self.regions))
-            category = line.refer(3, "a category", len(self.categories))
-            self.objects.append((region, category, line.oriented_box()))
-        elif kind not in _COUNTED:
-            raise line.fault("a line of H, L, R, P, S, V, I, C, O or E")
+            region = _refer(line, 2, "a region", self.regions)
+            category = _refer(line, 3, "a category", self.categories)
+            self.objects.append((region, category, _surround(_points(line, 4, 4))))
+        elif kind not in ("H", *_COUNTED):
+            raise ValueError("a line of H, L, R, P, S, V, I, C, O or E")
         self.counted[kind] += 1
 
 
@@ -183,97 +182,79 @@ def parse_house(text: str, *, path: Path) -> House:
     lines = text.split("\n")
     if lines[0].strip() != _HEADER:
         raise malformed(path, 1, lines[0], expected=repr(_HEADER))
-    house = House()
+    house, header = House(), 1
     for number, line in enumerate(lines[1:], start=2):
         if fields := line.split():
-            house.add(_Line(path, number, line, fields))
-    header = house.header
-    if header is None:
-        raise malformed(path, 2, "", expected="a header, a line of H")
+            header = number if fields[0] == "H" else header
+            try:
+                house.add(_kind_of(fields), fields)
+            except (ValueError, IndexError) as error:
+                expected = "more fields" if isinstance(error, IndexError) else str(error)
+                raise malformed(path, number, line, expected=expected) from error
+    found = lines[header - 1]
+    if house.counted["H"] != 1:
+        raise malformed(path, header, found, expected="one header in all, a line of H")
+    told = (*found.split(), *("" for _ in _COUNTED))
     for place, kind in enumerate(_COUNTED, start=3):
-        count = house.counted[kind]
-        if header.whole(place, "a count") != count:
-            raise header.fault(f"{count} lines of {kind} as field {place + 1} of H")
+        if told[place] != str(house.counted[kind]):
+            expected = f"{house.counted[kind]} lines of {kind} as field {place + 1} of H"
+            raise malformed(path, header, found, expected=expected)
     return house
 
 
-@dataclass(frozen=True, slots=True)
-class _Line:
-    """One line in fields, which complains with its place in the file."""
+def _kind_of(line: Sequence[str]) -> str:
+    if line[0] in ("P", "R") and len(line) == _PORTAL_FIELDS and line[4] != "0":
+        return "portal"
+    return "panorama" if line[0] == "P" else line[0]
 
-    path: Path
-    number: int
-    text: str
-    fields: list[str]
 
-    @property
-    def kind(self) -> str:
-        letter = self.fields[0]
-        if letter in ("P", "R") and len(self.fields) == _PORTAL_FIELDS and self.fields[4] != "0":
-            return "portal"
-        return "panorama" if letter == "P" else letter
+def _whole(line: Sequence[str], at: int, what: str) -> int:
+    if not _WHOLE.fullmatch(line[at]):
+        raise ValueError(f"{what}, a whole number, as field {at + 1} of {line[0]}")
+    return int(line[at])
 
-    def fault(self, expected: str) -> AnnotationError:
-        return malformed(self.path, self.number, self.text, expected=expected)
 
-    def field(self, place: int, what: str) -> str:
-        if place >= len(self.fields):
-            raise self.fault(f"{what} as field {place + 1} of {self.fields[0]}")
-        return self.fields[place]
+def _refer(line: Sequence[str], at: int, what: str, among: Sequence[object]) -> int:
+    index = _whole(line, at, what)
+    if not _NOWHERE <= index < len(among):
+        raise ValueError(f"{what} that an earlier line has (0..{len(among) - 1}), or {_NOWHERE}")
+    return index
 
-    def whole(self, place: int, what: str) -> int:
-        word = self.field(place, what)
-        if not _WHOLE.fullmatch(word):
-            raise self.fault(f"{what}, a whole number, as field {place + 1} of {self.fields[0]}")
-        return int(word)
 
-    def refer(self, place: int, what: str, among: int) -> int:
-        index = self.whole(place, what)
-        if not _NOWHERE <= index < among:
-            raise self.fault(f"{what} that an earlier line has (0..{among - 1}), or {_NOWHERE}")
-        return index
+def _points(line: Sequence[str], at: int, count: int, *, most: float = _MAX_METRES) -> Floats:
+    """Return points `[count, 3]` of some fields, metres."""
+    try:
+        found = np.array([float(word) for word in line[at : at + 3 * count]]).reshape(count, 3)
+    except ValueError:
+        found = np.array([math.nan])
+    if not (np.abs(found) <= most).all():  # nan is not
+        raise ValueError(f"{3 * count} numbers of metres from field {at + 1} of {line[0]} on")
+    return found
 
-    def point(self, place: int, what: str) -> Point:
-        try:
-            x, y, z = (float(self.field(at, what)) for at in range(place, place + 3))
-        except ValueError:
-            x = y = z = math.nan
-        if not all(abs(value) <= _MAX_METRES for value in (x, y, z)):  # nan is not
-            raise self.fault(f"{what}, 3 numbers of metres from field {place + 1} on")
-        return x, y, z
 
-    def box(self, place: int) -> Box | None:
-        """Return a box; None for an empty one, which is written inside out, perhaps by 1e20."""
-        ends = [self.field(at, "a box") for at in range(place, place + 6)]
-        try:
-            if all(float(a) > float(b) for a, b in zip(ends[:3], ends[3:], strict=True)):
-                return None
-        except ValueError:
-            pass  # `point` says it
-        low, high = self.point(place, "a box"), self.point(place + 3, "a box")
-        if any(a > b for a, b in zip(low, high, strict=True)):
-            raise self.fault("a box whose lowest corner is not above its highest")
-        return Box(low, high)
+def _box(line: Sequence[str], at: int) -> Box | None:
+    """Return a box; None for an empty one, which is written inside out, perhaps by 1e20."""
+    low, high = _points(line, at, 2, most=math.inf)
+    if (low > high).all():
+        return None
+    if (low > high).any():
+        raise ValueError("a box whose lowest corner is not above its highest")
+    return Box.around(_points(line, at, 2))
 
-    def oriented_box(self) -> Box | None:
-        """Return the axis-aligned box around the oriented one of an object; None for an empty one.
 
-        Its two axes are unit vectors, and the third is their cross product; an empty one has radii
-        below 0.
-        """
-        centre = self.point(4, "a centre")
-        a, b = self.point(7, "an axis"), self.point(10, "an axis")
-        radii = self.point(13, "radii")
-        if min(radii) < 0:
-            return None
-        if max(math.hypot(*a), math.hypot(*b)) > _LONGEST_AXIS:
-            raise self.fault("axes of length 1")
-        c = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-        x, y, z = (
-            sum(abs(e[i]) * r for e, r in zip((a, b, c), radii, strict=True)) for i in range(3)
-        )
-        cx, cy, cz = centre
-        return Box((cx - x, cy - y, cz - z), (cx + x, cy + y, cz + z))
+def _surround(oriented: Floats) -> Box | None:
+    """Return the axis-aligned box around an oriented one; None for an empty one.
+
+    It is `[4, 3]`: centre, two axes and radii. The axes are unit vectors, and the third is their
+    cross product; an empty box has radii below 0.
+    """
+    centre, a, b, radii = oriented
+    if radii.min() < 0:
+        return None
+    if np.linalg.norm([a, b], axis=1).max() > _LONGEST_AXIS:
+        raise ValueError("axes of length 1")
+    reach = (np.abs([a, b, np.cross(a, b)]) * radii[:, None]).sum(axis=0)
+    return Box.around(np.array([centre - reach, centre + reach]))
 
 
 def _list_objects(house: House) -> Iterator[SceneObject]:
@@ -294,20 +275,16 @@ def _list_objects(house: House) -> Iterator[SceneObject]:
 def _room(held: _Region, region: int) -> Room:
     """Return a room with the box and the footprint of its region, if that has any."""
     polygons = [polygon for polygon in held.polygons if len(polygon) > 2]
-    room = Room(
-        room_index=0,
-        region_id=region,
-        source_label=REGION_LABELS.get(held.label),
-        label=label_of("mp3d", held.label),
-        floor_area=sum(measure_area(polygon) or 0.0 for polygon in polygons) or None,
-    )
+    area = sum(measure_area(polygon) or 0.0 for polygon in polygons) or None
+    word, label = REGION_LABELS.get(held.label), label_of("mp3d", held.label)
+    room = Room(0, region, word, label=label, floor_area=area)
     if held.box is None:
         return room
     corners = [corner for polygon in polygons for corner in polygon]
     footprint = surround(np.array(corners or held.box.footprint))
-    (xs, ys), low, high = zip(*footprint, strict=True), held.box.minimum[2], held.box.maximum[2]
-    placed = place_room(room, Box((min(xs), min(ys), low), (max(xs), max(ys), high)))
-    return replace(placed, footprint=footprint, floor_area=room.floor_area)
+    heights = (held.box.minimum[2], held.box.maximum[2])
+    box = Box.around(np.array([(x, y, z) for x, y in footprint for z in heights]))
+    return replace(place_room(room, box), footprint=footprint, floor_area=area)
 
 
 def _set_levels(rooms: Sequence[Room], house: House) -> Sequence[Room]:

@@ -16,8 +16,8 @@ import json
 import re
 import threading
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, ClassVar
 
@@ -32,7 +32,7 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Room, SceneObject
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
-from bsg_data.sources.assembly import assemble
+from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
@@ -44,6 +44,7 @@ _BETWEEN = re.compile(r"[\s,]*")  # what stands between two houses of an array
 _DECODER = json.JSONDecoder()
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _local = threading.local()  # of each thread, the file that it is reading: see `_fetch`
+_NO_PLACE: tuple[object, int, Iterator[tuple[int, bytes]]] = (None, 0, iter(()))
 
 _Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES, allow_inf_nan=False)]
 _Name = Annotated[str, Field(min_length=1, max_length=200)]
@@ -132,7 +133,6 @@ class ProcTHORHouses:
             _list_objects(house),
             ref=ref,
             kind=self.kind,
-            sha256=ref.fingerprint,
             class_map=class_map,
             rooms=find_storeys(
                 [_describe(room, house.walls, ref.location) for room in house.rooms]
@@ -150,14 +150,10 @@ class ProcTHORHouses:
 
     def _refer(self, file: Path, index: int, number: int, text: bytes) -> SceneRef:
         digest = _digest(text)
-        building = digest[:12]
+        name = f"{index:05d}-{digest[:12]}" if index < _NUMBERED else digest[:12]
         stem = file.name.split(".")[0]
-        return SceneRef(
-            scene_id=f"{index:05d}-{building}" if index < _NUMBERED else building,
-            location=f"{file.name}:{number}",
-            fingerprint=digest,
-            source_split=stem if stem in _SPLITS else None,
-        )
+        split = stem if stem in _SPLITS else None
+        return SceneRef(name, f"{file.name}:{number}", digest, source_split=split)
 
 
 def _digest(text: bytes) -> str:
@@ -193,54 +189,33 @@ def _stream(file: Path) -> Iterator[tuple[int, bytes]]:
 
     is_lines = ".jsonl" in file.name
     with open_stream(file, PROCTHOR_LINES if is_lines else PROCTHOR, error=refuse) as opened:
-        for number, text in _split_lines(opened, file) if is_lines else _split(opened, file):
-            yield number, text
+        texts = iter(lambda: opened.readline(MAX_HOUSE + 1), b"") if is_lines else _split(opened)
+        try:
+            for number, text in enumerate(texts, start=1):
+                if is_lines and len(text) > MAX_HOUSE:
+                    where = f"{file}, line {number}"
+                    message = f"{where}: a house has at most {MAX_HOUSE:,} bytes"
+                    raise SourceError(message, code="house-too-large", where=where)
+                if text.strip():
+                    yield number, text.strip()
+        except (ValueError, RecursionError) as error:
+            message = f"{file}: no JSON ({error})"
+            raise SourceError(message, code="json-malformed", where=file) from error
 
 
-def _split_lines(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
-    number = 0
-    while line := opened.readline(MAX_HOUSE + 1):
-        number += 1
-        if len(line) > MAX_HOUSE:
-            where = f"{file}, line {number}"
-            raise SourceError(
-                f"{where}: a house has at most {MAX_HOUSE:,} bytes",
-                code="house-too-large",
-                where=where,
-            )
-        if line.strip():
-            yield number, line.strip()
-
-
-def _split(opened: BinaryIO, file: Path) -> Iterator[tuple[int, bytes]]:
+def _split(opened: BinaryIO) -> Iterator[bytes]:
     """Yield the houses of an array, or one house that has more than a line."""
-    try:
-        text = opened.read().decode("utf-8-sig").strip()
-        opening = text.startswith("[")
-        if opening and not text.endswith("]"):
+    text = opened.read().decode("utf-8-sig").strip()
+    opening = text.startswith("[")
+    if opening and not text.endswith("]"):
+        raise ValueError("the array has no end; the file was cut off")
+    start, end = (1, len(text) - 1) if opening else (0, len(text))
+    while (start := _BETWEEN.match(text, start, end).end()) < end:  # type: ignore[union-attr]
+        _, stop = _DECODER.raw_decode(text, start)
+        if stop > end:  # the bracket at the end is the last house's, as in `[[]`
             raise ValueError("the array has no end; the file was cut off")
-        start, end = (1, len(text) - 1) if opening else (0, len(text))
-        number = 0
-        while (start := _BETWEEN.match(text, start, end).end()) < end:  # type: ignore[union-attr]
-            _, stop = _DECODER.raw_decode(text, start)
-            if stop > end:  # the bracket at the end is the last house's, as in `[[]`
-                raise ValueError("the array has no end; the file was cut off")
-            number += 1
-            yield number, text[start:stop].encode()
-            start = stop
-    except (ValueError, RecursionError) as error:
-        raise SourceError(
-            f"{file}: no JSON ({error})", code="json-malformed", where=file
-        ) from error
-
-
-@dataclass(slots=True)
-class _Reading:
-    """A file that a thread is reading: its state, the houses to come, the number of the last."""
-
-    key: tuple[Path, int, int]
-    houses: Iterator[tuple[int, bytes]]
-    last: int = 0
+        yield text[start:stop].encode()
+        start = stop
 
 
 def _fetch(file: Path, number: int) -> bytes:
@@ -250,12 +225,11 @@ def _fetch(file: Path, number: int) -> bytes:
     order, so each thread goes on where it was, and begins again only for an earlier house.
     """
     key = (file, *state_of(file))
-    place: _Reading | None = getattr(_local, "place", None)
-    if place is None or place.key != key or number <= place.last:
-        place = _Reading(key, _stream(file))
-        _local.place = place
-    for found, text in place.houses:
-        place.last = found
+    place, last, houses = getattr(_local, "place", _NO_PLACE)
+    if place != key or number <= last:
+        houses = _stream(file)
+    for found, text in houses:
+        _local.place = (key, found, houses)
         if found == number:
             return text
     raise SourceError(f"{file.name}:{number}: is not there", code="house-missing", where=file)
@@ -280,17 +254,19 @@ def _parse(text: bytes, where: str) -> _House:
 def _list_objects(house: _House) -> Iterator[SceneObject]:
     """Yield the objects, each before its children; one of no room is the building's."""
     floors = {room.number: [(at.x, at.z) for at in room.corners] for room in house.rooms}
-    waiting = list(reversed(house.objects))
-    count = 0
-    while waiting:
-        thing = waiting.pop()
-        waiting += reversed(thing.children)
-        count += 1
+    for number, thing in enumerate(_unpack(house.objects), start=1):
         match = _OF_ROOM.search(thing.id)
-        named = match is not None and int(match[1]) in floors
-        region = int(match[1]) if match and named else _find_room(thing.position, floors)
+        region = int(match[1]) if match else -1
+        if region not in floors:
+            region = _find_room(thing.position, floors)
         name, place = name_asset(thing.asset), _upright(thing.position)
-        yield SceneObject(0, count, region, name, centroid=place)
+        yield SceneObject(0, number, region, name, centroid=place)
+
+
+def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
+    for thing in things:
+        yield thing
+        yield from _unpack(thing.children)
 
 
 def _find_room(place: _Place, floors: Mapping[int, Sequence[tuple[float, float]]]) -> int:
@@ -311,20 +287,12 @@ def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
             code="floor-empty",
             where=where,
         )
-    floor = float(corners[:, 2].min())
+    floor = corners[:, 2].min()
     tops = [corner.y for wall in walls if wall.room_id == room.id for corner in wall.polygon]
-    (a, b), (c, d) = (map(float, f(corners[:, :2], axis=0)) for f in (np.min, np.max))
-    box = Box((a, b, floor), (c, d, max([floor, *tops])))
-    return Room(
-        room_index=0,
-        region_id=room.number,
-        source_label=room.room_type,
-        centroid=box.centre,
-        box=box,
-        floor_z=floor,
-        footprint=surround(corners[:, :2]),
-        floor_area=area,
-    )
+    ends = np.vstack([corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)])
+    box = Box.around(np.column_stack([ends, [floor, max([floor, *tops])]]))
+    found = Room(0, room.number, room.room_type, floor_area=area)
+    return replace(place_room(found, box), footprint=surround(corners[:, :2]))
 
 
 def _list_doors(house: _House) -> Iterator[tuple[int, int]]:

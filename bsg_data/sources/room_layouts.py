@@ -13,7 +13,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from bsg_data.errors import SourceChangedError, SourceError, find_io_error
+from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
@@ -22,24 +22,22 @@ from bsg_data.inputs.documents import parse_yaml
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.scene.scene_graph import Box, Room, SceneGraph, building_hash, is_scene_id
-from bsg_data.sources.annotation_files import fingerprint, require_fingerprint
+from bsg_data.scene.scene_graph import Box, SceneGraph, building_hash, is_scene_id
+from bsg_data.sources.annotation_files import fingerprint, require_fingerprint, require_lasting
 from bsg_data.sources.assembly import connect, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
 
 _LAYOUT = ", layout "  # before the hash of a layout, in what tells of a scene's geometry
-MAX_METRES = 10_000.0
+_MAX_METRES = 10_000.0
 
 
 class LayoutError(SourceError):
     """Report a layout that is malformed or does not belong to its scene."""
 
 
-Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
-Length = Annotated[float, Field(ge=0, le=MAX_METRES)]
-Number = Annotated[int, Field(ge=0, le=10**6)]
-
-
+_Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES)]
+_Length = Annotated[float, Field(ge=0, le=_MAX_METRES)]
+_Number = Annotated[int, Field(ge=0, le=10**6)]
 _Name = Annotated[str, Field(pattern=r"^room_[1-9][0-9]{0,5}$")]
 
 
@@ -48,15 +46,15 @@ class _Entry(BaseModel):
 
 
 class _Place(_Entry):
-    x: Metres
-    y: Metres
-    z: Metres
+    x: _Metres
+    y: _Metres
+    z: _Metres
 
 
 class _Size(_Entry):
-    x: Length
-    y: Length
-    z: Length
+    x: _Length
+    y: _Length
+    z: _Length
 
 
 class _LayoutRoom(_Entry):
@@ -64,10 +62,17 @@ class _LayoutRoom(_Entry):
     centroid: _Place
     dims: _Size
 
+    @property
+    def box(self) -> Box:
+        """The box, Z up: of the layouts' axes, z points backwards."""
+        x, y, z = self.centroid.x, -self.centroid.z, self.centroid.y
+        a, b, c = self.dims.x / 2, self.dims.z / 2, self.dims.y / 2
+        return Box((x - a, y - b, z - c), (x + a, y + b, z + c))
+
 
 class _Layout(_Entry):
     rooms: Annotated[dict[_Name, _LayoutRoom], Field(min_length=1)]
-    connections: tuple[tuple[Number, Number], ...] = ()
+    connections: tuple[tuple[_Number, _Number], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +90,7 @@ def read_layout(path: Path) -> _RoomLayout:
     except ValueError as error:
         said = name_fault(error) if isinstance(error, ValidationError) else error
         raise LayoutError(f"{path}: {said}", code="layout-malformed", where=path) from error
-    rooms = {
-        int(name.removeprefix("room_")): (r.label, _box(r)) for name, r in parsed.rooms.items()
-    }
+    rooms = {int(name[len("room_") :]): (one.label, one.box) for name, one in parsed.rooms.items()}
     for one, other in parsed.connections:
         if one == other or not {one, other} <= set(rooms):
             raise LayoutError(
@@ -96,13 +99,6 @@ def read_layout(path: Path) -> _RoomLayout:
                 where=path,
             )
     return _RoomLayout(rooms, tuple(sorted({(min(p), max(p)) for p in parsed.connections})))
-
-
-def _box(room: _LayoutRoom) -> Box:
-    """Return the box of a room, Z up: of the layouts' axes, z points backwards."""
-    x, y, z = room.centroid.x, -room.centroid.z, room.centroid.y
-    a, b, c = room.dims.x / 2, room.dims.z / 2, room.dims.y / 2
-    return Box((x - a, y - b, z - c), (x + a, y + b, z + c))
 
 
 def lay_out(graph: SceneGraph, layout: _RoomLayout) -> SceneGraph:
@@ -120,37 +116,22 @@ def lay_out(graph: SceneGraph, layout: _RoomLayout) -> SceneGraph:
             code="layout-foreign",
             where=graph.scene_id,
         )
-    rooms = [
-        _lay_out_room(room, *layout.rooms[room.room_index], placed=graph.up_axis is not None)
-        if room.room_index in layout.rooms
-        else room
-        for room in graph.rooms
-    ]
+    rooms, is_placed = list(graph.rooms), graph.up_axis is not None
+    for number, (label, box) in layout.rooms.items():
+        room = replace(rooms[number - 1], source_label=label, label=label_of(LAYOUTS, label))
+        rooms[number - 1] = room if is_placed else place_room(replace(room, floor_area=None), box)
     kept = [e for e in graph.adjacency if not {e.source, e.target} <= set(layout.rooms)]
-    storeys = tuple(rooms) if graph.up_axis is not None else find_storeys(rooms)
+    storeys = tuple(rooms) if is_placed else find_storeys(rooms)
     laid_out = replace(graph, rooms=storeys, adjacency=tuple(kept))
     return connect(laid_out, layout.connections, method="layout")
 
 
-def _lay_out_room(room: Room, label: str, box: Box, *, placed: bool) -> Room:
-    """Return the room with its label, and with its box unless a mesh placed the building."""
-    labelled = replace(room, source_label=label, label=label_of(LAYOUTS, label))
-    if placed:
-        return labelled
-    return place_room(replace(labelled, floor_area=None), box)
-
-
 @dataclass(frozen=True)
 class WithLayouts:
-    """A source combined with a folder of room layouts.
+    """A source combined with a folder of room layouts."""
 
-    Attributes:
-        source: source of the scene graphs.
-        folder: folder with `<scene id>.yaml` or `<hash>.yaml` for some of its scenes.
-    """
-
-    source: Source
-    folder: Path
+    source: Source  # of the scene graphs
+    folder: Path  # with `<scene id>.yaml` or `<hash>.yaml` for some of its scenes
 
     def __init__(self, source: Source, folder: AnyPath) -> None:
         object.__setattr__(self, "source", source)
@@ -195,11 +176,7 @@ class WithLayouts:
                 where=self.folder,
             )
         unused = tuple(
-            SkippedScene(
-                scene_id=path.stem,
-                location=path.name,
-                reason="a room layout of no scene of the source",
-            )
+            SkippedScene(path.stem, path.name, "a room layout of no scene of the source")
             for path in files
             if path not in used
         )
@@ -217,10 +194,9 @@ class WithLayouts:
         try:
             return replace(reading, graph=lay_out(reading.graph, read_layout(path)))
         except LayoutError as error:
-            if find_io_error(error):
-                raise SourceChangedError(str(error), code="source-changed", where=path) from error
+            require_lasting(error, path)
             reason = str(error).replace(f"{self.folder}/", "")
-            skip = SkippedScene(scene_id=ref.scene_id, location=path.name, reason=reason)
+            skip = SkippedScene(ref.scene_id, path.name, reason)
             return replace(reading, left_out=(*reading.left_out, skip))
 
     def _layout_of(self, ref: SceneRef) -> Path | None:

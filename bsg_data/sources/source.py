@@ -9,36 +9,28 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import NoReturn, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph, building_hash
 
 LICENCE_REF = "LicenseRef-"  # SPDX's prefix for a licence that is not on its list
+_ADDRESS = r"https?://[^\s<>()\[\]|\"]+"
 
 
 @dataclass(frozen=True, slots=True)
 class SceneRef:
-    """The location of one scene of a source.
+    """The location of one scene of a source."""
 
-    Attributes:
-        scene_id: e.g. `00006-HkseAnWCgqk`, or only the hash if the source has no number.
-        location: path below the source's root, or the scene's name inside the zip.
-        fingerprint: hash of the annotation; a resumed build uses it to detect changes.
-        source_split: e.g. `train`; None if the source has none.
-        source_version: e.g. `v0.2`; None if the source has none.
-        geometry: fingerprint of mesh and layout, to detect changes; None without them.
-    """
-
-    scene_id: str
-    location: str
-    fingerprint: str
-    source_split: str | None = None
-    source_version: str | None = None
-    geometry: str | None = None
+    scene_id: str  # e.g. `00006-HkseAnWCgqk`, or only the hash if the source has no number
+    location: str  # path below the source's root, or the scene's name in its file
+    fingerprint: str  # hash of the annotation; a resumed build uses it to detect changes
+    source_split: str | None = None  # e.g. `train`; None if the source has none
+    source_version: str | None = None  # e.g. `v0.2`; None if the source has none
+    geometry: str | None = None  # fingerprint of mesh and layout; None without them
 
     @property
     def building(self) -> str:
@@ -57,35 +49,22 @@ class SkippedScene:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The result of reading one scene.
-
-    Attributes:
-        graph: its scene graph.
-        mesh: how much of its mesh the annotation explains; None without a mesh, or if it was left
-            out.
-        left_out: meshes and layouts that could not be used, with the reasons.
-    """
+    """The result of reading one scene."""
 
     graph: SceneGraph
+    # how much of its mesh the annotation explains; None without a mesh, or if it was left out
     mesh: MeshCoverage | None = None
-    left_out: tuple[SkippedScene, ...] = ()
+    left_out: tuple[SkippedScene, ...] = ()  # meshes and layouts that could not be used
 
 
 @dataclass(frozen=True, slots=True)
 class FoundScenes:
-    """The scenes of a source.
+    """The scenes of a source."""
 
-    Attributes:
-        scenes: the scenes, sorted by scene id, each building once.
-        duplicates: further copies of the same buildings; they are not read.
-        unreadable: folders that could not be read.
-        unused: room layouts that belong to no scene.
-    """
-
-    scenes: tuple[SceneRef, ...]
-    duplicates: tuple[SkippedScene, ...] = ()
-    unreadable: tuple[SkippedScene, ...] = ()
-    unused: tuple[SkippedScene, ...] = ()
+    scenes: tuple[SceneRef, ...]  # sorted by scene id, each building once
+    duplicates: tuple[SkippedScene, ...] = ()  # further copies of the same buildings: not read
+    unreadable: tuple[SkippedScene, ...] = ()  # folders that could not be read
+    unused: tuple[SkippedScene, ...] = ()  # room layouts that belong to no scene
 
 
 @runtime_checkable
@@ -124,65 +103,38 @@ class Source(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Licence and citation of data derived from a source, for the cards of datasets.
+    """Licence and citation of data derived from a source, for the cards of datasets."""
 
-    Attributes:
-        licence: its SPDX identifier, e.g. `Apache-2.0`; `LicenseRef-NAME` for a licence that SPDX
-            does not list.
-        licence_url: address of the text of the licence.
-        homepage: address of the source.
-        citation: how to cite the source, on one line.
-        sentence: what a user must know about the terms, in one sentence.
-    """
-
+    # its SPDX identifier, e.g. `Apache-2.0`; `LicenseRef-NAME` for one that SPDX does not list
     licence: str
-    licence_url: str
-    homepage: str
-    citation: str
-    sentence: str
+    licence_url: str  # address of the text of the licence
+    homepage: str  # address of the source
+    citation: str  # how to cite the source, on one line
+    sentence: str  # what a user must know about the terms, in one sentence
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[A-Za-z0-9.+-]+", self.licence):
-            self._refuse("licence", f"an SPDX identifier such as MIT, or {LICENCE_REF}NAME")
-        for name in ("licence_url", "homepage"):
-            if not is_address(getattr(self, name)):
-                self._refuse(name, "an address")
-        for name in ("citation", "sentence"):
-            if not getattr(self, name).strip() or "\n" in getattr(self, name):
-                self._refuse(name, "one line")
-
-    def _refuse(self, name: str, expected: str) -> NoReturn:
-        message = f"{name}: expected {expected}, found {getattr(self, name)!r}"
-        raise SourceError(message, code="terms-malformed", where=name)
+        line = r".*\S.*", "one line"
+        address = _ADDRESS, "an address"
+        spdx = r"[A-Za-z0-9.+-]+", f"an SPDX identifier such as MIT, or {LICENCE_REF}NAME"
+        rules = (spdx, address, address, line, line)
+        for one, (pattern, expected) in zip(fields(self), rules, strict=True):
+            value = getattr(self, one.name)
+            if not re.fullmatch(pattern, value):
+                message = f"{one.name}: expected {expected}, found {value!r}"
+                raise SourceError(message, code="terms-malformed", where=one.name)
 
 
 def is_address(text: str) -> bool:
     """Say whether a text is a web address without characters that could end a link."""
-    return re.fullmatch(r"https?://[^\s<>()\[\]|\"]+", text) is not None
-
-
-@runtime_checkable
-class SourceWithTerms(Protocol):
-    """A source that knows the terms of its data."""
-
-    @property
-    def terms(self) -> Terms | None:
-        """Return the terms; None if they are unknown."""
+    return re.fullmatch(_ADDRESS, text) is not None
 
 
 @dataclass(frozen=True, slots=True)
 class SourceRow:
-    """One row of the catalogue of sources; its name is the `kind` of the opened source.
+    """One row of the catalogue of sources; its name is the `kind` of the opened source."""
 
-    Attributes:
-        summary: what it reads, in one line.
-        open: opens a path; takes the source's options as keywords.
-        terms: terms of derived data; None if only the user knows them, as for the user's own table
-            (`SourceWithTerms`).
-        class_map: the published map of its names; the default of a build.
-    """
-
-    summary: str
-    open: Callable[..., Source]
+    summary: str  # what it reads, in one line
+    open: Callable[..., Source]  # opens a path; takes the source's options as keywords
+    # of derived data; None if only the user knows them: such a source may have `terms` of its own
     terms: Terms | None
-    class_map: str = DEFAULT_CLASS_MAP
+    class_map: str = DEFAULT_CLASS_MAP  # the published map of its names; the default of a build

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,6 +44,7 @@ from bsg_data.spelling import ask_if_meant
 
 _SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".parquet")
 _REQUIRED = ("scene", "room", "category")
+_FACTS = ("room_label", "floor", "floor_area")  # of a room
 _CENTROID = ("x", "y", "z")
 _BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in _CENTROID)
 _NUMBER = re.compile(r"[0-9]{1,9}")
@@ -100,7 +102,7 @@ class _TableRow(BaseModel):
             raise ValueError(f"scene: expected a name that a file can have, found {self.scene!r}")
         if not self.room and not self.category:
             raise ValueError("category: expected an object, or a room in the column room")
-        if not self.room and given & {"room_label", "floor", "floor_area", "connected"}:
+        if not self.room and given & {*_FACTS, "connected"}:
             raise ValueError("room: expected the room that the row describes, found none")
         for group in (_CENTROID, _BOX):
             if 0 < len(given.intersection(group)) < len(group):
@@ -108,18 +110,14 @@ class _TableRow(BaseModel):
                 raise ValueError(f"{absent}: expected a number, as in the rest of {group}")
             if not self.category and given.intersection(group):
                 raise ValueError(f"category: expected the object that is at {group[0]}")
-        if self.box is not None:
-            self._require_inside(self.box)
-        return self
-
-    def _require_inside(self, box: Box) -> None:
-        """Refuse a box that is inside out, and a centroid that is not in its box."""
+        box = self.box or Box((-math.inf,) * 3, (math.inf,) * 3)
         for axis, low, high in zip(_CENTROID, box.minimum, box.maximum, strict=True):
             if low > high:
                 raise ValueError(f"box_max_{axis}: expected {low} or more, found {high}")
             value = getattr(self, axis)
             if value is not None and not low - _SLACK <= value <= high + _SLACK:
                 raise ValueError(f"{axis}: expected {low} to {high}, its box; found {value}")
+        return self
 
     @property
     def centroid(self) -> Point | None:
@@ -147,6 +145,8 @@ class _TableRow(BaseModel):
 
 
 _OPTIONAL = tuple(name for name in _TableRow.model_fields if name not in _REQUIRED)
+_Facts = dict[str, dict[str, Any]]  # room → what some row says of it, a column of `_FACTS` each
+_Scene = tuple[list[_TableRow], _Facts]  # the rows by their keys
 
 
 @dataclass(frozen=True)
@@ -189,16 +189,18 @@ class ObjectTable:
     def find(self) -> FoundScenes:
         """Find the scenes of the table; columns that are not read are listed as left out."""
         scenes, unread = self._read()
-        found = keep_one_copy(SceneRef(name, name, _digest(rows)) for name, rows in scenes.items())
+        found = keep_one_copy(SceneRef(name, name, _digest(one)) for name, one in scenes.items())
         if not unread:
             return found
-        reason = f"columns that are not read: {', '.join(map(_name_unread, unread))}"
-        return replace(found, unused=(SkippedScene("all", self.path.name, reason),))
+        asked = {column: ask_if_meant(column, _OPTIONAL) for column in unread}
+        named = [f"{column} ({hint})" if hint else column for column, hint in asked.items()]
+        skip = SkippedScene("all", self.path.name, f"columns that are not read: {', '.join(named)}")
+        return replace(found, unused=(skip,))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
-        rows = fetch_listed(ref, self.path, lambda: self._read()[0][ref.scene_id], _digest)
-        regions = number_rooms({row.room for row in rows if row.room})
+        rows, facts = fetch_listed(ref, self.path, lambda: self._read()[0][ref.scene_id], _digest)
+        regions = number_rooms(facts)
         placed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         placed.sort(key=lambda pair: (pair[0], pair[1].key))
         objects = [
@@ -209,31 +211,19 @@ class ObjectTable:
             objects,
             ref=ref,
             kind=self.kind,
-            sha256=ref.fingerprint,
             class_map=class_map,
-            rooms=_describe_rooms(rows, regions),
+            rooms=_describe_rooms(rows, facts, regions),
             doors=[(regions[row.room], regions[other]) for row in rows for other in row.connected],
         )
         return Reading(graph)
 
-    def _read(self) -> tuple[Mapping[str, Sequence[_TableRow]], Sequence[str]]:
+    def _read(self) -> tuple[Mapping[str, _Scene], Sequence[str]]:
         return _read_table(self.path, *state_of(self.path))
 
 
-def _name_unread(column: str) -> str:
-    """Name a column that is not read, and the one that may be meant."""
-    asked = ask_if_meant(column, _OPTIONAL)
-    return f"{column} ({asked})" if asked else column
-
-
 @lru_cache(maxsize=1)
-def _read_table(
-    path: Path, size: int, changed: int
-) -> tuple[Mapping[str, Sequence[_TableRow]], Sequence[str]]:
-    """Read the rows of each scene, by their keys, and the columns that are not read.
-
-    Once for each state of the file.
-    """
+def _read_table(path: Path, size: int, changed: int) -> tuple[Mapping[str, _Scene], Sequence[str]]:
+    """Read the scenes and the columns that are not read, once for each state of the file."""
     name = path.name.casefold()
     if not name.endswith(_SUFFIXES):
         expected = f"a file that ends in {', '.join(_SUFFIXES)}"
@@ -251,14 +241,12 @@ def _read_table(
     if not scenes:
         message = f"{path}: no row; expected an object a row"
         raise SourceError(message, code="source-empty", where=path)
-    for scene, rows in scenes.items():
-        _require_agreement(rows, f"{path}: scene {scene}")
     unread = [column for column in columns if column not in _TableRow.model_fields]
-    ordered = {
-        scene: sorted((row for row, _ in rows), key=lambda row: row.key)
-        for scene, rows in scenes.items()
-    }
-    return ordered, unread
+    found = {}
+    for scene, rows in scenes.items():
+        facts = _gather_facts(rows, f"{path}: scene {scene}")
+        found[scene] = (sorted((row for row, _ in rows), key=lambda row: row.key), facts)
+    return found, unread
 
 
 def _read_csv(path: Path) -> Iterator[tuple[str, list[Any]]]:
@@ -333,32 +321,30 @@ def _require_columns(path: Path, columns: Sequence[str]) -> None:
         )
 
 
-def _require_agreement(rows: Sequence[tuple[_TableRow, str]], where: str) -> None:
-    """Refuse rows of one room that disagree about it, and connections to missing rooms."""
-    first: dict[tuple[str, str], tuple[object, str]] = {}
-    names = {row.room for row, _ in rows if row.room}
+def _gather_facts(rows: Sequence[tuple[_TableRow, str]], where: str) -> _Facts:
+    """Return what the rows of a scene say of its rooms; refuse rows that disagree."""
+    facts: _Facts = {row.room: {} for row, _ in rows if row.room}
     for row, line in rows:
         place = f"{where}, {line}"
-        for name in ("room_label", "floor", "floor_area"):
-            value = getattr(row, name)
-            if value is None:
-                continue
-            known, earlier = first.setdefault((row.room, name), (value, line))
+        said = {name: value for name in _FACTS if (value := getattr(row, name)) is not None}
+        for name, value in said.items():
+            known = facts[row.room].setdefault(name, value)
             if value != known:
                 raise SourceError(
-                    f"{place}, column {name}: expected {known!r} for room {row.room!r}, as "
-                    f"{earlier} says; found {value!r}",
+                    f"{place}, column {name}: expected {known!r} for room {row.room!r}, as an "
+                    f"earlier one says; found {value!r}",
                     code="rows-disagree",
                     where=place,
                 )
         for other in row.connected:
-            if other not in names or other == row.room:
+            if other not in facts or other == row.room:
                 raise SourceError(
                     f"{place}, column connected: expected names of other rooms with ; between "
                     f"them; found {other!r}. A room without objects is a row without a category",
                     code="room-unknown",
                     where=place,
                 )
+    return facts
 
 
 def number_rooms(names: Iterable[str]) -> dict[str, int]:
@@ -381,14 +367,26 @@ def _by_digits(name: str) -> tuple[list[Any], str]:
     return [int(part) if place % 2 else part for place, part in enumerate(parts)], name
 
 
-def _describe_rooms(rows: Sequence[_TableRow], regions: Mapping[str, int]) -> list[Room]:
+def _describe_rooms(
+    rows: Sequence[_TableRow], facts: _Facts, regions: Mapping[str, int]
+) -> list[Room]:
     """Return what the rows tell of the rooms; their levels, or those that their floors show."""
-    of_room: dict[str, list[_TableRow]] = {name: [] for name in regions}
+    points: dict[str, list[Point]] = {name: [] for name in facts}
+    boxed = {row.room for row in rows if row.box}
     for row in rows:
-        if row.room:
-            of_room[row.room].append(row)
-    rooms = [_describe_room(name, own, regions[name]) for name, own in of_room.items()]
-    floors = [_first(own, "floor") for own in of_room.values()]
+        if row.room and row.centroid:
+            ends = (row.box.minimum, row.box.maximum) if row.box else ()
+            points[row.room] += [row.centroid, *ends]
+    rooms = []
+    for name, said in facts.items():
+        label = said.get("room_label") or (None if _NUMBER.fullmatch(name) else name)
+        room = Room(0, regions[name], label, floor_area=said.get("floor_area"))
+        if points[name]:
+            around = Box.around(np.array(points[name]))
+            is_boxed = name in boxed  # else its objects are points, and it has a middle alone
+            room = place_room(room, around) if is_boxed else replace(room, centroid=around.centre)
+        rooms.append(room)
+    floors = [said.get("floor") for said in facts.values()]
     levels = sorted({floor for floor in floors if floor is not None})
     if not levels:
         return list(find_storeys(rooms))
@@ -398,27 +396,9 @@ def _describe_rooms(rows: Sequence[_TableRow], regions: Mapping[str, int]) -> li
     ]
 
 
-def _describe_room(name: str, rows: Sequence[_TableRow], region: int) -> Room:
-    """Return a room with the box around its objects; where they are points, with its middle."""
-    label = _first(rows, "room_label") or (None if _NUMBER.fullmatch(name) else name)
-    room = Room(0, region, source_label=label, floor_area=_first(rows, "floor_area"))
-    points = [row.centroid for row in rows if row.centroid is not None]
-    boxes = [row.box for row in rows if row.box is not None]
-    if not points:
-        return room
-    corners = np.array([*points, *(end for box in boxes for end in (box.minimum, box.maximum))])
-    (a, b, c), (d, e, f) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
-    around = Box((a, b, c), (d, e, f))
-    return place_room(room, around) if boxes else replace(room, centroid=around.centre)
-
-
-def _first(rows: Iterable[_TableRow], name: str) -> Any:
-    return next((value for row in rows if (value := getattr(row, name)) is not None), None)
-
-
-def _digest(rows: Iterable[_TableRow]) -> str:
+def _digest(scene: _Scene) -> str:
     """Hash what the rows of a scene say, in whatever order they stand."""
-    said = sorted(repr(row.key) for row in rows)
+    said = sorted(repr(row.key) for row in scene[0])
     return hashlib.sha256("\n".join(said).encode("utf-8", "surrogatepass")).hexdigest()
 
 

@@ -29,8 +29,7 @@ from bsg_data.observation.robot_json import (
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, is_dsg, parse_dsg
-from bsg_data.sources.label_space import LabelSpace, load_label_space
-from bsg_data.sources.spark_dsg import name_object
+from bsg_data.sources.spark_dsg import LabelSpace, load_label_space, name_object
 from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.belief.annotation import find_document
 from bsg_models.belief.hydra_conversion import BINARY, convert

@@ -37,7 +37,7 @@ except BSGError as error:
 """
 ROBOT = ("bsg_data.observation.robot_json", "read_robot_graph", "read_robot_graph(path)")
 LAYOUT = ("bsg_data.sources.room_layouts", "read_layout", "read_layout(path)")
-LABELS = ("bsg_data.sources.label_space", "load_label_space", "load_label_space(str(path))")
+LABELS = ("bsg_data.sources.spark_dsg", "load_label_space", "load_label_space(str(path))")
 ZIP = ("bsg_data.sources.hm3d_stats", "read_scene_lines", "read_scene_lines(path)")
 TABLE = ("bsg_data.sources.table", "ObjectTable", "ObjectTable(path).find()")
 PROCTHOR = ("bsg_data.sources.procthor", "ProcTHORHouses", "ProcTHORHouses(path).find()")

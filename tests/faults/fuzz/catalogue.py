@@ -24,11 +24,10 @@ from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.behavior import BehaviorRooms
 from bsg_data.sources.hm3d import parse_annotation
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
-from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.mp3d import MatterportHouses
 from bsg_data.sources.procthor import ProcTHORHouses
 from bsg_data.sources.room_layouts import lay_out, read_layout
-from bsg_data.sources.spark_dsg import RobotGraphs
+from bsg_data.sources.spark_dsg import RobotGraphs, load_label_space
 from bsg_data.sources.table import ObjectTable
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
