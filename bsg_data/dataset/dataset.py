@@ -32,7 +32,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.surroundings import EVIDENCE, Surroundings
+from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surroundings
 
 HELD_BYTES = 256 * 2**20  # bound of the parts in memory
 _NODE_BYTES = 250  # about what is held of a node besides its cells
@@ -260,8 +260,7 @@ class _Part:
     @cached_property
     def surroundings(self) -> Surroundings:
         """What is known of all scenes, one after another."""
-        columns = [n for kind in EVIDENCE.values() if not kind.of_building for n in kind.columns]
-        rooms = self._read("rooms", ["scene_id", "room_index", *columns])
+        rooms = self._read("rooms", ["scene_id", "room_index", *ROOM_COLUMNS])
         nodes = int(self._starts[-1])
         return Surroundings.of_tables(
             self._scenes, rooms, rows=self._find_nodes(rooms), nodes=nodes
@@ -277,8 +276,7 @@ class _Part:
 
     @cached_property
     def _scenes(self) -> pa.Table:
-        columns = [n for kind in EVIDENCE.values() if kind.of_building for n in kind.columns]
-        return self._read("scenes", ["scene_id", "num_rooms", *columns])
+        return self._read("scenes", ["scene_id", "num_rooms", *SCENE_COLUMNS])
 
     @cached_property
     def _starts(self) -> Ints:

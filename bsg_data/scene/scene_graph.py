@@ -19,7 +19,6 @@ from bsg_data.recipes import Record
 from bsg_data.scene.class_map import Role
 
 Point = tuple[float, float, float]
-EdgeKind = Literal["contains", "adjacent"]
 # A plan says so, a door, stairs, the boxes of two rooms, a robot that went there, or whoever made
 # the data.
 ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")
@@ -53,12 +52,7 @@ def building_hash(scene_id: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """An axis-aligned box.
-
-    Attributes:
-        minimum: its lowest corner (x, y, z), metres.
-        maximum: its highest corner (x, y, z), metres.
-    """
+    """An axis-aligned box: its lowest and its highest corner (x, y, z), metres."""
 
     minimum: Point
     maximum: Point
@@ -84,124 +78,76 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class SceneObject:
-    """One annotated object.
+    """One annotated object; metres.
 
     A source that reads an object gives its region id as `room_index`, and its names and numbers as
     annotated; `bsg_data.sources.assembly.assemble` numbers and classifies it.
-
-    Attributes:
-        object_index: 1..O in the order of the instance ids.
-        instance_id: the id that the annotation gives it.
-        room_index: its room, 1..R; `BUILDING` for an object of the null region.
-        raw_category: its name exactly as annotated.
-        category: the corrected name by the class map; None if the name is not in the map.
-        class_index: its class by the class map; None without a class.
-        role: its role by the class map, as `Classified.role`.
-        colour: its colour in the semantic mesh as RRGGBB; None if the source has none.
-        centroid: centroid of its surface, weighted by area, metres; None without geometry.
-        box: box around all its surface, metres; None without geometry.
-        area: area of its surface, square metres; None without geometry.
-        part_box: box around the largest connected part of its surface, metres; it leaves out stray
-            paint of the annotator. None without geometry.
     """
 
     BUILDING: ClassVar[int] = 0
 
-    object_index: int
-    instance_id: int
-    room_index: int
-    raw_category: str
-    category: str | None = None
-    class_index: int | None = None
-    role: Role = "unmapped"
-    colour: str | None = None
-    centroid: Point | None = None
-    box: Box | None = None
-    area: float | None = None
+    object_index: int  # 1..O in the order of the instance ids
+    instance_id: int  # the id that the annotation gives it
+    room_index: int  # its room, 1..R; `BUILDING` for an object of the null region
+    raw_category: str  # its name exactly as annotated
+    category: str | None = None  # corrected by the class map; None if the name is not in the map
+    class_index: int | None = None  # its class by the class map; None without a class
+    role: Role = "unmapped"  # by the class map, as `Classified.role`
+    colour: str | None = None  # in the semantic mesh as RRGGBB; None if the source has none
+    # None without geometry:
+    centroid: Point | None = None  # of its surface, weighted by area
+    box: Box | None = None  # around all its surface
+    area: float | None = None  # of its surface, square metres
+    # around the largest connected part of its surface: it leaves out stray paint of the annotator
     part_box: Box | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """One room: a region of the annotation with an id of 0 or more.
+    """One room: a region of the annotation with an id of 0 or more; metres."""
 
-    Attributes:
-        room_index: 1..R in the order of the region ids.
-        region_id: the annotation's own id; 0 is a real room.
-        source_label: the source's name of the room ("Wohnzimmer", "k").
-        centroid: centre of its box, metres; None without geometry.
-        box: around the largest parts of its objects without its stairs, metres; None without
-            geometry.
-        floor_index: the level, from 0 at the bottom; None without geometry.
-        floor_z: height of its floor, metres; None without geometry.
-        footprint: corners (x, y) of the convex hull of its objects from above, against the clock,
-            metres; None without geometry.
-        label: the common label of `source_label` (mappings/room-labels-v2.csv); None if unknown.
-        floor_area: square metres; None if unknown.
-    """
-
-    room_index: int
-    region_id: int
-    source_label: str | None = None
-    centroid: Point | None = None
-    box: Box | None = None
-    floor_index: int | None = None
-    floor_z: float | None = None
+    room_index: int  # 1..R in the order of the region ids
+    region_id: int  # the annotation's own id; 0 is a real room
+    source_label: str | None = None  # the source's name of the room ("Wohnzimmer", "k")
+    # None without geometry:
+    centroid: Point | None = None  # centre of its box
+    box: Box | None = None  # around the largest parts of its objects without its stairs
+    floor_index: int | None = None  # the level, from 0 at the bottom
+    floor_z: float | None = None  # height of its floor
+    # corners (x, y) of the convex hull of its objects from above, against the clock
     footprint: tuple[tuple[float, float], ...] | None = None
+    # the common label of `source_label` (mappings/room-labels-v2.csv); None if unknown
     label: str | None = None
-    floor_area: float | None = None
+    floor_area: float | None = None  # square metres; None if unknown
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """One edge between two nodes.
+    """One edge between two nodes; an `adjacent` one is undirected and stored once."""
 
-    Attributes:
-        source: node index; the parent of a `contains` edge.
-        target: node index; the child of a `contains` edge. An `adjacent` edge is undirected and
-            stored once, with source < target.
-        kind: `contains` or `adjacent`.
-        method: how the edge is known: `annotation` for containment; one of `ADJACENCY_METHODS` for
-            adjacency.
-        distance_m: metres between the centroids of two adjacent rooms; None if unknown.
-    """
-
-    source: int
-    target: int
-    kind: EdgeKind
+    source: int  # node index; the parent of a `contains` edge; lower than the target
+    target: int  # node index; the child of a `contains` edge
+    kind: Literal["contains", "adjacent"]
+    # how it is known: `annotation` for containment; of `ADJACENCY_METHODS` for adjacency
     method: str
-    distance_m: float | None = None
+    distance_m: float | None = None  # between the centroids of two adjacent rooms; None if unknown
 
 
 @dataclass(frozen=True, slots=True)
 class SceneGraph:
-    """One building as a 3D scene graph 𝒢.
+    """One building as a 3D scene graph 𝒢."""
 
-    Attributes:
-        scene_id: id of the building, e.g. `00006-HkseAnWCgqk`.
-        source: the kind of source, e.g. `hm3d`.
-        source_version: version of the source, e.g. `v0.2`; None if it has none.
-        source_split: the source's own split of the building; None if it has none.
-        annotation_sha256: hash of the annotation.
-        rooms: the rooms, in the order of `room_index`.
-        objects: the objects, in the order of `object_index`.
-        adjacency: the `adjacent` edges, sorted; containment follows from the objects.
-        up_axis: the axis that points up in the mesh, e.g. `y` or `-z`; None without a mesh.
-        class_map: the version of the class map of its names.
-        building_kind: kind of building by the source, e.g. `home` or `office`; None if unknown.
-    """
-
-    scene_id: str
-    source: str
-    source_version: str | None
-    source_split: str | None
+    scene_id: str  # e.g. `00006-HkseAnWCgqk`
+    source: str  # the kind of source, e.g. `hm3d`
+    source_version: str | None  # e.g. `v0.2`; None if it has none
+    source_split: str | None  # the source's own split of the building; None if it has none
     annotation_sha256: str
-    rooms: tuple[Room, ...]
-    objects: tuple[SceneObject, ...]
-    adjacency: tuple[Edge, ...] = ()
-    up_axis: str | None = None
-    class_map: str = field(kw_only=True)
-    building_kind: str | None = None
+    rooms: tuple[Room, ...]  # in the order of `room_index`
+    objects: tuple[SceneObject, ...]  # in the order of `object_index`
+    adjacency: tuple[Edge, ...] = ()  # sorted; containment follows from the objects
+    up_axis: str | None = None  # that points up in the mesh, `y` or `-z`; None without a mesh
+    class_map: str = field(kw_only=True)  # the version of the class map of its names
+    building_kind: str | None = None  # by the source, e.g. `home` or `office`; None if unknown
 
     @property
     def has_geometry(self) -> bool:

@@ -1,14 +1,13 @@
 """Surroundings: what is known of a room and its building besides the objects. A mask hides none.
 
-Each kind of evidence is a row of `EVIDENCE` and a field of `Surroundings`. A new kind also needs a
-field of `bsg_data.observation.partial_graph.KnownRoom`, which is how a robot says it, and a row of
+Each kind of evidence is a field of `Surroundings`. A new kind also needs a field of
+`bsg_data.observation.partial_graph.KnownRoom`, which is how a robot says it, and a row of
 `bsg_models.inputs.nodes.EVIDENCE`, which is how networks read and forget it.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,22 +34,10 @@ BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "ha
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
 UNKNOWN = -1  # the index of a kind or a source that is not known
 MAX_FLOOR_AREA = 1e5  # square metres, of a room: the largest halls that are built
-
-Values = npt.NDArray[Any]
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """One kind of evidence about rooms, or about buildings."""
-
-    unit: str
-    unknown: float  # its value where it is not known
-    of_graph: Callable[[Any], Any]  # of a `KnownRoom` or a `PartialGraph`; None if not known
-    of_table: Callable[[pa.Table], Values] | None = None  # of a dataset's rooms or scenes
-    columns: tuple[str, ...] = ()  # of that table
-    of_building: bool = False
-    dtype: type[np.generic] = np.int64
-    width: int | None = None  # of a value that is an array
+_BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
+# Columns of a dataset's tables that `Surroundings.of_tables` reads.
+ROOM_COLUMNS = ("floor_area", "footprint", *_BOX, "label")
+SCENE_COLUMNS = ("building_kind", "source")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +57,10 @@ class Surroundings:
     def unknown(cls, *, nodes: int, buildings: int = 1) -> Surroundings:
         """Return surroundings that are all unknown."""
         return cls(
-            **{
-                name: _fill(kind, buildings if kind.of_building else nodes)
-                for name, kind in EVIDENCE.items()
-            }
+            floor_area=np.full(nodes, np.nan),
+            labels=np.zeros((nodes, len(list_room_labels())), dtype=np.float32),
+            building_kinds=np.full(buildings, UNKNOWN, dtype=np.int64),
+            sources=np.full(buildings, UNKNOWN, dtype=np.int64),
         )
 
     @classmethod
@@ -84,35 +71,37 @@ class Surroundings:
             RecipeError: if the type of a room is impossible.
         """
         found = cls.unknown(nodes=1 + len(rooms))
-        for name, kind in EVIDENCE.items():
-            column = getattr(found, name)
-            for row, one in enumerate([graph] if kind.of_building else rooms, not kind.of_building):
-                if (value := kind.of_graph(one)) is not None:
-                    column[row] = value
+        for row, room in enumerate(rooms, start=1):
+            area = area_of(room)
+            found.floor_area[row] = np.nan if area is None else area
+            found.labels[row] = spread_labels(room.room_type)
+        found.building_kinds[:] = _find(graph.building_kind, BUILDING_KINDS)
+        found.sources[:] = _find(graph.source, KNOWN_SOURCES)
         return found
 
     @classmethod
     def of_tables(
-        cls, scenes: pa.Table, rooms: pa.Table | None, *, rows: Ints, nodes: int
+        cls, scenes: pa.Table, rooms: pa.Table, *, rows: Ints, nodes: int
     ) -> Surroundings:
         """Return those of a dataset's tables; `rows` `[R]` has the node of each row of `rooms`."""
         found = cls.unknown(nodes=nodes, buildings=len(scenes))
-        for name, kind in EVIDENCE.items():
-            column = getattr(found, name)
-            if kind.of_table is not None and kind.of_building:
-                column[:] = kind.of_table(scenes)
-            elif kind.of_table is not None and rooms is not None:
-                column[rows] = kind.of_table(rooms)
-            column.setflags(write=False)  # all readers of the dataset share it
+        found.building_kinds[:] = [
+            _find(word, BUILDING_KINDS) for word in scenes["building_kind"].to_pylist()
+        ]
+        found.sources[:] = [_find(word, KNOWN_SOURCES) for word in scenes["source"].to_pylist()]
+        found.floor_area[rows] = _measure_rooms(rooms)
+        found.labels[rows] = _mark_labels(rooms)
+        for one in fields(cls):
+            getattr(found, one.name).setflags(write=False)  # all readers of the dataset share it
         return found
 
     def take(self, rows: slice | Ints, *, buildings: slice | Ints) -> Surroundings:
         """Return those of some nodes and of their buildings."""
         return Surroundings(
-            **{
-                name: getattr(self, name)[buildings if kind.of_building else rows]
-                for name, kind in EVIDENCE.items()
-            }
+            self.floor_area[rows],
+            self.labels[rows],
+            self.building_kinds[buildings],
+            self.sources[buildings],
         )
 
     def without(self, *evidence: str) -> Surroundings:
@@ -132,19 +121,19 @@ class Surroundings:
         return replace(self, **{name: getattr(nothing, name) for name in evidence})
 
 
+EVIDENCE = tuple(one.name for one in fields(Surroundings))
+
+
 def stack_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
     """Return the surroundings of several buildings, one or more, in order."""
     return Surroundings(
-        **{
-            one.name: np.concatenate([getattr(part, one.name) for part in parts])
-            for one in fields(Surroundings)
-        }
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in EVIDENCE)
     )
 
 
 def is_floor_area(area: float | None) -> bool:
     """Say whether a room can have a floor area, in square metres."""
-    return area is not None and math.isfinite(area) and 0 < area <= MAX_FLOOR_AREA
+    return area is not None and 0 < area <= MAX_FLOOR_AREA
 
 
 def find_floor_area(
@@ -195,12 +184,7 @@ def check_building_kind(kind: str | None) -> str | None:
     return spoken
 
 
-def _fill(kind: Evidence, number: int) -> Values:
-    shape = (number,) if kind.width is None else (number, kind.width)
-    return np.full(shape, kind.unknown, dtype=kind.dtype)
-
-
-def _measure_rooms(rooms: pa.Table) -> Values:
+def _measure_rooms(rooms: pa.Table) -> Floats:
     """Return the floor area of every room `[R]`, from its shape where the source says none."""
     areas = np.array(rooms["floor_area"].to_numpy(), dtype=np.float64)  # NaN for null
     silent = np.flatnonzero(~((areas > 0) & (areas <= MAX_FLOOR_AREA)))
@@ -214,7 +198,7 @@ def _measure_rooms(rooms: pa.Table) -> Values:
     return areas
 
 
-def _mark_labels(rooms: pa.Table) -> Values:
+def _mark_labels(rooms: pa.Table) -> Floats:
     """Return 1 at the label of every room `[R, L]`; all 0 for a label that this version lacks."""
     places = {label: place for place, label in enumerate(list_room_labels())}
     labels = rooms["label"].to_pylist()
@@ -222,48 +206,5 @@ def _mark_labels(rooms: pa.Table) -> Values:
     return np.eye(len(places) + 1, len(places))[found]
 
 
-def _find_each(words: pa.ChunkedArray, listed: Sequence[str]) -> Values:
-    return np.array([_find(word, listed) for word in words.to_pylist()], dtype=np.int64)
-
-
 def _find(word: str | None, listed: Sequence[str]) -> int:
     return listed.index(word) if word in listed else UNKNOWN
-
-
-_BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
-# In the order of the fields of `Surroundings`.
-EVIDENCE = {
-    "floor_area": Evidence(
-        unit="m²",
-        unknown=np.nan,
-        of_graph=area_of,
-        of_table=_measure_rooms,
-        columns=("floor_area", "footprint", *_BOX),
-        dtype=np.float64,
-    ),
-    "labels": Evidence(
-        unit="probability",
-        unknown=0,
-        of_graph=lambda room: None if room.room_type is None else spread_labels(room.room_type),
-        of_table=_mark_labels,
-        columns=("label",),
-        dtype=np.float32,
-        width=len(list_room_labels()),
-    ),
-    "building_kinds": Evidence(
-        unit="index",
-        unknown=UNKNOWN,
-        of_graph=lambda graph: _find(graph.building_kind, BUILDING_KINDS),
-        of_table=lambda scenes: _find_each(scenes["building_kind"], BUILDING_KINDS),
-        columns=("building_kind",),
-        of_building=True,
-    ),
-    "sources": Evidence(
-        unit="index",
-        unknown=UNKNOWN,
-        of_graph=lambda graph: _find(graph.source, KNOWN_SOURCES),
-        of_table=lambda scenes: _find_each(scenes["source"], KNOWN_SOURCES),
-        columns=("source",),
-        of_building=True,
-    ),
-}
