@@ -1,36 +1,28 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from bsg_data.scene.connections import GIVEN, Connections, stack_connections
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject, split_scene_id
-
-BOX = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-
-
-def graph(*objects: SceneObject, rooms: int = 2) -> SceneGraph:
-    listed = tuple(Room(i, 10 * i) for i in range(1, rooms + 1))
-    adjacency = (Edge(1, 2, "adjacent", "door", 3.0),)
-    return SceneGraph("s", "hm3d", None, None, "0" * 64, listed, objects, adjacency, class_map="m")
-
-
-def thing(index: int, room: int, box: Box | None = None) -> SceneObject:
-    return SceneObject(index, index, room, "bed", "bed", None, "left-out", box=box)
 
 
 def test_nodes_are_the_building_then_rooms_then_objects() -> None:
-    edges = list(graph(thing(1, 2), thing(2, SceneObject.BUILDING)).edges())
-    assert [(edge.source, edge.target, edge.kind) for edge in edges] == [
+    box = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    objects = (SceneObject(1, 1, 2, "bed"), SceneObject(2, 2, SceneObject.BUILDING, "lamp"))
+    adjacency = (Edge(1, 2, "adjacent", "door", 3.0),)
+    rooms = (Room(1, 10), Room(2, 20))
+    bare = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, objects, adjacency, class_map="m")
+    assert [(edge.source, edge.target, edge.kind) for edge in bare.edges()] == [
         (0, 1, "contains"),
         (0, 2, "contains"),
         (2, 3, "contains"),
         (0, 4, "contains"),  # of no room: the building holds it
         (1, 2, "adjacent"),
     ]
-
-
-def test_one_box_is_geometry() -> None:
-    assert not graph(thing(1, 1)).has_geometry
-    assert graph(thing(1, 1), thing(2, 1, BOX)).has_geometry
+    placed = SceneObject(1, 1, 2, "bed", box=box)
+    graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (placed,), class_map="m")
+    assert (bare.has_geometry, graph.has_geometry) == (False, True)
 
 
 @pytest.mark.parametrize(
@@ -38,7 +30,6 @@ def test_one_box_is_geometry() -> None:
     [
         ("00006-HkseAnWCgqk", 6, "HkseAnWCgqk"),
         ("HkseAnWCgqk", None, "HkseAnWCgqk"),
-        ("00006-a-b", 6, "a-b"),
         ("6-HkseAnWCgqk", None, "6-HkseAnWCgqk"),
         ("00006-", None, "00006-"),
         ("240101-office", None, "240101-office"),
@@ -49,3 +40,13 @@ def test_a_number_has_five_digits_and_a_hash_behind_it(
     scene_id: str, number: int | None, building: str
 ) -> None:
     assert split_scene_id(scene_id) == (number, building)
+
+
+def test_connections_of_buildings_are_numbered_one_after_another() -> None:
+    nothing = Connections.of_pairs(())
+    doors = Connections.of_pairs([(1, 2)], method="door")
+    every = stack_connections([doors, nothing, Connections.of_pairs([(1, 3)])], [0, 3, 4])
+    assert every.pairs.tolist() == [[1, 2], [5, 7]]
+    assert every.methods.tolist() == ["door", GIVEN]
+    assert np.isnan(every.lengths).all()
+    assert len(stack_connections([], [])) == len(stack_connections([nothing] * 2, [0, 1])) == 0

@@ -110,29 +110,19 @@ def test_a_room_type_that_cannot_be_is_refused(said: RoomType) -> None:
 def test_the_first_that_says_a_floor_area_counts() -> None:
     assert find_floor_area(5.5, footprint=L_SHAPE, box=BOX) == 5.5
     assert find_floor_area(None, footprint=L_SHAPE, box=BOX) == pytest.approx(4)
-    assert find_floor_area(None, footprint=None, box=BOX) == 6
-    assert find_floor_area(None, footprint=None, box=None) is None
-
-
-@pytest.mark.parametrize("said", [0.0, -1.0, float("nan"), float("inf"), 1e6])
-def test_an_area_that_no_room_can_have_is_not_said(said: float) -> None:
-    assert find_floor_area(said, footprint=None, box=BOX) == 6
-    assert find_floor_area(said, footprint=None, box=Box((0, 0, 0), (1e4, 1e4, 3))) is None
-
-
-def test_a_shape_without_an_area_says_nothing() -> None:
     line = [(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)]
-    assert find_floor_area(None, footprint=line, box=BOX) == 6
-    assert find_floor_area(None, footprint=line[:2], box=None) is None
-    assert find_floor_area(None, footprint=None, box=Box((3, 0, 0), (1, 2, 2))) is None
+    for shape in (None, line, line[:2]):  # no shape, or one without an area
+        assert find_floor_area(None, footprint=shape, box=BOX) == 6
+        assert find_floor_area(None, footprint=shape, box=None) is None
+    for said in (0.0, -1.0, float("nan"), float("inf"), 1e6):  # no room has it
+        assert find_floor_area(said, footprint=None, box=BOX) == 6
+    for box in (Box((0, 0, 0), (1e4, 1e4, 3)), Box((3, 0, 0), (1, 2, 2))):
+        assert find_floor_area(None, footprint=None, box=box) is None
 
 
-def test_a_polygon_that_crosses_itself_counts_what_it_covers() -> None:
+def test_polygons_have_the_area_of_the_shoelace_formula_or_what_they_cover() -> None:
     bow = [(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0)]
     assert measure_footprint(bow) == pytest.approx(2)
-
-
-def test_plain_polygons_have_the_area_of_the_shoelace_formula() -> None:
     rng = np.random.default_rng(3)
     for _ in range(20):
         angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
