@@ -1,6 +1,9 @@
+"""HM3D: annotation texts and the public statistics, by hand."""
+
 from __future__ import annotations
 
 import os
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -11,8 +14,10 @@ from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import Edge, Room, SceneObject
+from bsg_data.scene.scene_graph import Room, SceneObject
 from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation
+from bsg_data.sources.hm3d_stats import HEADER as COLUMNS
+from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics
 from bsg_data.synthetic.buildings import write_synthetic
 
 FILE = Path("scene.semantic.txt")
@@ -27,29 +32,15 @@ def test_one_building_by_hand(tmp_path: Path) -> None:
     class_map = load_class_map()
     graph = source.read(ref, class_map).graph
     assert graph.rooms == (Room(1, 0), Room(2, 5))
-    assert [(o.raw_category, o.category, o.room_index) for o in graph.objects] == [
-        ("Wall", "wall", 2),
-        ("CHAIR", "chair", 2),
-        ("fridge", "refrigerator", 1),
-        ("zzqx", None, 1),
-        ("book", "book", 0),
-        ("", "unknown", 0),
+    found = [(o.raw_category, o.category, o.class_index, o.room_index) for o in graph.objects]
+    assert found == [
+        ("Wall", "wall", None, 2),
+        ("CHAIR", "chair", class_map.classes.index("chair"), 2),
+        ("fridge", "refrigerator", class_map.classes.index("refrigerator"), 1),
+        ("zzqx", None, None, 1),
+        ("book", "book", class_map.classes.index("book"), 0),
+        ("", "unknown", None, 0),
     ]
-    classes = [
-        None if o.class_index is None else class_map.classes[o.class_index] for o in graph.objects
-    ]
-    assert classes == [None, "chair", "refrigerator", None, "book", None]
-    assert [(e.source, e.target) for e in graph.edges()] == [
-        (0, 1),
-        (0, 2),
-        (2, 3),
-        (2, 4),
-        (1, 5),
-        (1, 6),
-        (0, 7),
-        (0, 8),
-    ]
-    assert all(isinstance(e, Edge) and e.kind == "contains" for e in graph.edges())
     assert (graph.source, graph.source_split, graph.source_version) == ("hm3d", "train", None)
 
 
@@ -63,7 +54,6 @@ def test_one_building_by_hand(tmp_path: Path) -> None:
             "val",
             "v0.2",
         ),
-        ("x/00801-HaxA7YrQdEC/HaxA7YrQdEC_semantic.txt", "00801-HaxA7YrQdEC", "val", None),
         ("validation/00899-HaxA7YrQdEC/HaxA7YrQdEC_semantic.txt", "00899-HaxA7YrQdEC", "val", None),
         ("00900-HaxA7YrQdEC/HaxA7YrQdEC_semantic.txt", "00900-HaxA7YrQdEC", "test", None),
         ("HaxA7YrQdEC.semantic.txt", "HaxA7YrQdEC", None, None),
@@ -73,23 +63,14 @@ def test_one_building_by_hand(tmp_path: Path) -> None:
 def test_the_path_says_id_split_and_version(
     tmp_path: Path, path: str, scene_id: str, split: str | None, version: str | None
 ) -> None:
-    file = tmp_path / path
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(TEXT, "utf-8")
-    (ref,) = HM3DFolder(tmp_path).find().scenes
-    assert (ref.scene_id, ref.source_split, ref.source_version) == (scene_id, split, version)
-
-
-def test_a_linked_annotation_keeps_its_number(tmp_path: Path) -> None:
-    """As git-annex and download caches lay files out."""
     blob = tmp_path / "blobs" / "deadbeef"
-    blob.parent.mkdir()
+    file = tmp_path / "hm3d" / path
+    for one in (blob, file):
+        one.parent.mkdir(parents=True)
     blob.write_text(TEXT, "utf-8")
-    link = tmp_path / "hm3d" / "00006-HkseAnWCgqk" / "HkseAnWCgqk.semantic.txt"
-    link.parent.mkdir(parents=True)
-    link.symlink_to(blob)
+    file.symlink_to(blob)  # as git-annex and download caches lay files out
     (ref,) = HM3DFolder(tmp_path / "hm3d").find().scenes
-    assert ref.scene_id == "00006-HkseAnWCgqk"
+    assert (ref.scene_id, ref.source_split, ref.source_version) == (scene_id, split, version)
 
 
 def test_what_is_no_file_is_reported_and_never_opened(tmp_path: Path) -> None:
@@ -101,20 +82,8 @@ def test_what_is_no_file_is_reported_and_never_opened(tmp_path: Path) -> None:
     (folder / "zero.semantic.txt").symlink_to("/dev/zero")
     found = HM3DFolder(tmp_path).find()
     assert len(found.scenes) == 1
-    assert [skip.location.split("/")[-1] for skip in found.unreadable] == [
-        "pipe.semantic.txt",
-        "self.semantic.txt",
-        "zero.semantic.txt",
-    ]
-
-
-def test_a_huge_file_is_not_read(tmp_path: Path) -> None:
-    path = write_scene(tmp_path, "00006-HkseAnWCgqk", TEXT)
-    os.truncate(path, 10 * 2**30)  # sparse: it takes no disk
-    source = HM3DFolder(tmp_path)
-    (ref,) = source.find().scenes
-    with refuses(SourceError, "file-too-large", path):
-        source.read(ref, load_class_map())
+    left = [skip.location.split("/")[-1] for skip in found.unreadable]
+    assert left == ["pipe.semantic.txt", "self.semantic.txt", "zero.semantic.txt"]
 
 
 def test_synthetic_buildings_are_never_taken_for_real_ones(tmp_path: Path) -> None:
@@ -144,38 +113,21 @@ def test_a_folder_whose_name_is_no_text_is_named(tmp_path: Path) -> None:
 def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
     with refuses(SourceError, "source-empty", tmp_path):
         HM3DFolder(tmp_path).find()
-    with refuses(SourceError, "source-missing"):
-        HM3DFolder(tmp_path / "none").find()
-    file = tmp_path / "file"
-    file.touch()
-    with refuses(SourceError, "source-missing", file):
-        HM3DFolder(file).find()
-
-
-def parse(*lines: str | bytes) -> tuple[SceneObject, ...]:
-    encoded = [line if isinstance(line, bytes) else line.encode() for line in (HEADER, *lines)]
-    return parse_annotation(b"\n".join(encoded) + b"\n", path=FILE)
-
-
-def test_a_file_by_hand() -> None:
-    found = parse('2,F3A,"magazines, albums",0', '1,00ff00,"śign",-1', "", '9,0,"a "big" box",12')
-    assert found == (
-        SceneObject(0, 1, -1, "śign", colour="00FF00"),
-        SceneObject(0, 2, 0, "magazines, albums", colour="000F3A"),
-        SceneObject(0, 9, 12, 'a "big" box', colour="000000"),
-    )
+    (tmp_path / "file").touch()
+    for name in ("none", "file"):
+        with refuses(SourceError, "source-missing", tmp_path / name):
+            HM3DFolder(tmp_path / name).find()
 
 
 def test_byte_order_mark_carriage_returns_and_odd_separators_in_names() -> None:
-    data = b'\xef\xbb\xbfHM3D Semantic Annotations\r\n1,AB,"a\xe2\x80\xa8b",0\r\n'
-    assert parse_annotation(data, path=FILE) == (SceneObject(0, 1, 0, "a\u2028b", colour="0000AB"),)
+    data = b'\xef\xbb\xbfHM3D Semantic Annotations\r\n1,F3A,"a\xe2\x80\xa8b",0\r\n'
+    assert parse_annotation(data, path=FILE) == (SceneObject(0, 1, 0, "a\u2028b", colour="000F3A"),)
 
 
 @pytest.mark.parametrize(
     "line",
     [
         '1,AB,"chair"',
-        'x,AB,"chair",1',
         '1,1234567,"chair",1',
         '1,AB,"chair,1',
         '1,AB,"chair",1.5',
@@ -187,8 +139,9 @@ def test_byte_order_mark_carriage_returns_and_odd_separators_in_names() -> None:
     ],
 )
 def test_a_malformed_line_is_named(line: str | bytes) -> None:
+    data = line if isinstance(line, bytes) else line.encode()
     with refuses(AnnotationError, "line-malformed", "scene.semantic.txt, line 3"):
-        parse('7,FF,"table",0', line)
+        parse_annotation(f'{HEADER}\n7,FF,"table",0\n'.encode() + data, path=FILE)
 
 
 @pytest.mark.parametrize("data", [b"", b'1,AB,"chair",1\n', HEADER.encode()])
@@ -208,7 +161,58 @@ names = st.text(st.characters(exclude_characters="\n\r", exclude_categories=["Cs
     )
 )
 def test_any_names_come_back_exactly(rows: list[tuple[int, str, int]]) -> None:
-    text = [f'{i},{k:X},"{name}",{region}' for k, (i, name, region) in enumerate(rows)]
-    found = parse(*text)
+    lines = [f'{i},{k:X},"{name}",{region}' for k, (i, name, region) in enumerate(rows)]
+    found = parse_annotation("\n".join([HEADER, *lines]).encode(), path=FILE)
     assert {(f.instance_id, f.raw_category, f.room_index) for f in found} == set(rows)
     assert [f.instance_id for f in found] == sorted(i for i, _, _ in rows)
+
+
+def write_zip(path: Path, *rows: str) -> Path:
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(MEMBER, "\n".join([",".join(COLUMNS), *rows]) + "\n")
+    return path
+
+
+def test_statistics_by_hand(tmp_path: Path) -> None:
+    path = write_zip(
+        tmp_path / "HM3DSem-v0.2.zip",
+        "00801-bbbbbbbbbbb,0,1,1,bed_1",
+        "00006-aaaaaaaaaaa,4,2,3,chair_12:chair_3:some_thing_7",
+        "00006-aaaaaaaaaaa,-1,1,1,book_20",
+    )
+    source = HM3DStatistics(path)
+    refs = source.find().scenes
+    assert [(r.scene_id, r.source_split, r.source_version) for r in refs] == [
+        ("00006-aaaaaaaaaaa", "train", "v0.2"),
+        ("00801-bbbbbbbbbbb", "val", "v0.2"),
+    ]
+    graph = source.read(refs[0], load_class_map()).graph
+    assert [room.region_id for room in graph.rooms] == [4]
+    assert [(o.instance_id, o.room_index, o.raw_category) for o in graph.objects] == [
+        (3, 1, "chair"),
+        (7, 1, "some_thing"),
+        (12, 1, "chair"),
+        (20, 0, "book"),
+    ]
+    with refuses(SourceError, "source-empty"):
+        HM3DStatistics(write_zip(tmp_path / "empty.zip")).find()
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "s,0,1,2,chair_1",
+        "s,0,1,1,chair",
+        "s,0,1,1",
+        "s,zero,1,1,chair_1",
+        "s,1,1,1,chair_9",
+        "s,7,1,1,chair_1",
+        's,0,1,1,"chair_1',
+    ],
+)
+def test_a_malformed_row_of_statistics_is_named(tmp_path: Path, row: str) -> None:
+    path = write_zip(tmp_path / "s.zip", "s,7,1,1,bed_9", row)
+    source = HM3DStatistics(path)
+    (ref,) = source.find().scenes
+    with refuses(AnnotationError, "line-malformed", f"{path / MEMBER}, line 3"):
+        source.read(ref, load_class_map())
