@@ -10,14 +10,13 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
-from bsg_data.sources.room_layouts import WithLayouts, read_layout
+from bsg_data.sources.room_layouts import WithLayouts
 from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 LAYOUT = """\
@@ -44,13 +43,6 @@ def layouts(hm3d_folder: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_layout_by_hand(layouts: Path) -> None:
-    layout = read_layout(layouts / "00001-abcdefghi01.yaml")
-    # Y up with z to the back becomes Z up with y to the front.
-    assert layout.rooms[1] == ("kitchen", Box((0, 0, 0), (2, 4, 2.5)))
-    assert layout.connections == ((1, 2),)
-
-
 def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Path) -> None:
     source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
     manifest = build_dataset(source, tmp_path / "out", scenes_per_shard=3)
@@ -65,6 +57,8 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
         None,
     )
     assert (first.floor_index, second.floor_index, third.floor_index) == (0, 1, None)
+    # Y up with z to the back became Z up with y to the front.
+    assert first.box == Box((0, 0, 0), (2, 4, 2.5))
     assert first.footprint == ((0, 0), (2, 0), (2, 4), (0, 4))
     (edge,) = graph.adjacency
     assert (edge.source, edge.target, edge.method) == (1, 2, "layout")
@@ -107,6 +101,9 @@ def test_layouts_of_no_scene_are_reported(hm3d_folder: Path, layouts: Path, tmp_
     (layouts / "00777-zzzzzzzzzzz.yaml").write_text(LAYOUT)
     manifest = build_dataset(WithLayouts(HM3DFolder(hm3d_folder), layouts), tmp_path / "out")
     assert [skip.location for skip in manifest.left_out] == ["00777-zzzzzzzzzzz.yaml"]
+    (layouts / "00001-abcdefghi01.yaml").write_text(LAYOUT.replace("kitchen", "cellar"))
+    again = build_dataset(WithLayouts(HM3DFolder(hm3d_folder), layouts), tmp_path / "again")
+    assert again.sources[0].fingerprint != manifest.sources[0].fingerprint
     (layouts / "00001-abcdefghi01.yaml").unlink()
     with refuses(SourceError, "layouts-foreign", layouts):
         WithLayouts(HM3DFolder(hm3d_folder), layouts).find()
@@ -131,29 +128,6 @@ def test_a_building_that_a_mesh_placed_takes_labels_and_connections_alone(tmp_pa
     rest = [edge for edge in alone.adjacency if edge.target > 2]
     assert rest
     assert [edge for edge in found.adjacency if edge.method != "layout"] == rest
-
-
-def test_a_changed_layout_is_another_build(hm3d_folder: Path, layouts: Path) -> None:
-    source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
-    before = [ref.geometry for ref in source.find().scenes]
-    (layouts / "00001-abcdefghi01.yaml").write_text(LAYOUT.replace("kitchen", "cellar"))
-    after = [ref.geometry for ref in source.find().scenes]
-    assert [a != b for a, b in zip(before, after, strict=True)].count(True) == 1
-
-
-@pytest.mark.heavy
-@pytest.mark.parametrize("kind", ["text", "statistics"])
-def test_real_layouts_join_text_and_statistics(shared: Path, tmp_path: Path, kind: str) -> None:
-    text = HM3DFolder(shared / "annotations")
-    statistics = HM3DStatistics(shared / "HM3DSem-v0.2-train.zip")
-    source = WithLayouts(text if kind == "text" else statistics, shared / "room_layouts")
-    build_dataset(source, tmp_path / "out")
-    manifest = read_manifest(tmp_path / "out")
-    assert manifest.left_out == ()
-    assert (manifest.totals.placed, manifest.totals.adjacent) == (50, 688)
-    rooms = [r for g in read_scene_graphs(tmp_path / "out") for r in g.rooms if r.box]
-    assert len(rooms) == 712
-    assert all(r.source_label and r.floor_index is not None for r in rooms)
 
 
 def test_a_scene_id_does_not_lead_out_of_the_folder_of_layouts(tmp_path: Path) -> None:

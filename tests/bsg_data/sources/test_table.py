@@ -109,10 +109,8 @@ def test_the_order_of_rows_does_not_matter(
 def test_three_columns_are_enough(tmp_path: Path) -> None:
     graphs = read_all(write_table(tmp_path, "a,1,chair", "a,2,", header="scene,room,category"))
     (graph,) = graphs.values()
-    assert len(graph.rooms) == 2
-    assert [(r.source_label, r.centroid, r.floor_index) for r in graph.rooms] == [
-        (None, None, None)
-    ] * 2
+    found = [(r.source_label, r.centroid, r.floor_index) for r in graph.rooms]
+    assert found == [(None, None, None)] * 2
 
 
 @pytest.mark.parametrize(
@@ -121,7 +119,6 @@ def test_three_columns_are_enough(tmp_path: Path) -> None:
         (["7", "3"], {"3": 3, "7": 7}),
         (["room 10", "room 9"], {"room 9": 0, "room 10": 1}),
         (["1", "01"], {"01": 0, "1": 1}),  # two rooms, so no numbers
-        (["kitchen", "2"], {"2": 0, "kitchen": 1}),
         (["9999999999"], {"9999999999": 0}),  # no number of a region
         (["²", "a1b"], {"a1b": 0, "²": 1}),
         ([], {}),
@@ -138,13 +135,11 @@ def test_numbers_of_rooms(names: list[str], regions: dict[str, int]) -> None:
         "a,,,,,,,,,,,,,,,,",
         "a,1,bed,,1.5,,,,,,,,,,,,",
         "a,1,bed,,,,,1,2,,,,,,,,",
-        "a,1,bed,,,,,,,,0,0,0,,,,",
         "a,1,bed,,,,,,,,0,0,1,1,1,0,",
         "a,1,bed,,,,,2,0,0,0,0,0,1,1,1,",
         "a,,bed,,0,,,,,,,,,,,,",
         f"a,1,{'b' * 201},,,,,,,,,,,,,,",
         "a,1,bed,,,,,nan,2,1,,,,,,,",
-        "a,1,bed,,,,,0x10,2,1,,,,,,,",
     ],
 )
 def test_a_malformed_row_is_named_by_its_line(tmp_path: Path, row: str) -> None:
@@ -195,9 +190,7 @@ def test_the_same_rows_in_every_kind_of_file(tmp_path: Path) -> None:
     pq.write_table(pyarrow.csv.read_csv(path), tmp_path / "objects.parquet")
     for name in ("packed.csv.gz", "tabs.tsv", "objects.parquet"):
         assert read_all(tmp_path / name) == read_all(path)
-
-
-def test_whole_numbers_that_pandas_made_real_are_names_of_rooms(tmp_path: Path) -> None:
+    # Whole numbers that pandas made real are names of rooms.
     table = pd.DataFrame({"scene": "a", "room": [3, None], "category": ["bed", "door"]})
     table.to_parquet(tmp_path / "t.parquet")
     (graph,) = read_all(tmp_path / "t.parquet").values()
