@@ -65,7 +65,7 @@ def open_stream(path: Path, bound: Bound, *, error: Refusal = SourceError) -> It
     with (
         _refusing(path, error),
         path.open("rb") as file,
-        io.BufferedReader(_Counted(file, path, bound, error), MIB) as stream,
+        io.BufferedReader(_Counted(file, path, bound, error)) as stream,
     ):
         yield cast(BinaryIO, stream)
 
