@@ -66,15 +66,10 @@ class CheckpointHeader(Record):
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A loaded checkpoint.
+    """A loaded checkpoint."""
 
-    Attributes:
-        header: configuration, classes and hashes.
-        tensors: all tensors, by name.
-    """
-
-    header: CheckpointHeader
-    tensors: dict[str, torch.Tensor]
+    header: CheckpointHeader  # configuration, classes and hashes
+    tensors: dict[str, torch.Tensor]  # by name
 
     def state_of(self, part: str) -> dict[str, torch.Tensor]:
         """Return the tensors under `part.`, without the prefix."""

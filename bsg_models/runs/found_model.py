@@ -36,16 +36,10 @@ _HUB_ID = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
 
 @dataclass(frozen=True, slots=True)
 class FoundModel:
-    """A model that was found.
+    """A model that was found."""
 
-    Attributes:
-        path: of its checkpoint.
-        name: of the folder, the file, the shipped model, or the hub model.
-        kind: how it was found.
-    """
-
-    path: Path
-    name: str
+    path: Path  # of its checkpoint
+    name: str  # of the folder, the file, the shipped model, or the hub model
     kind: Kind
 
 

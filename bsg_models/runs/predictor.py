@@ -28,12 +28,7 @@ from bsg_models.belief.expectation import Expectation, mix
 from bsg_models.errors import CheckpointError
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restore_model
-from bsg_models.runs.found_model import (
-    DEFAULT_MODEL,
-    find_model,
-    read_shipped_card,
-    weights_folder,
-)
+from bsg_models.runs.found_model import DEFAULT_MODEL, find_model, read_shipped_card, weights_folder
 from bsg_models.runs.model_card import read_card
 from bsg_models.runs.share_posterior import update_shares
 
@@ -119,7 +114,9 @@ class Predictor:
             graph = update_shares(graph, seen, expect=self._model.expect)
         levels, weights = spread_shares(graph, seen)
         expectation = _mix_levels(self._model.expect(levels), weights)
-        return _nothing_where_searched(expectation, seen)
+        # The paper's model does not read the hidden share, and expects some in a searched room.
+        left = expectation.hidden_counts.without(seen.cell_share == 0)
+        return Expectation(expectation.inputs, left, expectation.totals)
 
     def believe_shares(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()
@@ -157,19 +154,6 @@ def _mix_levels(expectation: Expectation, weights: Floats) -> Expectation:
         return expectation
     copies = np.split(np.arange(len(expectation.inputs)), len(weights))
     return mix([expectation.take(rows) for rows in copies], weights.tolist())
-
-
-def _nothing_where_searched(expectation: Expectation, seen: Observation) -> Expectation:
-    """Return the expectation without hidden objects in searched rooms.
-
-    Models that read the hidden share do so by themselves. The paper's model does not read it, and
-    its `expect` may expect hidden objects there.
-    """
-    known = seen.cell_share == 0
-    if not known[1:].any():
-        return expectation
-    left = expectation.hidden_counts.without(known)
-    return Expectation(expectation.inputs, left, expectation.totals)
 
 
 def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:

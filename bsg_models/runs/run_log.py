@@ -35,47 +35,27 @@ _PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
 
 
 class Begun(Record):
-    """The start of a training.
-
-    Attributes:
-        event: `begun`.
-        time: of the start, UTC.
-        seed: of all random draws.
-        epochs: number asked for.
-        from_epoch: epoch from which it continues; 0 for a fresh start.
-        dataset_sha256: of the manifest of its dataset.
-        versions: package → version; includes `python`.
-    """
+    """The start of a training."""
 
     event: Literal["begun"] = "begun"
-    time: str
-    seed: int
-    epochs: int
-    from_epoch: int
-    dataset_sha256: str
-    versions: dict[str, str]
+    time: str  # UTC
+    seed: int  # of all random draws
+    epochs: int  # number asked for
+    from_epoch: int  # epoch from which it continues; 0 for a fresh start
+    dataset_sha256: str  # of the manifest of its dataset
+    versions: dict[str, str]  # package → version; includes `python`
 
 
 class Ended(Record):
-    """The end of a training.
-
-    Attributes:
-        event: `ended`.
-        time: of the end, UTC.
-        how: `finished`; `stopped` from outside, e.g. by Ctrl-C; or `failed`.
-        epoch: saved last; 0 for a model that is fitted by counting.
-        seconds: since it began.
-        error: why it failed.
-        notes: what it left out, such as rooms above a limit.
-    """
+    """The end of a training."""
 
     event: Literal["ended"] = "ended"
-    time: str
-    how: Literal["finished", "stopped", "failed"]
-    epoch: int
-    seconds: float
-    error: str | None = None
-    notes: tuple[str, ...] = ()
+    time: str  # UTC
+    how: Literal["finished", "stopped", "failed"]  # stopped from outside, e.g. by Ctrl-C
+    epoch: int  # saved last; 0 for a model that is fitted by counting
+    seconds: float  # since it began
+    error: str | None = None  # why it failed
+    notes: tuple[str, ...] = ()  # what it left out, such as rooms above a limit
 
 
 _LINE: TypeAdapter[Begun | Ended] = TypeAdapter(

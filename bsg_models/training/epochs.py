@@ -7,18 +7,14 @@ seed, epoch). So a stopped run continues to the same weights as one that was not
 from __future__ import annotations
 
 import copy
-import gc
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from traceback import clear_frames
 from typing import Any
 
 import numpy as np
 import torch
 from torch import nn
-from torch.nn.parallel import DistributedDataParallel
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import write_bytes
@@ -53,7 +49,7 @@ class GradientSteps:
         model: that is trained; it is moved to the device.
         config: of the run.
         device: of the steps.
-        ranks: this process among those of the training.
+        ranks: this process among those of the training, which all begin with the same weights.
     """
 
     def __init__(
@@ -62,28 +58,6 @@ class GradientSteps:
         self.model = model.to(device)
         self.optimiser = make_optimiser(model, config.training)
         self.ranks, self._config, self._device = ranks, config, device
-        self._loss: Callable[[Nodes], torch.Tensor] = model.loss
-
-    @contextmanager
-    def join(self) -> Iterator[None]:
-        """Start from the weights of the leading process, and share gradients in this context.
-
-        The object that shares them is deleted at the end, even if a traceback held it. Otherwise it
-        could hold the last reference to torch's process group, whose end would hold Python's lock
-        and wait for a thread that waits for this lock.
-        """
-        if self.ranks.size == 1:
-            yield
-            return
-        self._loss = DistributedDataParallel(_LossModule(self.model))
-        try:
-            yield
-        except BaseException as error:
-            clear_frames(error.__traceback__)
-            raise
-        finally:
-            self._loss = self.model.loss
-            gc.collect()  # its parts reference each other
 
     def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
         """Take the steps of an epoch; return the mean of their losses."""
@@ -98,41 +72,30 @@ class GradientSteps:
             for group in self.optimiser.param_groups:
                 group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
             self.optimiser.zero_grad()
-            loss = self._weigh(self._loss(nodes), nodes, takes=some is not None)
+            loss = self._weigh(self.model.loss(nodes), nodes, takes=some is not None)
             loss.backward()  # type: ignore[no-untyped-call]
+            ranks.add_gradients(self.model)
             if training.clip is not None:
                 nn.utils.clip_grad_norm_(self.model.parameters(), training.clip)
             self.optimiser.step()
-            losses.append(loss.detach() / ranks.size)
+            losses.append(loss.detach())
         total = ranks.add(torch.stack(losses))
         return float(np.mean(total.cpu().numpy().astype(np.float64)))
 
     def _weigh(self, loss: torch.Tensor, nodes: Nodes, *, takes: bool) -> torch.Tensor:
-        """Return the loss, weighted so that its mean over the processes is that of the whole batch.
+        """Return the loss, weighted so that its sum over the processes is that of the whole batch.
 
         A process without a share computes the loss of the batch before, with weight 0.
         """
         if self.ranks.size == 1:
             return loss
         cells = self.model.cells_of(nodes) if takes else 0
-        every = torch.tensor(float(cells), device=self._device)
-        every = self.ranks.add(every).clamp(min=1)
-        return loss * (self.ranks.size * cells) / every
+        every = self.ranks.add(torch.tensor(float(cells), device=self._device))
+        return loss * cells / every.clamp(min=1)
 
     def on_cpu(self) -> Network:
         """Return the model on the CPU, for validation or saving."""
         return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
-
-
-class _LossModule(nn.Module):
-    """The loss as the output of a module, as `DistributedDataParallel` needs it."""
-
-    def __init__(self, model: Network) -> None:
-        super().__init__()
-        self.model = model
-
-    def forward(self, nodes: Nodes) -> torch.Tensor:
-        return self.model.loss(nodes)
 
 
 def train_epochs(
@@ -146,8 +109,7 @@ def train_epochs(
     """Train a model from its last checkpoint, or from the start, into the folder of a run.
 
     Args:
-        steps: of a new model, or of any weights if the run has a last checkpoint; its processes
-            have joined.
+        steps: of a new model, or of any weights if the run has a last checkpoint.
         config: of the run.
         data: an open dataset.
         run: folder, whose lock the caller holds; its content passed `require_same_training`.

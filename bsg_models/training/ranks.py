@@ -1,8 +1,8 @@
 """Coordinate the processes of one training, each of which takes a share of every batch.
 
 `torchrun` starts the processes. One of them leads: only it validates, calibrates and writes. The
-others compute the gradient of their share. torch's `DistributedDataParallel` averages all gradients
-(gloo on CPUs, NCCL on GPUs), weighted so that the result is the gradient of the whole batch.
+others compute the gradient of their share. All gradients are added up (by gloo on CPUs, by NCCL on
+GPUs), weighted so that the sum is the gradient of the whole batch.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import torch
-from torch import distributed
+from torch import distributed, nn
 
 from bsg_models.errors import TrainingError
 from bsg_models.zoo.settings import Device
@@ -36,6 +36,16 @@ class Ranks:
         if self.size > 1:
             distributed.all_reduce(values)
         return values
+
+    def add_gradients(self, model: nn.Module) -> None:
+        """Replace the gradients of a model by their sums over all processes."""
+        if self.size == 1:
+            return
+        gradients = [one.grad for one in model.parameters() if one.grad is not None]
+        every = self.add(torch.cat([one.flatten() for one in gradients]))
+        parts = every.split_with_sizes([one.numel() for one in gradients])
+        for gradient, part in zip(gradients, parts, strict=True):
+            gradient.copy_(part.view_as(gradient))
 
     def wait(self) -> None:
         """Wait until all processes are here."""

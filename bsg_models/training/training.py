@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import cast
@@ -41,7 +41,7 @@ from bsg_models.runs.run_log import keep_log
 from bsg_models.training.buildings import TrainingBuildings, validation_buildings
 from bsg_models.training.epochs import GradientSteps, require_same_training, train_epochs
 from bsg_models.training.learning_curve import EpochReport
-from bsg_models.training.ranks import Ranks, find_device, join_ranks
+from bsg_models.training.ranks import find_device, join_ranks
 from bsg_models.zoo.calibration import (
     CalibratedModel,
     fit_calibration,
@@ -49,13 +49,7 @@ from bsg_models.zoo.calibration import (
     recalibrate,
 )
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import (
-    Ensemble,
-    EnsembleConfig,
-    find_member,
-    make_model,
-    reads_categories,
-)
+from bsg_models.zoo.ensemble import Ensemble, find_member, make_model, reads_categories
 from bsg_models.zoo.model import BeliefModel, Network, one_thread
 from bsg_models.zoo.training_rooms import take_sample
 
@@ -96,22 +90,24 @@ def train_run(
         is_complete = ranks.leads and resume and _is_complete(config, data, run)
         if ranks.add(torch.tensor(float(is_complete), device=device)):  # all processes know
             return
-        if isinstance(config.model, EnsembleConfig):
-            _refuse_several(ranks, "an ensemble trains one member after another")
-            yield from _train_ensemble(config, data, run, resume=resume, force=force)
-            return
         model = new_model(config, data)
         if isinstance(model, Network):
             steps = GradientSteps(model, config, device=device, ranks=ranks)
             yield from _train_network(steps, config, data, run, resume=resume, force=force)
             return
-        _refuse_several(ranks, f"{config.model.family} is fitted by counting")
-        _fit_by_counting(model, config, data, run, force=force or resume)
-
-
-def _refuse_several(ranks: Ranks, why: str) -> None:
-    if ranks.size > 1:
-        raise TrainingError(f"{why}: train it with one process, without torchrun")
+        if ranks.size > 1:
+            raise TrainingError(
+                f"{config.model.family} is no network: train it with one process, without torchrun"
+            )
+        goes_on = resume and isinstance(model, Ensemble)  # a model that counts starts again
+        opened = open_run(run, resume=goes_on, force=force or resume)
+        with opened as place, keep_log(place, config, data) as notes:
+            if isinstance(model, Ensemble):
+                members = yield from _train_members(config, data, place)
+                _combine(model, config, data, members, place)
+            else:
+                _fit(model, config, data, place)
+            notes += model.notes
 
 
 def _is_complete(config: RunConfig, data: Dataset, run: Path) -> bool:
@@ -124,24 +120,15 @@ def _is_complete(config: RunConfig, data: Dataset, run: Path) -> bool:
     return best.is_file() and is_trained and require_seal(place) is not None
 
 
-def _fit_by_counting(
-    model: BeliefModel, config: RunConfig, data: Dataset, run: Path, *, force: bool
-) -> None:
-    with open_run(run, force=force) as place, one_thread(), keep_log(place, config, data) as notes:
+def _fit(model: BeliefModel, config: RunConfig, data: Dataset, run: Path) -> None:
+    with one_thread():
         model.fit(data, config.data)
         calibrated = _calibrate_if_wanted(model, config, data)
-        save_fitted(model, config, data, place, calibrated=calibrated)
-        notes += model.notes
+        save_fitted(model, config, data, run, calibrated=calibrated)
 
 
 def _train_network(
-    steps: GradientSteps,
-    config: RunConfig,
-    data: Dataset,
-    run: Path,
-    *,
-    resume: bool,
-    force: bool,
+    steps: GradientSteps, config: RunConfig, data: Dataset, run: Path, *, resume: bool, force: bool
 ) -> Iterator[EpochReport]:
     """Train by gradient; the leading process holds the run's folder and writes into it."""
     model, ranks, validation = steps.model, steps.ranks, None
@@ -159,8 +146,7 @@ def _train_network(
         place = active_folder(run)
         held.enter_context(one_thread())
         model.fit(data, config.data)
-        with steps.join():
-            yield from train_epochs(steps, config, data, place, buildings, validation)
+        yield from train_epochs(steps, config, data, place, buildings, validation)
         if ranks.leads:
             notes += _calibrate_run(config, data, place)
 
@@ -252,23 +238,21 @@ def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
     model.presence_calibration.copy_(torch.from_numpy(lines))
 
 
-def _train_ensemble(
-    config: RunConfig, data: Dataset, run: Path, *, resume: bool, force: bool
-) -> Iterator[EpochReport]:
-    """Train the members into `members/NAME` of the run, one after another, then mix them."""
-    model = cast(Ensemble, new_model(config, data))  # an invalid configuration fails here
-    with open_run(run, resume=resume, force=force) as place, keep_log(place, config, data) as notes:
-        members = {name: place / MEMBERS / name for name in model.config.members}
-        for name, folder in members.items():
-            refuse_links(place, folder)
-            member = member_config(config, name)
-            if is_finished(folder, member, data):
-                continue
-            again = (folder / LAST).is_file()
-            if not again:
-                clear_run(folder)
-            yield from train_run(member, data.path, folder, resume=again)
-        notes += _combine(config, data, members, place)
+def _train_members(
+    config: RunConfig, data: Dataset, run: Path
+) -> Generator[EpochReport, None, dict[str, Path]]:
+    """Train the members of an ensemble, one after another; return the folder of each."""
+    members = {name: run / MEMBERS / name for name in getattr(config.model, "members", ())}
+    for name, folder in members.items():
+        refuse_links(run, folder)
+        member = member_config(config, name)
+        if is_finished(folder, member, data):
+            continue
+        again = (folder / LAST).is_file()
+        if not again:
+            clear_run(folder)
+        yield from train_run(member, data.path, folder, resume=again)
+    return members
 
 
 def member_config(config: RunConfig, name: str) -> RunConfig:
@@ -288,20 +272,19 @@ def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], 
         members: name in the zoo → folder of its run.
         run: folder of the ensemble.
     """
+    model = cast(Ensemble, new_model(config, data))
     with open_run(run) as place, keep_log(place, config, data) as notes:
-        notes += _combine(config, data, members, place)
+        _combine(model, config, data, members, place)
+        notes += model.notes
 
 
 def _combine(
-    config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path
-) -> tuple[str, ...]:
-    """Mix the members, calibrate and save; return the notes of the mixture."""
-    model = cast(Ensemble, new_model(config, data))
+    model: Ensemble, config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path
+) -> None:
+    """Mix the members, calibrate and save."""
     for name, folder in members.items():
-        trained = restore_model(folder / BEST, load_checkpoint(folder / BEST))
-        model.members[name] = trained
+        model.members[name] = restore_model(folder / BEST, load_checkpoint(folder / BEST))
     with one_thread():
         calibrated = _calibrate_if_wanted(model, config, data)
         recipes = {name: member_config(config, name) for name in members}
         save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)
-    return model.notes

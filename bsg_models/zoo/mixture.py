@@ -35,7 +35,7 @@ from pydantic import Field
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
-from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
@@ -119,10 +119,10 @@ class RoomTypeMixture(CalibratedModel):
         rooms = _Rooms(seen)
         means = to_array(self.means)[:, None]
         posterior = self._posterior(rooms, to_array(self.log_types)[:, None], means)
-        if self.config.building:
-            types, habit = self._learn_habits(rooms, posterior.weights[..., 0])
-            posterior = self._posterior(rooms, types, means * habit)
-        return _spread_over_nodes(posterior, ~seen.is_building)
+        if not self.config.building:
+            return posterior
+        types, habit = self._learn_habits(rooms, posterior.weights[..., 0])
+        return self._posterior(rooms, types, means * habit)
 
     def _posterior(self, rooms: _Rooms, log_types: Floats, means: Floats) -> CountDistribution:
         """Return the hidden counts given the prior of types `[K, rooms or 1]` and their means."""
@@ -174,14 +174,13 @@ class RoomTypeMixture(CalibratedModel):
 
 
 class _Rooms:
-    """What the rooms of an observation show."""
+    """What N nodes show; a building itself says nothing of its rooms, as if nobody looked."""
 
     def __init__(self, seen: Observation) -> None:
-        rooms = ~seen.is_building
-        self.seen: Floats = seen.inputs[rooms].astype(np.float64)  # [rooms, C]
-        self.share = seen.cell_share[rooms]  # [rooms, C] that is hidden
-        self.looked_into = seen.looked_into[rooms]  # [rooms]
-        self.building = seen.building[rooms]  # [rooms] number of the building
+        self.seen: Floats = seen.inputs.astype(np.float64)  # [N, C]
+        self.share = seen.cell_share  # [N, C] that is hidden
+        self.looked_into = seen.looked_into & ~seen.is_building  # [N]
+        self.building = seen.building  # [N] number of the building
 
 
 def _fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes) -> Floats:
@@ -214,23 +213,6 @@ def _sum_others(values: Floats, building: Ints) -> Floats:
     sums = np.zeros((int(building.max(initial=-1)) + 1, values.shape[1]))
     np.add.at(sums, building, values)
     return np.asarray(np.maximum(sums[building] - values, 0.0))
-
-
-def _spread_over_nodes(rooms: CountDistribution, is_room: Bools) -> CountDistribution:
-    """Put the distribution of the rooms into that of all nodes; buildings get a placeholder."""
-
-    def spread(values: Floats, filling: float) -> Floats:
-        shape = (*values.shape[:-2], len(is_room), values.shape[-1])
-        nodes = np.full(shape, filling)
-        nodes[..., is_room, :] = values
-        return nodes
-
-    return CountDistribution(
-        spread(rooms.means, 0.0),
-        spread(rooms.dispersions, 1.0),
-        spread(rooms.weights, 1 / len(rooms.weights)),
-        None if rooms.tilts is None else spread(rooms.tilts, 0.0),
-    )
 
 
 MIXTURE = ZooRow(MixtureConfig(), RoomTypeMixture)

@@ -37,21 +37,6 @@ def observe_several() -> Observation:
     )
 
 
-def test_the_edges_of_two_buildings_by_hand() -> None:
-    """Three nodes, then one without rooms, then four: rows 0 to 2, 3, and 4 to 7."""
-    seen = stack(
-        [
-            observe_building([[0]] * 3, connected=[(1, 2)]),
-            observe_building([[0]]),
-            observe_building([[0]] * 4, connected=[(1, 3)]),
-        ]
-    )
-    assert list_edges(seen, ("up",)).tolist() == [[1, 2, 5, 6, 7], [0, 0, 4, 4, 4]]
-    assert list_edges(seen, ("adjacent",)).tolist() == [[1, 2, 5, 7], [2, 1, 7, 5]]
-    assert list_edges(seen.take([0]), ("up", "down")).tolist() == [[0, 0, 1, 2], [1, 2, 0, 0]]
-    assert list_edges(seen.take([1]), ("up", "down", "complete")).shape == (2, 0)
-
-
 @given(
     sizes=st.lists(st.integers(1, 6), min_size=1, max_size=4), edges=st.sets(st.sampled_from(KINDS))
 )
@@ -72,22 +57,6 @@ def test_edges_are_those_of_a_naive_loop(sizes: list[int], edges: set[EdgeSet]) 
                 if kinds & edges:
                     expected.append([first + a, first + b])
     assert list_edges(seen, tuple(edges)).T.tolist() == expected
-
-
-def test_means_by_hand() -> None:
-    """A building of 10 with rooms of 1, 2 and 6; each has four neighbours of 0 besides."""
-    seen = observe_building([[0]] * 4, connected=[(1, 2)])
-    h = torch.tensor([[10.0], [1.0], [2.0], [6.0]])
-
-    def mean(*edges: EdgeSet) -> list[float]:
-        return Neighbours.of(seen, edges).mean(h)[:, 0].tolist()
-
-    assert mean("complete") == pytest.approx([0, 8 / 6, 7 / 6, 3 / 6])
-    assert mean("up") == pytest.approx([9 / 7, 0, 0, 0])
-    assert mean("down") == pytest.approx([0, 10 / 5, 10 / 5, 10 / 5])
-    assert mean("adjacent") == pytest.approx([0, 2 / 5, 1 / 5, 0])
-    assert mean("down", "adjacent") == pytest.approx([0, 12 / 6, 11 / 6, 10 / 5])
-    assert mean() == [0.0] * 4
 
 
 @pytest.mark.parametrize("edges", EDGES)

@@ -11,7 +11,7 @@ from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, wri
 from bsg_data.dataset.kept_maps import KEPT
 from bsg_data.extend import HM3DFolder
 from bsg_data.observation.robot_json import read_robot_graph
-from bsg_data.scene.class_map import OwnMap, join_maps, load_class_map
+from bsg_data.scene.class_map import OwnMap, load_class_map
 from bsg_models.errors import CheckpointError
 from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header
@@ -95,13 +95,6 @@ def test_ones_own_words_come_first_and_peoples_after_them_where_the_data_had_the
         "desk",
         "refrigerator",
     ]
-
-
-def test_joined_maps_classify_as_the_first_that_lists_a_name() -> None:
-    words = ["fridges", "garbage can", "wall", "sofa", "leather sofas", "unknown", "zzqx"]
-    again = join_maps(DEFAULT, DEFAULT)
-    for name in [*words, *list(DEFAULT.entries)[:300]]:
-        assert again.classify(name) == DEFAULT.classify(name)
 
 
 def test_a_map_into_other_classes_than_the_models_is_refused(run: Path) -> None:

@@ -152,19 +152,3 @@ def test_parts_are_told_what_the_whole_is(
     for one, other in zip(whole, PREDICTOR.believe_shares(graph), strict=True):
         assert one.mean == pytest.approx(other.mean, abs=1e-6)
         assert one.sd == pytest.approx(other.sd, abs=1e-6)
-
-
-@pytest.mark.parametrize(("rooms", "copies"), [(5, 5), (64, 64), (65, 16), (300, 16)])
-def test_a_building_is_copied_no_oftener_than_this(rooms: int, copies: int) -> None:
-    asked = []
-
-    def expect(seen: Observation) -> Expectation:
-        asked.append(len(seen))
-        assert (seen.starts[1:] - seen.starts[:-1] == rooms + 1).all()
-        means = np.full(seen.inputs.shape, 2.0)
-        return from_hidden_counts(seen.inputs.astype(float), poisson_counts(means))
-
-    graph = furnish(rooms)
-    after = update_shares(graph, graph.observation(), expect=expect)
-    assert sum(asked) == copies
-    assert all(room.hidden_share_sd < VAGUE.sd for room in after.rooms)

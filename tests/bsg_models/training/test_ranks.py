@@ -1,28 +1,20 @@
 from __future__ import annotations
 
-import gc
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 import torch
-from torch import distributed
-from torch.nn.parallel import DistributedDataParallel
-from torch_geometric.data import Data
 
-from bsg_data.dataset.dataset import Dataset
 from bsg_models.errors import TrainingError
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST, LAST, METRICS
-from bsg_models.training.epochs import GradientSteps
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.ranks import Ranks, find_device, join_ranks, leads_training
-from bsg_models.training.training import new_model, train_run
+from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config, write_toml
-from bsg_models.zoo.model import Network
 
 # Dropout draws other numbers in each process; nothing else of a training may differ.
 SETTINGS = (
@@ -58,34 +50,6 @@ def test_a_gpu_is_found_by_the_number_of_the_process(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("LOCAL_RANK", "1")
     assert find_device("auto") == find_device("cuda") == torch.device("cuda", 1)
     assert find_device("cpu") == torch.device("cpu")
-
-
-@pytest.mark.parametrize("fails", [False, True])
-def test_what_shares_gradients_is_gone_before_the_processes_part(
-    fails: bool, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Also after an error, whose traceback held it; else gloo may wait for ever at its end."""
-    config = validate_config(
-        override(find_config("ceci-gcn").model_dump(mode="json"), ["model.width=4"]), source="test"
-    )
-    model = new_model(config, Dataset.open(dataset))
-    assert isinstance(model, Network)
-    store = f"file://{tmp_path / 'store'}"
-    distributed.init_process_group("gloo", init_method=store, rank=0, world_size=1)
-    try:
-        ranks = Ranks(0, 2)  # of a group of one: nothing here asks the other
-        steps = GradientSteps(model, config, device=torch.device("cpu"), ranks=ranks)
-        monkeypatch.setattr(model, "loss", lambda graphs: 1 / 0 if fails else torch.ones(1))
-        with pytest.raises(ZeroDivisionError) if fails else nullcontext(), steps.join():
-            assert _count_sharing() == 1
-            steps._loss(Data())
-        assert _count_sharing() == 0
-    finally:
-        distributed.destroy_process_group()
-
-
-def _count_sharing() -> int:
-    return sum(type(one) is DistributedDataParallel for one in gc.get_objects())
 
 
 def run_by_torchrun(command: list[str], folder: Path) -> str:

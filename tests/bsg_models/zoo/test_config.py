@@ -7,7 +7,6 @@ import pytest
 from conftest import tomllib
 from hypothesis import example, given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from bsg_data.recipes import MaskRecipe
 from bsg_models.errors import ConfigError
@@ -119,13 +118,6 @@ def test_a_row_is_a_configuration_and_its_model(name: str) -> None:
     assert model.vocabulary == (("tap", "wall") if reads_categories(config) else ())
     assert isinstance(model, Network) == (name not in COUNTING | {"ensemble"})
     assert can_resume(config) == (name not in COUNTING)
-
-
-def test_search_masks_are_fresh_and_uniform() -> None:
-    with pytest.raises(ValidationError):
-        DataConfig(masks="fixed", withhold=0.1)
-    with pytest.raises(ValidationError):
-        DataConfig(mask=MaskRecipe(strategy="rooms"), withhold=0.1)
 
 
 def test_withhold_is_short_for_masks_of_a_search() -> None:

@@ -175,21 +175,6 @@ def test_calibration_mends_what_is_too_sure() -> None:
     np.testing.assert_allclose(fit_calibration(perfect, hidden), 0, atol=0.05)
 
 
-@pytest.mark.parametrize("name", ["gamma-poisson", "mixture"])
-def test_withholding_is_marginalising(name: str, dataset: Path) -> None:
-    """Of a withheld class, and of it alone, all is hidden, as under a mask of share 1."""
-    model = fitted(name, dataset)
-    rooms = np.random.default_rng(0).poisson(0.7, (5, 45))
-    rooms[:, STOVE] = 0  # withheld: no stove is shown anywhere
-    inputs = [rooms.sum(axis=0).tolist(), *rooms.tolist()]
-    plain, told = observe_building(inputs), observe_building(inputs, withheld=[STOVE])
-    absent, unknown = (model.predict(one).presence[1:, STOVE] for one in (plain, told))
-    assert (unknown > absent).all()
-    if name == "gamma-poisson":  # the prior alone
-        a, b = float(model.shape[STOVE]), float(model.rate[STOVE])  # type: ignore[arg-type, index]
-        np.testing.assert_allclose(unknown, 1 - (b / (b + 1)) ** a)
-
-
 @pytest.mark.parametrize("name", TOLD)
 def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
     name: str, dataset: Path

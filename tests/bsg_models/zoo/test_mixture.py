@@ -102,17 +102,6 @@ def test_buildings_that_differ_have_habits_and_those_that_do_not_have_none() -> 
     assert fit_habit(differing, expected) == pytest.approx(1.5, rel=0.2)
 
 
-def test_what_is_glimpsed_is_evidence() -> None:
-    """A room that was not entered and hides 3/8 says what one says that was."""
-    model = two_types(building=True)
-    rooms = [[5.0, 3.0], [2.0, 1.0], [3.0, 2.0]]
-    entered = model.predict(observe_building(rooms, hidden_share=0.375))
-    glimpsed = model.predict(
-        observe_building(rooms, hidden_share=0.375, visited=[True, False, True])
-    )
-    np.testing.assert_array_equal(glimpsed.hidden, entered.hidden)
-
-
 def test_a_searched_room_hides_nothing_for_sure() -> None:
     """Its tilts are left out, so that the least rate of a likelihood is not multiplied by them."""
     model = two_types(tilted=2)

@@ -13,13 +13,9 @@ from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
-from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.observation import Observation
-from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.inputs.nodes import EVIDENCE, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
@@ -205,29 +201,6 @@ def test_a_stopped_network_resumes_to_the_same_weights(dataset: Path, tmp_path: 
         list(train_run(longer, dataset, tmp_path / "whole", resume=True))
 
 
-def test_what_is_seen_of_other_categories_is_masked_too(dataset: Path) -> None:
-    """About half of them in uniform masks of one half, and none of an unvisited room."""
-    data, vocabulary = Dataset.open(dataset), ("ceiling", "floor", "wall")
-    scenes = scenes_of(data, "train")
-
-    def sample(mask: MaskRecipe) -> Observation:
-        return sample_masked(data, scenes, mask=mask, draw=1, vocabulary=vocabulary).seen
-
-    whole, half = sample(MaskRecipe(fraction=0.0)), sample(MaskRecipe())
-    assert (half.others <= whole.others).all()
-    of_rooms = np.zeros((len(half), 3), dtype=int)
-    np.add.at(of_rooms, half.building[~half.is_building], half.others[~half.is_building])
-    assert (half.others[half.is_building] == of_rooms).all()
-    assert (whole.others[~whole.is_building, 1:] == 1).all()  # every room has a floor and a wall
-    assert 0.3 < half.others[half.is_building].sum() / whole.others[whole.is_building].sum() < 0.7
-    rooms = sample(MaskRecipe(strategy="rooms"))
-    unvisited = ~rooms.visited
-    assert set(rooms.building[unvisited].tolist()) == set(range(len(rooms)))
-    assert not rooms.others[unvisited].any()
-    assert (rooms.hidden_share[unvisited] == 1).all()
-    assert not rooms.hidden_share[~unvisited & ~rooms.is_building].any()
-
-
 def test_categories_that_an_observation_lacks_are_unseen_and_others_are_refused(
     dataset: Path,
 ) -> None:
@@ -255,23 +228,6 @@ def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
     loss = model.loss(model.nodes_of(alone, alone.inputs))
     assert loss.item() == 0
     loss.backward()  # type: ignore[no-untyped-call]
-
-
-def test_one_layer_of_the_gcn_by_hand() -> None:
-    """x′ = D^-½ (A + I) D^-½ x W (Kipf and Welling, eq. 2) on a building with two rooms."""
-    model = CECIGCN(GCNConfig(depth=1), ModelInputs(classes=2))
-    weight = torch.tensor([[1.0, 2.0], [0.0, 1.0]])
-    convolution = model.convolutions[0]
-    assert isinstance(convolution, GCNConv)
-    with torch.no_grad():
-        convolution.lin.weight.copy_(weight)
-        convolution.bias.zero_()
-    x = np.array([[4.0, 2.0], [3.0, 0.0], [1.0, 2.0]])
-    adjacency = np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 1]])
-    scale = np.diag(adjacency.sum(axis=1) ** -0.5)
-    expected = scale @ adjacency @ scale @ x @ weight.numpy().T
-    found = model(model.nodes_of(observe_building(x.tolist())))
-    np.testing.assert_allclose(found.detach().numpy(), expected, rtol=1e-5)
 
 
 def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:

@@ -118,14 +118,6 @@ def test_what_is_no_table_is_refused(tmp_path: Path, content: bytes | None) -> N
         read_prior_table(str(path), NAMES)
 
 
-def test_a_table_without_end_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "table.json"
-    with path.open("wb") as file:
-        file.truncate(2**24 + 1)
-    with pytest.raises(ConfigError):
-        read_prior_table(str(path), NAMES)
-
-
 def test_classes_of_another_space_are_left_out(tmp_path: Path) -> None:
     path = write(tmp_path, objects={"bed": {"tableware": 0.5}, "tableware": {"bed": 0.5}})
     assert make(path).listed.tolist() == [True, False, False]
