@@ -24,11 +24,11 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.partial_graph import PartialGraph
 
-LEVELS = 8  # the error of a presence is then .0004 on average, and .011 at most
+_LEVELS = 8  # the error of a presence is then .0004 on average, and .011 at most
 
 
 def spread_shares(
-    graph: PartialGraph, seen: Observation, *, levels: int = LEVELS
+    graph: PartialGraph, seen: Observation, *, levels: int = _LEVELS
 ) -> tuple[Observation, Floats]:
     """Return the observation at several levels of the hidden shares, and the weight of each level.
 

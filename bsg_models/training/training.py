@@ -47,11 +47,11 @@ from bsg_models.zoo.calibration import (
     fit_calibration,
     fit_presence_calibration,
     recalibrate,
+    take_sample,
 )
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import Ensemble, find_member, make_model, reads_categories
 from bsg_models.zoo.model import BeliefModel, Network, one_thread
-from bsg_models.zoo.training_rooms import take_sample
 
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
 

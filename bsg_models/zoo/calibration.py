@@ -19,6 +19,7 @@ import torch
 from scipy.optimize import minimize
 
 from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
@@ -71,6 +72,19 @@ class CalibratedModel(BeliefModel):
         if lines.any():
             calibrated = _recalibrate_presence(calibrated, lines, looked_into=share < 1)
         return calibrated.without(share == 0)
+
+
+def take_sample(masked: MaskedBuildings, *, most: int) -> MaskedBuildings:
+    """Return a random sample of masked buildings in their order: all, if they have few nodes.
+
+    It has at most `most` nodes, but one building at least.
+    """
+    rng = np.random.Generator(np.random.PCG64(0))
+    order = np.argsort(rng.random(len(masked)), kind="stable")
+    last = np.searchsorted(np.cumsum(np.diff(masked.seen.starts)[order]), most, side="right")
+    if last == len(masked):
+        return masked
+    return masked.take(np.sort(order[: max(last, 1)]))
 
 
 def recalibrate(distribution: CountDistribution, calibration: Floats) -> CountDistribution:

@@ -14,6 +14,8 @@ that rooms have exactly one object of a class (`bsg_models.belief.negative_binom
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -39,7 +41,8 @@ from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
-from bsg_models.zoo.training_rooms import Tally, tally_rooms
+
+Tally = tuple[Ints, Ints]  # distinct counts, rising, and the number of rooms with each
 
 
 class GammaPoissonConfig(ModelConfig):
@@ -85,6 +88,24 @@ class GammaPoissonModel(BeliefModel):
             tilts = hidden_tilts(to_array(self.tilts)[:, None], inputs)
             hidden = replace(hidden, tilts=np.stack(tilts)[:, None]).without(share == 0)
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
+
+
+def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
+    """Return for every class `[C]` which counts occur in rooms, and in how many rooms each.
+
+    Rooms whose source has no word for a class are left out; if all are, it is absent in one.
+    """
+    tallies = [Counter[int]() for _ in data.manifest.class_space.classes]
+    for some in data.in_parts(scenes):
+        rooms = np.concatenate([data.cells(scene)[1:] for scene in some])
+        sizes = [len(data.cells(scene)) - 1 for scene in some]
+        known = np.repeat([data.nameable(scene) for scene in some], sizes, axis=0)
+        for tally, counts, own in zip(tallies, rooms.T, known.T, strict=True):
+            values, times = np.unique(counts[own], return_counts=True)
+            tally.update(dict(zip(values.tolist(), times.tolist(), strict=True)))
+    every = [tally or Counter({0: 1}) for tally in tallies]
+    both = [np.array(sorted(tally.items()), dtype=np.int64).reshape(-1, 2) for tally in every]
+    return [(values_times[:, 0], values_times[:, 1]) for values_times in both]
 
 
 def fit_gamma_prior(tally: Tally) -> tuple[float, float]:

@@ -27,9 +27,11 @@ class, f is that of the class.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from pydantic import Field
 from scipy.optimize import minimize_scalar
@@ -54,7 +56,6 @@ from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.room_types import MISSING, MOST, FittedTypes, Rooms, fit_types, tilted_means
 from bsg_models.zoo.settings import DataConfig, ModelConfig
-from bsg_models.zoo.training_rooms import read_rooms
 
 _LEAST = 1e-9  # no type makes a class impossible
 _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
@@ -181,6 +182,23 @@ class _Rooms:
         self.share = seen.cell_share  # [N, C] that is hidden
         self.looked_into = seen.looked_into & ~seen.is_building  # [N]
         self.building = seen.building  # [N] number of the building
+
+
+def read_rooms(
+    data: Dataset, scenes: Sequence[str], *, most: int
+) -> tuple[npt.NDArray[np.uint8], Ints]:
+    """Return the counts of some rooms `[R, C]`, cut to `most`, and each room's building `[R]`.
+
+    A class that the source has no word for counts as `most` + 1.
+    """
+    rooms: dict[str, npt.NDArray[np.uint8]] = {}
+    for some in data.in_parts(scenes):
+        for scene in some:
+            counts = np.minimum(data.cells(scene)[1:], most)
+            rooms[scene] = np.where(data.nameable(scene), counts, most + 1).astype(np.uint8)
+    sizes = [len(rooms[scene]) for scene in scenes]
+    joined = np.concatenate([rooms[scene] for scene in scenes])
+    return joined, np.repeat(np.arange(len(scenes)), sizes)
 
 
 def _fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes) -> Floats:

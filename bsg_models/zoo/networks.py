@@ -49,6 +49,7 @@ from bsg_models.zoo.features import (
     NodeFeatures,
     ShownDropout,
 )
+from bsg_models.zoo.gamma_poisson import tally_rooms
 from bsg_models.zoo.gcn import WritesNoFile
 from bsg_models.zoo.model import ModelInputs, Network, to_array
 from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, VARIED, WHATEVER, DataConfig
@@ -57,7 +58,7 @@ _MOST = 5.0  # limit of log m and |log r|: e^5 objects of a class in a room; log
 
 # Of the hidden counts: λ before tilts, r and the logarithm of the weight of each component, each
 # `[K, N, C]`, and J tilts `[K, N, C]`.
-Posterior = tuple[torch.Tensor, torch.Tensor, torch.Tensor, list[torch.Tensor]]
+_Posterior = tuple[torch.Tensor, torch.Tensor, torch.Tensor, list[torch.Tensor]]
 
 
 class CountNetwork(CalibratedModel, Network):
@@ -78,23 +79,18 @@ class CountNetwork(CalibratedModel, Network):
         """Start the head from the mean histogram of the training rooms."""
         if self.labels is not None:
             self.labels.read_table(data.manifest.class_space.classes)
-        scenes = scenes_of(data, "train", fold=choice.fold)
-        total, number = np.zeros((2, self.inputs.classes))
-        for part in data.in_parts(scenes):
-            for scene in part:
-                rooms = data.cells(scene)[1:]
-                total += rooms.sum(axis=0)  # whole numbers: exact in any order
-                number += len(rooms) * data.nameable(scene)
-        self.head.start(torch.from_numpy(total / np.maximum(number, 1)))
+        tallies = tally_rooms(data, scenes_of(data, "train", fold=choice.fold))
+        means = [values @ times / times.sum() for values, times in tallies]
+        self.head.start(torch.tensor(means, dtype=torch.float64))
 
-    def forward(self, nodes: Nodes) -> Posterior:
+    def forward(self, nodes: Nodes) -> _Posterior:
         """Return the posterior of the hidden counts of N nodes and C classes."""
         nodes = self.features.forget(nodes)
         encoded = self.encode(self.features(nodes), nodes)
         sense = None
         if self.labels is not None:  # a room that was seen says more than its label
             sense = self.labels(nodes.evidence["labels"]) * nodes.hidden_share[:, None]
-        posterior: Posterior = self.head(encoded, nodes, sense)
+        posterior: _Posterior = self.head(encoded, nodes, sense)
         return posterior
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
@@ -162,7 +158,9 @@ class PriorHead(nn.Module):
             apart = torch.linspace(-1, 1, self.components + 2)[1:-1, None]  # none alike
             self.mean.bias.copy_((means.clamp(min=MIN_RATE).log() + apart).flatten())
 
-    def forward(self, encoded: torch.Tensor, nodes: Nodes, sense: torch.Tensor | None) -> Posterior:
+    def forward(
+        self, encoded: torch.Tensor, nodes: Nodes, sense: torch.Tensor | None
+    ) -> _Posterior:
         """Return the posterior of the hidden counts; `sense` `[N, C]` adds to the odds of any."""
         mean = self._read(self.mean, encoded).clamp(-2 * _MOST, _MOST).exp()
         shape = self._read(self.shape, encoded).clamp(-_MOST, _MOST).exp()
@@ -211,7 +209,7 @@ class MeanConv(WritesNoFile, SAGEConv):  # type: ignore[misc]
         return convolved
 
 
-class CECISAGE(CountNetwork):
+class _CECISAGE(CountNetwork):
     """`depth` rounds of h ← h + dropout(SiLU(norm(W₁ mean of the neighbours + W₂ h))).
 
     The mean is that of GraphSAGE (Hamilton et al., 2017). The residual sum keeps a node's own
@@ -242,7 +240,7 @@ class CECISAGE(CountNetwork):
         return Neighbours.of(seen, self.inputs.edges)
 
 
-class RoomTransformer(CountNetwork):
+class _RoomTransformer(CountNetwork):
     """Pre-norm self-attention over rooms, which have no order (Vaswani et al., 2017)."""
 
     def __init__(self, config: _RoomTransformerConfig, inputs: ModelInputs) -> None:
@@ -272,18 +270,18 @@ class RoomTransformer(CountNetwork):
         """Read no edges: every room attends to every other."""
 
 
-CECI_SAGE = ZooRow(_SAGEConfig(), CECISAGE, data=CONNECTED, training=COUNTS)
+CECI_SAGE = ZooRow(_SAGEConfig(), _CECISAGE, data=CONNECTED, training=COUNTS)
 UNIVERSAL = ZooRow(
     _SAGEConfig(reads=EVERYTHING),
-    CECISAGE,
+    _CECISAGE,
     data=WHATEVER,
     training=LONG,
     summary="GraphSAGE for any observation: trained on every kind of mask; reads all evidence.",
 )
-ROOM_TRANSFORMER = ZooRow(_RoomTransformerConfig(), RoomTransformer, data=VARIED, training=COUNTS)
+ROOM_TRANSFORMER = ZooRow(_RoomTransformerConfig(), _RoomTransformer, data=VARIED, training=COUNTS)
 UNIVERSAL_TRANSFORMER = ZooRow(
     _RoomTransformerConfig(reads=EVERYTHING),
-    RoomTransformer,
+    _RoomTransformer,
     data=WHATEVER,
     training=LONG,
     summary="Attention between rooms, for any observation: trained on every kind of mask.",

@@ -43,11 +43,10 @@ from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.belief.negative_binomial import hidden_posterior
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.zoo.gamma_poisson import fit_gamma_prior
+from bsg_models.zoo.gamma_poisson import fit_gamma_prior, tally_rooms
 from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
-from bsg_models.zoo.training_rooms import tally_rooms
 
 _DRAWS = 3  # masks of every training building
 _MOST_ODDS = 12.0  # limit of the log odds of a presence, beyond which nothing changes

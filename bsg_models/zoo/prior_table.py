@@ -41,7 +41,7 @@ from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
 from bsg_models.zoo.settings import VARIED, ModelConfig
 
-HAND_TABLE = "hand-prior-v1.json"
+_HAND_TABLE = "hand-prior-v1.json"
 _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
@@ -181,7 +181,7 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> _PriorTable:
     entry, the fault, and the nearest name.
     """
     if not path:
-        return _parse(read_published(HAND_TABLE), f"mappings/{HAND_TABLE}", classes)
+        return _parse(read_published(_HAND_TABLE), f"mappings/{_HAND_TABLE}", classes)
     return _parse(read_bytes(Path(path), PRIOR, error=ConfigError), path, classes)
 
 

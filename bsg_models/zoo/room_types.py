@@ -4,9 +4,9 @@ Each round computes P(type | room), sums over the rooms what each type holds (`_
 types to these sums. Rooms are read `_CHUNK` at a time, and most counts are 0. So a round takes
 memory for one chunk, and time for the counts above 0.
 
-Beyond `SAMPLE` rooms, all rounds but the last few use a sample of that size; the last `LAST_ROUNDS`
-use all rooms. A type is a few hundred numbers, which the sample determines nearly as well as all
-rooms do.
+Beyond `SAMPLE` rooms, all rounds but the last few use a sample of that size; the last
+`_LAST_ROUNDS` use all rooms. A type is a few hundred numbers, which the sample determines nearly as
+well as all rooms do.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of any width
 MOST = 60  # the fit treats larger counts of a class in a room as this
 MISSING = MOST + 1  # count of a class that the room's source has no word for: it says nothing
 SAMPLE = 20_000  # rooms in the sample of all rounds
-LAST_ROUNDS = 10  # on all rooms, if there are more
+_LAST_ROUNDS = 10  # on all rooms, if there are more
 _CHUNK = 4_096  # rooms in memory as floats at a time
 _LOG_SHAPE = 4.0  # limit of |log r|, whose prior is a standard normal
 _PRIOR_ROOMS = 2.0  # weight of the mean room in every type's means, in rooms
@@ -110,7 +110,7 @@ def fit_types(
     shape = (types, counts.shape[1])
     dispersions, tilts = np.ones(shape), np.zeros((tilted, *shape))
     fitted = _fit_sums(_sum_rooms(some, membership, width), dispersions, tilts)
-    for number in range(1, iterations + LAST_ROUNDS * (len(some) < len(counts))):
+    for number in range(1, iterations + _LAST_ROUNDS * (len(some) < len(counts))):
         rooms = some if number < iterations else counts
         fitted = _fit_sums(_sum_expected(rooms, fitted, width), fitted.dispersions, fitted.tilts)
     return fitted

@@ -83,19 +83,6 @@ def test_names_of_a_hostile_model_are_no_markup(run: Path) -> None:
     assert "[x](y)" not in plain.replace(escaped, "")
 
 
-def test_a_card_has_figures_and_what_the_weights_tell(run: Path) -> None:
-    card = ModelCard(name="rooms", purpose="For all.", trained_on=(HM3D,))
-    text = write_card(
-        card,
-        fields=read_fields(run / "best.safetensors"),
-        figures=[{"mask": "uniform", "AUROC": 0.91234, "beside": None}],
-        measured=["An attacker is right in 62 % of the cases."],
-    )
-    assert "| uniform | 0.912 | – |" in text
-    assert "right in 62 % of the cases" in text
-    assert "`hm3d45-v2`, 45 classes" in text
-
-
 @pytest.mark.parametrize(
     "text",
     [

@@ -28,9 +28,10 @@ from bsg_models.studies.comparison import WHOLE, EvaluationRequest, compare_runs
 from bsg_models.zoo.catalogue import UNTRAINED
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
+from bsg_models.zoo.gamma_poisson import tally_rooms
+from bsg_models.zoo.mixture import read_rooms
 from bsg_models.zoo.model import Network
 from bsg_models.zoo.room_types import MISSING, MOST, fit_types
-from bsg_models.zoo.training_rooms import read_rooms, tally_rooms
 
 LABELS = [
     f"{name}_{n}_office_{room}_{area}"

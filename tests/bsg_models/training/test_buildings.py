@@ -9,8 +9,6 @@ from torch.utils.data import DataLoader
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, vary_fractions
-from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import PairsRecipe
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
@@ -76,15 +74,6 @@ def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> Non
         assert same(some, whole.take(chosen))
 
 
-def test_epochs_have_orders_of_their_own(dataset: Path) -> None:
-    buildings = TrainingBuildings(configure(), Dataset.open(dataset), vocabulary=(), ranks=Ranks())
-    orders = [
-        [n for some in buildings.batches(e) if some for n in some.seen.scene_ids] for e in (1, 1, 2)
-    ]
-    assert orders[0] == orders[1] != orders[2]
-    assert sorted(orders[0]) == sorted(orders[2])
-
-
 def test_processes_share_every_batch(dataset: Path) -> None:
     """Seven buildings or more in batches of 4 among 3: each batch's are the batch of one process.
 
@@ -112,26 +101,3 @@ def test_more_processes_than_buildings_are_refused(dataset: Path) -> None:
         )
     with pytest.raises(TrainingError):
         TrainingBuildings(configure(), data, vocabulary=(), ranks=Ranks(0, 20))
-
-
-def test_a_building_without_pairs_is_no_step(
-    dataset: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two buildings are beyond the format of pairs: an epoch of stored pairs is without them."""
-    data = Dataset.open(dataset)
-    train = scenes_of(data, "train")
-    cells = {scene: int(data.cells(scene).sum(axis=0).max()) for scene in train}
-    most = sorted(cells.values())[-3]
-    left_out = [scene for scene, count in cells.items() if count > most]
-    monkeypatch.setattr("bsg_data.observation.pairs._MOST", most)
-    write_pairs(dataset, PairsRecipe(draws=2), force=True)
-    buildings = TrainingBuildings(
-        configure("data.masks=fixed", "training.batch_size=1"),
-        Dataset.open(dataset),
-        vocabulary=(),
-        ranks=Ranks(),
-    )
-    dealt = [name for batch in buildings.batches(1) if batch for name, _ in names(batch)]
-    assert left_out
-    assert not set(dealt) & set(left_out)
-    assert len(dealt) == buildings.steps == 2 * (len(train) - len(left_out))

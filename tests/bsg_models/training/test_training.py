@@ -20,7 +20,6 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
-    restore_model,
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import BEST, LAST, LOG, METRICS
@@ -29,11 +28,8 @@ from bsg_models.training import training
 from bsg_models.training.buildings import validation_buildings
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
-from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.settings import TrainingConfig
 
-NOT_COUNTING = ("ceci-gcn", "ensemble")
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
 
 
@@ -84,21 +80,6 @@ def test_a_mixed_model_is_validated_on_masks_of_its_own(dataset: Path) -> None:
     assert set(validation_buildings(stored, data, vocabulary=()).draws.tolist()) == {0, 1, 2, 3}
 
 
-def test_a_model_of_mixed_masks_is_trained(dataset: Path, tmp_path: Path) -> None:
-    config = configure(
-        "data.mask.strategy=mixed",
-        "data.mask.withhold=0.05",
-        "training.epochs=1",
-        "model.width=8",
-        "model.embedding=4",
-        name="ceci-sage",
-    )
-    (report,) = train_run(config, dataset, tmp_path / "run")
-    header = load_checkpoint(tmp_path / "run" / BEST).header
-    assert (header.config.data.mask.strategy, header.calibrated) == ("mixed", True)
-    assert header.val_loss == report.val_loss
-
-
 def test_training_learns(dataset: Path, tmp_path: Path) -> None:
     """On buildings that are alike, the loss falls well below that of the first epoch."""
     config = configure("training.epochs=120", "model.dropout=0.0")
@@ -118,8 +99,7 @@ def test_the_same_seed_gives_the_same_weights_and_another_does_not(
     assert not same(a, c)
 
 
-@pytest.mark.parametrize("stop", [3, 4, 5])
-@pytest.mark.parametrize("decay", ["weight-decay", "learning-rate"])
+@pytest.mark.parametrize(("stop", "decay"), [(1, "weight-decay"), (5, "learning-rate")])
 def test_a_stopped_run_resumes_to_the_same_weights(
     dataset: Path, tmp_path: Path, stop: int, decay: str
 ) -> None:
@@ -188,16 +168,6 @@ def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> Non
     assert not (run / LAST).exists()
 
 
-def test_a_run_that_was_stopped_before_its_first_checkpoint_starts(
-    dataset: Path, tmp_path: Path
-) -> None:
-    list(train_run(configure(), dataset, tmp_path / "whole"))
-    for _ in train_run(configure(), dataset, tmp_path / "stopped"):
-        break
-    list(train_run(configure(), dataset, tmp_path / "stopped", resume=True))
-    assert same(weights(tmp_path / "whole" / LAST), weights(tmp_path / "stopped" / LAST))
-
-
 def test_two_trainings_never_write_into_one_run(dataset: Path, tmp_path: Path) -> None:
     first = train_run(configure(), dataset, tmp_path / "run")
     next(first)
@@ -249,22 +219,6 @@ def test_a_diverging_run_says_so_and_keeps_what_it_had(dataset: Path, tmp_path: 
         list(train_run(longer, dataset, run, resume=True))
     assert {name: (run / name).read_bytes() for name in before} == before
     assert '"how":"failed"' in (run / LOG).read_text("utf-8").splitlines()[-1]
-
-
-COUNTING = [
-    name for name in ZOO if ZOO[name].training == TrainingConfig() and name not in NOT_COUNTING
-]
-
-
-@pytest.mark.parametrize("name", COUNTING)
-def test_models_that_count_are_saved_and_loaded_alike(
-    name: str, dataset: Path, tmp_path: Path
-) -> None:
-    assert list(train_run(configure(name=name), dataset, tmp_path / "run")) == []
-    checkpoint = load_checkpoint(tmp_path / "run" / BEST)
-    model = restore_model(tmp_path / "run" / BEST, checkpoint)
-    assert same(dict(model.state_dict()), checkpoint.state_of("model"))
-    assert checkpoint.header.config == configure(name=name)
 
 
 def rewrite(path: Path, tensors: dict[str, torch.Tensor], **update: Any) -> None:

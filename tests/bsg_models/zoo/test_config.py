@@ -20,7 +20,7 @@ from bsg_models.zoo.config import (
     write_toml,
 )
 from bsg_models.zoo.ensemble import EnsembleConfig, can_resume, make_model, reads_categories
-from bsg_models.zoo.model import BeliefModel, Network
+from bsg_models.zoo.model import Network
 from bsg_models.zoo.settings import DataConfig, TrainingConfig
 
 COUNTING = {
@@ -105,16 +105,11 @@ def test_a_name_that_no_table_can_show_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", ZOO.names())
 def test_a_row_is_a_configuration_and_its_model(name: str) -> None:
     row, config = ZOO[name], find_config(name)
-    assert (config.name, config.seed) == (name, 0)
     assert (config.model, config.data, config.training) == (row.config, row.data, row.training)
-    assert type(ZOO[config.model.family].config) is type(row.config)
-    assert row.describe()
-    assert "\n" not in row.describe()
+    assert "\n" not in row.describe() != ""
     model = make_model(config, classes=3, vocabulary=("tap", "wall"))
-    assert isinstance(model, BeliefModel)
     assert model.config == row.config
-    assert model.inputs.classes == 3
-    assert model.inputs.edges == row.data.edges
+    assert (model.inputs.classes, model.inputs.edges) == (3, row.data.edges)
     assert model.vocabulary == (("tap", "wall") if reads_categories(config) else ())
     assert isinstance(model, Network) == (name not in COUNTING | {"ensemble"})
     assert can_resume(config) == (name not in COUNTING)

@@ -18,16 +18,17 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.training.training import new_model
-from bsg_models.zoo.calibration import fit_calibration, recalibrate
+from bsg_models.zoo.calibration import fit_calibration, recalibrate, take_sample
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import (
     GammaPoissonConfig,
     GammaPoissonModel,
     fit_gamma_prior,
+    tally_rooms,
 )
+from bsg_models.zoo.mixture import read_rooms
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
-from bsg_models.zoo.training_rooms import read_rooms, take_sample, tally_rooms
 
 TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal", "prior-table")
 STOVE = 35
