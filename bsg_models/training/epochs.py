@@ -180,11 +180,14 @@ def _save(
 def _restore(steps: GradientSteps, run: Path) -> list[EpochReport]:
     """Restore model and optimiser from the last checkpoint; return the reports up to it."""
     checkpoint = load_checkpoint(run / LAST)
-    if not (run / BEST).is_file():
-        raise TrainingError(f"{run / BEST}: is gone; --force starts the run again")
+    epochs = checkpoint.header.epoch
+    rows = [row for row in read_metrics(run / METRICS) if row.epoch <= epochs]
+    if not (run / BEST).is_file() or len(rows) < epochs:
+        gone = METRICS if (run / BEST).is_file() else BEST
+        raise TrainingError(f"{run / gone}: is gone, or a part of it; --force starts the run again")
     steps.model.load_state_dict(checkpoint.state_of("model"))
     load_optimiser(steps.optimiser, steps.model, checkpoint.state_of("adam"))
-    return [row for row in read_metrics(run / METRICS) if row.epoch <= checkpoint.header.epoch]
+    return rows
 
 
 def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:

@@ -120,16 +120,6 @@ def test_networks_and_models_that_count_read_the_same_share() -> None:
     assert seen.cell_share[:2].tolist() == [[0.25, 0.25, 1, 0.25], [0.5, 0.5, 1, 0.5]]
 
 
-def test_nodes_share_no_memory_with_what_they_are_made_of() -> None:
-    seen = observe_building([[4, 1], [4, 1]])
-    nodes = to_nodes(seen)
-    for one in (nodes.x, nodes.visited, nodes.hidden_share, nodes.withheld):
-        one.zero_()
-    assert seen.inputs.tolist() == [[4, 1], [4, 1]]
-    assert seen.visited.all()
-    assert seen.hidden_share.tolist() == [0.5, 0.5]
-
-
 def test_every_kind_of_evidence_has_one_encoding() -> None:
     """A new kind is a field of a room, a row of its values and a row here: nothing else loops."""
     around = surround_rooms([9.0], ["kitchen"], building_kind="shop", source="mp3d")

@@ -88,8 +88,3 @@ def test_a_searched_room_hides_nothing_beside_uncertain_ones() -> None:
     found = PREDICTOR(graph)
     assert not found.presence[2].any()
     assert found.presence[1].max() > 0
-
-
-@pytest.mark.parametrize("share", [ShareBelief(0.5, 0.499), ShareBelief(1e-9, 1e-5)])
-def test_the_most_uncertain_share_is_answered(share: ShareBelief) -> None:
-    assert PREDICTOR(believe_shares(share, share, share)).is_finite

@@ -48,10 +48,8 @@ def test_input_and_doubled_by_hand(dataset: Path) -> None:
     assert (fitted("input", dataset).predict(observe_building(inputs)).hidden == 0).all()
     doubled = fitted("doubled", dataset)
     assert doubled.predict(observe_building(inputs)).expected.tolist() == [[8.0, 2.0], [6.0, 2.0]]
-    assert doubled.predict(observe_building(inputs, hidden_share=0.75)).expected.tolist()[1] == [
-        12.0,
-        4.0,
-    ]
+    more = doubled.predict(observe_building(inputs, hidden_share=0.75))
+    assert more.expected.tolist()[1] == [12.0, 4.0]
     assert doubled.predict(observe_building(inputs, hidden_share=0.0)).expected.tolist() == inputs
     assert np.isfinite(
         doubled.predict(observe_building([[0.0, 0.0]], hidden_share=1.0)).hidden

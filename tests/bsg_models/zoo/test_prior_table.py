@@ -225,15 +225,6 @@ def test_a_score_that_misleads_is_left_out() -> None:
     assert fit_odds(-scores, seen, hidden, share, prior=np.ones((2, 2)))[2] == 0.0
 
 
-def test_a_class_that_never_occurs_stays_near_its_prior() -> None:
-    scores, seen, hidden, share = (part[:50] for part in simulate(0.0))
-    seen[:, 0] = hidden[:, 0] = 0
-    prior = np.array([[0.01, 1.0], [1.0, 1.0]])
-    odds, rate, _ = fit_odds(scores, seen, hidden, share, prior=prior)
-    assert -7 < odds[0] < -4
-    assert rate[0] == pytest.approx(1.0, rel=0.1)
-
-
 @pytest.mark.parametrize("fractions", [None, (0.0, 0.0)])
 def test_masks_that_hide_nothing_are_refused(
     dataset: Path, fractions: tuple[float, float] | None
