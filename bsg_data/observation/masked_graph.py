@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import OtherObjects, count_cells, to_histograms
 from bsg_data.dataset.shards import read_scene_graphs
@@ -47,11 +47,16 @@ def mask_scene(
 def mask_dataset(
     dataset: AnyPath, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
 ) -> Iterator[tuple[PartialGraph, Counts]]:
-    """Yield the partial graphs of some masked scenes with their true histograms `[N, C]`."""
-    class_space = Dataset.open(dataset).manifest.class_space
+    """Yield the partial graphs of some masked scenes with their true histograms `[N, C]`.
+
+    The robot's detector does not know a class that the source has no word for.
+    """
+    data = Dataset.open(dataset)
+    space = data.manifest.class_space
     for graph in read_scene_graphs(Path(dataset)):
         if graph.scene_id in scenes:
-            yield _mask(graph, recipe, draw=draw, class_space=class_space)
+            nameable = data.nameable(graph.scene_id)
+            yield _mask(graph, recipe, draw=draw, class_space=space, nameable=nameable)
 
 
 def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
@@ -63,7 +68,12 @@ def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> 
 
 
 def _mask(
-    graph: SceneGraph, recipe: MaskRecipe, *, draw: int, class_space: ClassSpace
+    graph: SceneGraph,
+    recipe: MaskRecipe,
+    *,
+    draw: int,
+    class_space: ClassSpace,
+    nameable: Bools | bool = True,
 ) -> tuple[PartialGraph, Counts]:
     """Return the partial graph, and the true histograms `[N, C]` of its nodes."""
     which: Any = {"scene_id": graph.scene_id, "draw": draw}
@@ -86,17 +96,23 @@ def _mask(
         adjacency=tuple((a, b) for a, b in ways.among(view.nodes).pairs.tolist()),
         building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
         source=graph.source,
-        detector=_list_known(recipe, class_space, **which),
+        detector=_list_known(recipe, class_space, nameable, **which),
     )
     return partial, to_histograms(cells)
 
 
 def _list_known(
-    recipe: MaskRecipe, class_space: ClassSpace, *, scene_id: str, draw: int
+    recipe: MaskRecipe,
+    class_space: ClassSpace,
+    nameable: Bools | bool,
+    *,
+    scene_id: str,
+    draw: int,
 ) -> tuple[tuple[str, int], ...] | None:
     """Return the classes that the robot's detector knows; None: all."""
     names = class_space.classes
     unknown, _ = sample_unknown(recipe, scene_id=scene_id, draw=draw, classes=len(names))
+    unknown = unknown | ~(np.ones(len(names), dtype=bool) & nameable)
     if not unknown.any():
         return None
     return tuple((name, index) for index, name in enumerate(names) if not unknown[index])
