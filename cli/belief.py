@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,16 +29,12 @@ from bsg_cli.options import (
     split_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
-from bsg_data import extend
-from bsg_data.spelling import SHOWN
 from bsg_data.tables import format_text
 
 if TYPE_CHECKING:
     from bsg_models.belief.graph_file import GraphFile
 
 _MOST_ROWS = 60
-_MOST_NAMES = 10
-_MOST_CLASSLESS = 3  # names in the note on objects without a class
 
 
 @click.command("bsg-belief", cls=Command)
@@ -129,8 +124,9 @@ def main(
         report = bsg_models.report_beliefs(request, progress=progress)
     if named is None:
         print_note(f"model: {bsg_models.describe_model()}")
-    for file, graph in zip(files, report.graphs, strict=False):
-        _note_graph(file, graph.partial, report.class_map, model=report.model)
+    for file, notes in zip(files, report.notes, strict=False):
+        for note in notes:
+            print_note(f"{file.path}: {note}")
     if as_json:
         print_json([_encode_room(room) for room in report.rooms])
         return
@@ -177,8 +173,9 @@ def _ask(
     graph = reclassify(file.graph, predictor.class_map)
     if announce:
         print_note(f"model: {bsg_models.describe_model()}")
-    _note_graph(file, graph, predictor.class_map, model=predictor.name)
-    seen = bsg_models.SeenBuilding(graph, predictor)
+    seen = bsg_models.SeenBuilding(graph, predictor, notes=file.notes)
+    for note in seen.notes:
+        print_note(f"{file.path}: {note}")
     find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
 
 
@@ -194,82 +191,6 @@ def _open_graph(
         choose_format(out)
     file = open_graph_file(path, labels=labels)
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
-
-
-def _note_graph(
-    file: GraphFile, graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap, *, model: str
-) -> None:
-    """Print what a person should know about how a graph was read."""
-    for note in (
-        *_note_names(graph, class_map),
-        *file.notes,
-        *_note_classless(graph, model=model),
-        *_note_shares(graph),
-    ):
-        print_note(f"{file.path}: {note}")
-
-
-def _note_names(graph: bsg_data.PartialGraph, class_map: bsg_data.ClassMap) -> Iterator[str]:
-    """Yield which names, room types and sources are not known, and which were read by a rule."""
-    from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
-    from bsg_data.observation.robot_json import list_unmapped, note_room_types
-
-    unmapped = [
-        f"{name.name[:SHOWN]!r} ({name.instances:,}"
-        + (f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")")
-        for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED)
-    ]
-    if unmapped:
-        what = "1 name is" if len(unmapped) == 1 else f"{len(unmapped):,} names are"
-        yield f"{what} not in the class map: {_list(unmapped)}"
-    seen = Counter(obj.raw_category for obj in graph.objects)
-    made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
-    if made:
-        yield f"names read by rule, for they are not in the class map: {_list(made)}"
-    yield from note_room_types(graph)
-    if graph.source is not None and graph.source not in extend.KNOWN_SOURCES:
-        known = ", ".join(extend.KNOWN_SOURCES)
-        yield f"source {graph.source!r} is read as unknown; models know {known}"
-
-
-def _note_classless(graph: bsg_data.PartialGraph, *, model: str) -> Iterator[str]:
-    """Yield how many seen objects have a known name but no class, and which names most often.
-
-    Parts of the building are left out, because models count objects.
-    """
-    structure = bsg_data.load_class_map().structure
-    names = Counter(
-        obj.raw_category
-        for obj in graph.objects
-        if obj.class_index is None and obj.category is not None and obj.category not in structure
-    )
-    if not names:
-        return
-    number = names.total()
-    most = ", ".join(repr(name[:SHOWN]) for name, _ in names.most_common(_MOST_CLASSLESS))
-    which = f"most often {most}" if len(names) > _MOST_CLASSLESS else most
-    what = "1 seen object has" if number == 1 else f"{number:,} seen objects have"
-    counted = "is in no count" if number == 1 else "are in no count"
-    yield f"{what} no class in {model} and {counted}: {which}"
-
-
-def _note_shares(graph: bsg_data.PartialGraph) -> Iterator[str]:
-    """Yield which hidden shares of a graph are estimated or not known."""
-    unsure: dict[str, list[str]] = {}
-    for room in graph.rooms:
-        if not room.share.is_certain:
-            unsure.setdefault(str(room.share), []).append(room.label or room.name)
-    for share, rooms in unsure.items():
-        yield (
-            f"the hidden share is uncertain in {_list(rooms, between=' and ')}: assumed {share}; "
-            "give floor_in_view in the graph, or --hidden-share, to be exact"
-        )
-
-
-def _list(names: Sequence[str], *, between: str = ", and ") -> str:
-    """Return the first names, and how many more there are."""
-    more = f"{between}{len(names) - _MOST_NAMES:,} more" if len(names) > _MOST_NAMES else ""
-    return ", ".join(names[:_MOST_NAMES]) + more
 
 
 def _read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:

@@ -32,6 +32,7 @@ class RegistryChoice(click.Choice[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the name, or refuse it and list the nearest and all known names."""
+        self.choices = self._registry.names()  # a package may have come since the import
         try:
             self._registry.require([value])
         except RecipeError as error:

@@ -36,7 +36,6 @@ from bsg_data.observation.partial_graph import (
 )
 from bsg_data.observation.robot_json import (
     list_unmapped,
-    note_room_types,
     parse_robot_graph,
 )
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
@@ -45,6 +44,7 @@ from bsg_data.scene.surroundings import area_of
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import GraphFile, open_graph_file
+from bsg_models.robot.notes import note_graph
 from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning, find_room, set_hidden_shares
 from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
@@ -172,7 +172,7 @@ class SeenBuilding:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know about how the graph is read, a sentence each."""
-        return (*self._notes, *note_room_types(self._graph))
+        return (*self._notes, *note_graph(self._graph, self._models[0]))
 
     @property
     def model(self) -> str:

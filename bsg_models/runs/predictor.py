@@ -73,6 +73,11 @@ class Predictor:
         return any(not read_card(read_shipped_card(n), origin=n).is_restricted for n in names)
 
     @property
+    def vocabulary(self) -> tuple[str, ...]:
+        """Categories outside the classes that the model reads as evidence."""
+        return self._model.vocabulary
+
+    @property
     def class_map(self) -> ClassMap:
         """The class map from a robot's words to the classes of the model.
 

@@ -24,6 +24,7 @@ from bsg_models.belief.hydra import annotate_hydra
 from bsg_models.belief.tables import NODES
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import ExpectedClass
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
@@ -77,7 +78,7 @@ class BeliefReport(NamedTuple):
     """What a model believes."""
 
     model: str
-    class_map: ClassMap  # by which robots' graphs were read
+    notes: tuple[tuple[str, ...], ...]  # on how each robot's graph was read, a sentence each
     graphs: tuple[BeliefGraph, ...]  # one per partial graph, the first `MOST_HELD`
     number: int  # of all graphs
     blind: int  # number of blind nodes of all graphs
@@ -136,7 +137,11 @@ def report_beliefs(
         if (row, path) != streamed:
             _write(row, path, request, views)
     graphs = tuple(view.belief for view in views)
-    return BeliefReport(predictor.name, predictor.class_map, graphs, number, blind, tuple(rooms))
+    notes = tuple(
+        (*file.notes, *note_graph(belief.partial, predictor))
+        for file, belief in zip(request.graphs, graphs, strict=False)
+    )
+    return BeliefReport(predictor.name, notes, graphs, number, blind, tuple(rooms))
 
 
 def _list_graphs(

@@ -1,0 +1,76 @@
+"""What a person should know about how a robot's graph is read, a sentence each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
+from bsg_data.observation.hidden_share import VAGUE
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.robot_json import list_unmapped, note_room_types
+from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_data.scene.surroundings import KNOWN_SOURCES
+from bsg_data.spelling import SHOWN
+from bsg_models.runs.predictor import Predictor
+
+_MOST_NAMES = 5  # in a note
+
+
+def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
+    """Yield the notes on a graph in the class space of a model."""
+    yield from _note_names(graph, predictor.class_map)
+    yield from note_room_types(graph)
+    if graph.source is not None and graph.source not in KNOWN_SOURCES:
+        known = ", ".join(KNOWN_SOURCES)
+        yield f"source {graph.source!r} is read as unknown; models know {known}"
+    yield from _note_classless(graph, predictor)
+    unsaid = [room.label or room.name for room in graph.rooms if room.share == VAGUE]
+    if unsaid:
+        yield (
+            f"how much the robot saw of {_list(unsaid)} is not said: any hidden share may be, "
+            f"{VAGUE}; floor_in_view or hidden_share would say it"
+        )
+
+
+def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
+    """Yield which names are not in the class map, and which were read by a rule."""
+    unmapped = [
+        f"{name.name[:SHOWN]!r} ({name.instances:,}"
+        + (f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")")
+        for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED)
+    ]
+    if unmapped:
+        what = "1 name is" if len(unmapped) == 1 else f"{len(unmapped):,} names are"
+        yield f"{what} not in the class map: {_list(unmapped)}"
+    seen = Counter(obj.raw_category for obj in graph.objects)
+    made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
+    if made:
+        yield f"names read by rule, for they are not in the class map: {_list(made)}"
+    words = [word for word, _ in graph.detector or () if class_map.classify(word).category is None]
+    if words:
+        yield f"words of the detector that are not in the class map: {_list(words)}"
+
+
+def _note_classless(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
+    """Yield which seen objects have a known name and no class, by what the model does with them.
+
+    Parts of the building are left out, because models count objects.
+    """
+    structure = load_class_map().structure
+    names: dict[bool, Counter[str]] = {True: Counter(), False: Counter()}
+    for obj in graph.objects:
+        if obj.class_index is None and obj.category and obj.category not in structure:
+            names[obj.category in predictor.vocabulary][obj.raw_category] += 1
+    for is_read, counted in names.items():
+        if counted:
+            fate = "not counted, but read as evidence" if is_read else "ignored"
+            most = _list([repr(name[:SHOWN]) for name, _ in counted.most_common()])
+            number = len(predictor.classes)
+            yield f"{most}: not among the {number} classes of {predictor.name}; {fate}"
+
+
+def _list(names: Sequence[str]) -> str:
+    """Return the first names, and how many more there are."""
+    more = f", and {len(names) - _MOST_NAMES:,} more" if len(names) > _MOST_NAMES else ""
+    return ", ".join(names[:_MOST_NAMES]) + more

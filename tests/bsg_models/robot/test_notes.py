@@ -1,0 +1,73 @@
+"""Notes on how a graph is read: each is there for what was told, and only then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bsg_data.observation.robot_json import parse_robot_graph
+from bsg_models.robot.notes import note_graph
+from bsg_models.robot.seen_building import open_graph
+from bsg_models.runs.predictor import Predictor
+
+
+@pytest.fixture(scope="module")
+def universal() -> Predictor:
+    return Predictor()
+
+
+def notes_on(
+    predictor: Predictor, room: dict[str, Any], *words: str, **facts: Any
+) -> tuple[str, ...]:
+    said = {
+        "scene_id": "home",
+        "rooms": [{"id": "bath", "hidden_share": 0.5, **room}],
+        "objects": [{"id": str(n), "room": "bath", "category": w} for n, w in enumerate(words)],
+        **facts,
+    }
+    graph = parse_robot_graph(said, path=Path("x"), class_map=predictor.class_map)
+    return tuple(note_graph(graph, predictor))
+
+
+def test_a_graph_that_says_all_has_no_note(universal: Predictor) -> None:
+    assert notes_on(universal, {}, "sink", "wall", source="hm3d", detector=["sink"]) == ()
+    assert notes_on(universal, {"hidden_share": None, "floor_in_view": 0.6}, "sink") == ()
+
+
+@pytest.mark.parametrize(
+    ("room", "words", "facts", "named"),
+    [
+        ({"hidden_share": None}, (), {}, "bath"),
+        ({"room_type": "Küche 3b"}, (), {}, "Küche 3b"),
+        ({}, ("zzqx thing",), {}, "'zzqx thing'"),
+        ({}, ("blue velvet sofa",), {}, "'blue velvet sofa' is "),
+        ({}, (), {"source": "my robot"}, "'my robot'"),
+        ({}, (), {"detector": ["sink", "flibber"]}, "flibber"),
+    ],
+)
+def test_what_is_not_understood_is_named_once(
+    universal: Predictor,
+    room: dict[str, Any],
+    words: tuple[str, ...],
+    facts: dict[str, Any],
+    named: str,
+) -> None:
+    (note,) = notes_on(universal, room, *words, **facts)
+    assert named in note
+
+
+def test_a_word_without_a_class_is_evidence_for_models_that_read_it(universal: Predictor) -> None:
+    (read,) = notes_on(universal, {}, "coat rack", "coat rack", "sink")
+    (ignored,) = notes_on(Predictor("mixture"), {}, "coat rack", "sink")
+    assert "coat rack" in universal.vocabulary
+    assert read.replace("universal", "mixture") != ignored
+    assert read.count("coat rack") == ignored.count("coat rack") == 1
+
+
+def test_python_gets_the_notes_of_what_came_later() -> None:
+    seen = open_graph({"scene_id": "home", "rooms": [{"id": "a", "hidden_share": 0.5}]})
+    assert seen.notes == ()
+    seen.saw("a", "coat rack")
+    assert ["coat rack" in note for note in seen.notes] == [True]
