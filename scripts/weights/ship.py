@@ -85,7 +85,12 @@ _MIXED = (
 MODELS: Mapping[str, Shipped] = {
     "universal": Shipped("pooled", "universal", "The default: 45 classes, whatever was seen."),
     "universal-wide": Shipped("wide", "universal", "170 classes: shoes, clocks, laptops."),
-    "mixture": Shipped("pooled", "mixture", "Sixteen latent room types: fast and plain; reads no room labels.", _MIXED),
+    "mixture": Shipped(
+        "pooled",
+        "mixture",
+        "Sixteen latent room types: fast and plain; reads no room labels.",
+        _MIXED,
+    ),
     "ensemble": Shipped(
         "pooled",
         "ensemble",

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import first_rooms
 import foreign
 import numpy as np
 import pytest
@@ -32,7 +33,9 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked
 from bsg_data.observation.observation import Observation
+from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.connections import Connections
+from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import Surroundings
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.s3dis import S3DISAreas
@@ -295,3 +298,28 @@ def test_models_are_measured_on_whole_datasets_that_they_never_saw(tmp_path: Pat
     assert "6 rooms, 2 scenes; 4 classes that the source can name" in text
     assert text.count("| `mixture` | ") == 1  # it reads neither labels nor the kind
     assert str(tmp_path) not in text
+
+
+def test_small_homes_and_the_words_of_a_detector_are_understood() -> None:
+    class_map = load_class_map()
+    homes = json.loads(first_rooms.HOMES.read_text("utf-8"))
+    assert len(homes) == 10
+    things = {thing for home in homes for seen in home.values() for thing in seen}
+    assert {*things, *first_rooms.SINGLE, *first_rooms.COCO} <= {*class_map.classes}
+    assert {room for home in homes for room in home} <= {*list_room_labels()}
+
+
+def test_a_detector_is_measured_on_what_it_knows(case: Case) -> None:
+    _, masked, _ = case
+    known = np.arange(masked.targets.shape[1]) == 0
+    limited = first_rooms.limit_detector(masked.seen, known)
+    assert np.array_equal(limited.inputs[:, known], masked.seen.inputs[:, known])
+    assert not limited.inputs[:, ~known].any()
+    assert limited.withheld[:, ~known].all()
+    presence = np.full(masked.targets.shape, 0.25)
+    tally = first_rooms.tally_known(masked, presence, known)
+    rooms = ~masked.seen.is_building
+    hidden = masked.hidden[rooms, 0] > 0
+    assert tally["gap"][0].sum() == pytest.approx((0.25 - hidden).sum())
+    expected = -np.where(hidden, np.log(0.25), np.log(0.75)).sum()
+    assert tally["loss/0"][0].sum() == pytest.approx(expected)
