@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import openpyxl
 import pytest
 from conftest import SHARED
 from refusals import refuses
@@ -17,7 +18,6 @@ from bsg_data.sources.cobie import CobieSheets
 from bsg_data.sources.source import Reading
 from bsg_data.testing import SourceContract
 
-openpyxl = pytest.importorskip("openpyxl")
 SAMPLE = SHARED.parent / "sources" / "clinic_cobie.xlsx"
 SHEETS: dict[str, list[list[Any]]] = {
     "Facility": [["Name", "Category", "AreaUnits"], ["F", "11-13 24 14: Clinic", "square feet"]],
