@@ -51,7 +51,7 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     report = json.loads((trained / "evaluation" / "evaluation.json").read_text("utf-8"))
     nll = report["metrics"]["rooms/hidden_nll"]
     assert set(nll) == {"ceci-gcn", *BASELINES}
-    assert nll["ceci-gcn"]["low"] <= nll["ceci-gcn"]["value"] <= nll["ceci-gcn"]["high"]
+    assert nll["ceci-gcn"]["low"] is nll["ceci-gcn"]["high"] is None  # of one building
     assert report["draws"] == 4
     assert report["runs"]["ceci-gcn"]["config"]["model"]["width"] == 8
     assert report["runs"]["ceci-gcn"]["folder"] == "run"
