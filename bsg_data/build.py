@@ -183,7 +183,9 @@ def build_part(
     build = _plan(source, class_map, strict=strict, scenes_per_shard=scenes_per_shard)
     every = range(build.plan.shards)
     numbers = every[part.number - 1 :: part.of]
-    with growing(out, build.plan, force=force, shared=True) as (folder, _):
+    with growing(out, build.plan, force=force, shared=True) as (folder, done):
+        if done:
+            return BuiltPart(tuple(numbers), 0, ())
         (folder / BUILD / f"{_PARTS_OF}{part.of}").touch()
         shards = build.make(numbers, folder, executor, progress)
         missing = tuple(n for n in every if not _name_manifest(folder, n).is_file())

@@ -254,6 +254,12 @@ def _load_class_maps(check: _Check) -> dict[str, ClassMap | None]:
             check.faults.append(Fault(MANIFEST, what))
         elif len(manifest.class_maps) == len(maps):
             maps[entry.version] = loaded
+    for source in manifest.sources:
+        loaded_map = maps.get(source.class_map.version)
+        told = space.classes if source.nameable is None else source.nameable
+        if loaded_map is not None and set(told) != set(loaded_map.nameable):
+            what = f"nameable of {source.kind} are not the classes of {loaded_map.version}"
+            check.faults.append(Fault(MANIFEST, what))
     return maps
 
 

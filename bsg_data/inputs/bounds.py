@@ -52,6 +52,7 @@ PROCTHOR_LINES = Bound(
 MAX_SHEET_ROWS = 1_000_000  # of a sheet of a spreadsheet
 MAX_SHEET_COLUMNS = 64
 MAX_CELLS = 10_000_000  # of a sheet, that are not empty
+MAX_CELL = 32_767  # letters of a cell; no program writes more
 COBIE = Bound(
     "COBie spreadsheet, `.xlsx`",
     256 * MIB,

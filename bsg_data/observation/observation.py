@@ -168,6 +168,7 @@ def observe_search(
     left: tuple[Counts, Counts],
     searched: Bools,
     artifacts: Ints,
+    blind: Bools,
     wholes: Ints | None,
     vocabulary: tuple[str, ...],
     connections: Connections,
@@ -187,6 +188,7 @@ def observe_search(
         left: what the mask left of them.
         searched: `[N]` rooms that were entered since; the building (0) is none.
         artifacts: the classes that are looked for.
+        blind: `[C]` classes that the building's source has no word for.
         wholes: `[V]` class that each category is a part of, -1 for none, where parts of what is
             withheld are, too; None where they are not.
         vocabulary: `[V]`.
@@ -202,7 +204,7 @@ def observe_search(
         others[have_wholes(there[0], wholes) & wanted[wholes] & outside] = 0
     return Observation.of_building(
         scene_id,
-        replace(view, withheld=withheld).search(searched),
+        replace(view, withheld=withheld).search(searched).blind(blind),
         seen,
         others,
         vocabulary=vocabulary,

@@ -206,9 +206,9 @@ class PartialGraph:
             without = withheld.astype(bool)
         else:
             without = np.isin(np.arange(cells.shape[1]), list(withheld)) & (share > 0)[:, None]
-        if self.detector is not None:  # a class that was seen is known, whoever saw it
+        if self.detector is not None:
             known = {index for _, index in self.detector if index is not None}
-            without = without | ~(cells.any(axis=0) | np.isin(np.arange(cells.shape[1]), [*known]))
+            without = without | ~np.isin(np.arange(cells.shape[1]), [*known])
         return Observation.of_building(
             self.scene_id,
             View(visited, share, without, np.arange(len(cells))),

@@ -70,7 +70,8 @@ _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
 # What a robot may say of its rooms, its objects and the building, in any file format.
 ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
 OBJECT_WORDS = ("id", "category", "position")
-GRAPH_WORDS = ("scene_id", "hidden_share", "building_kind", "source")
+_GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source")
+GRAPH_WORDS = (*_GRAPH_FACTS, "detector")
 
 
 class RobotGraphError(SourceError):
@@ -303,7 +304,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     said: dict[str, Any] = {
         "format": "bsg-partial-graph",
         "version": 1,
-        **{name: getattr(graph, name) for name in GRAPH_WORDS},
+        **{name: getattr(graph, name) for name in _GRAPH_FACTS},
         "rooms": [_encode_room(room) for room in graph.rooms],
         "objects": [
             {

@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import COBIE, MAX_CELLS, MAX_SHEET_COLUMNS, MAX_SHEET_ROWS
+from bsg_data.inputs.bounds import COBIE, MAX_CELL, MAX_CELLS, MAX_SHEET_COLUMNS, MAX_SHEET_ROWS
 from bsg_data.scene.class_map import UNKNOWN, ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Room, SceneObject
-from bsg_data.scene.surroundings import BUILDING_KINDS
+from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow
@@ -33,10 +33,16 @@ _Row = Mapping[str, str]  # column, in small letters → text; without columns t
 _Sheets = Mapping[str, list[_Row]]
 _SHEETS = ("facility", "floor", "space", "type", "component")
 _SILENT = frozenset({"", "n/a", "na", "#n/a"})
-_CODE = re.compile(r"[\w. -]*[0-9][\w. -]*:\s*(?=\S)")  # `13-41 11 14 21: `, `SL_35_80_89: `
-_FEET = re.compile(r"f(oo|ee)?t")
-_METRES = re.compile(r"met(er|re)|m2|m²|sq\.?m|^m$")
-_SQUARE_FOOT = 0.3048**2  # m²
+_CODE = re.compile(r"[\w. -]{1,60}")  # before a colon: `13-41 11 14 21`, `SL_35_80_89`
+# In m², by the words of areas, and of lengths where a facility says those.
+_UNITS = {
+    **dict.fromkeys(
+        ("squarefeet", "squarefoot", "sqft", "sq.ft", "sq.ft.", "ft2", "ft²"), 0.3048**2
+    ),
+    **dict.fromkeys(("feet", "foot", "ft"), 0.3048**2),
+    **dict.fromkeys(("squaremeters", "squaremetres", "squaremeter", "squaremetre", "sqm"), 1.0),
+    **dict.fromkeys(("sq.m", "sq.m.", "m2", "m²", "m", "meters", "metres", "meter", "metre"), 1.0),
+}
 # Families of Revit put these before the name of the thing: `M_Chair-Executive: 600 x 900`.
 _PREFIXES = frozenset({"", "m", "equip", "equipment", "fixture", "furniture", "generic"})
 _ENDS = re.compile(r"[-_:;,/()]|\s(?=[0-9]|type\b)", re.IGNORECASE)
@@ -84,8 +90,6 @@ class CobieSheets:
         rooms = _list_rooms(sheets, notes)
         places = {name: number for number, name in enumerate(_index(sheets["space"]))}
         objects, doors = _place_components(sheets, places, class_map, notes)
-        empty = len(rooms) - len({obj.room_index for obj in objects} - {-1})
-        notes["spaces hold no component: they are rooms without objects"] += empty
         graph = assemble(
             objects,
             ref=ref,
@@ -134,13 +138,22 @@ def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
 def _read_rows(sheet: Any) -> Iterator[_Row]:
     """Yield the rows below the header, which is the first that is not empty, which say anything."""
     header: list[str] = []
-    cells = 0
-    bounds = {"max_row": MAX_SHEET_ROWS, "max_col": MAX_SHEET_COLUMNS}
-    for values in sheet.iter_rows(values_only=True, **bounds):
+    cells = letters = 0
+    bounds = {"max_row": MAX_SHEET_ROWS + 1, "max_col": MAX_SHEET_COLUMNS + 1}
+    for number, values in enumerate(sheet.iter_rows(values_only=True, **bounds)):
         row = [_text(value) for value in values]
         cells += sum(map(bool, row))
-        if cells > MAX_CELLS:
-            raise ValueError(f"sheet {sheet.title}: more than {MAX_CELLS:,} cells")
+        letters += sum(map(len, row))  # many cells may name one text of the file
+        if cells > MAX_CELLS or letters > COBIE.bytes or max(map(len, row), default=0) > MAX_CELL:
+            raise ValueError(
+                f"sheet {sheet.title}: more than {MAX_CELLS:,} cells, {COBIE.bytes:,} letters, or "
+                f"{MAX_CELL:,} letters in one cell"
+            )
+        if number == MAX_SHEET_ROWS or any(row[MAX_SHEET_COLUMNS:]):
+            raise ValueError(
+                f"sheet {sheet.title}: more than {MAX_SHEET_ROWS:,} rows or "
+                f"{MAX_SHEET_COLUMNS} columns"
+            )
         if not header:
             header = [_key(name) for name in row] if any(row) else []
             continue
@@ -184,24 +197,34 @@ def _list_rooms(sheets: _Sheets, notes: Counter[str]) -> list[Room]:
     for number, row in enumerate(spaces.values()):
         label, common = _name_room(row)
         floor = levels.get(_key(row.get("floorname", "")))
-        area = _number(row.get("netarea")) or _number(row.get("grossarea"))
+        said = [row[name] for name in ("netarea", "grossarea") if name in row]
+        areas = [value * (unit or math.nan) for text in said if (value := _number(text))]
+        area = next(filter(is_floor_area, areas), None)
         if floor is None:
             notes["spaces are on a floor without an elevation: their level is not known"] += 1
-        if area and not unit:
+        if said and not unit:
             notes["spaces have an area in an unknown unit: it is left out"] += 1
+        elif said and area is None:
+            notes["spaces have an area that is no possible number: it is left out"] += 1
         elif area and not is_unit_said:
             notes["spaces have an area without a unit: it is read as m²"] += 1
-        area = area * unit if area and unit else None
         rooms.append(Room(0, number, label, floor_index=floor, label=common, floor_area=area))
     return rooms
 
 
 def _name_room(space: _Row) -> tuple[str, str | None]:
     """Return the first of kind, description and name that says what a room is, and its label."""
-    kind = _CODE.sub("", space.get("category", ""), count=1)
+    kind = _strip_code(space.get("category", ""))
     words = [word for word in (kind, space.get("description", ""), space["name"]) if word]
     found = ((word, label_of("cobie", word)) for word in words)
     return next(((word, label) for word, label in found if label), (words[0], None))
+
+
+def _strip_code(category: str) -> str:
+    """Return the title of a category, without the code of its classification."""
+    code, _, title = category.partition(":")
+    is_code = _CODE.fullmatch(code) and any(letter.isdigit() for letter in code)
+    return title.strip() if is_code and title.strip() else category
 
 
 def _rank_floors(sheets: _Sheets, spaces: Iterable[_Row]) -> dict[str, int]:
@@ -216,10 +239,7 @@ def _rank_floors(sheets: _Sheets, spaces: Iterable[_Row]) -> dict[str, int]:
 
 def _find_unit(facilities: list[_Row]) -> float | None:
     """Return the unit of areas in m²; None if it is neither of feet nor of metres."""
-    unit = _key(_first(facilities).get("areaunits", "m2"))
-    if _FEET.search(unit):
-        return _SQUARE_FOOT
-    return 1.0 if _METRES.search(unit) else None
+    return _UNITS.get(_key(_first(facilities).get("areaunits", "m2")))
 
 
 def _find_facility_kind(facilities: list[_Row]) -> str | None:
@@ -274,7 +294,7 @@ def _find_rooms(said: str, places: Mapping[str, int], notes: Counter[str]) -> li
 
 def _name_type(row: _Row, class_map: ClassMap) -> str:
     """Return the first word for a type that the class map knows; else its description or name."""
-    title = _CODE.sub("", row.get("category", ""), count=1)
+    title = _strip_code(row.get("category", ""))
     said = [row.get("description", ""), row.get("name", ""), title]
     words = (word for text in said for word in (text, _find_noun(text)) if word)
     known = (word for word in words if class_map.classify(word).category not in (None, UNKNOWN))

@@ -165,7 +165,7 @@ def _encode_graph(partial: PartialGraph) -> Document:
         "layer_ids": list(_LAYERS.values()),
         "layer_keys": list(keys.values()),
         "layer_names": keys,
-        "metadata": {"bsg": {"partial": {key: said[key] for key in GRAPH_WORDS}}},
+        "metadata": {"bsg": {"partial": {key: said[key] for key in GRAPH_WORDS if key in said}}},
         "nodes": nodes,
         "edges": [
             {"source": _symbol(layer, a), "target": _symbol(other, b), "info": info}

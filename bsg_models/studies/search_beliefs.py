@@ -49,6 +49,7 @@ class ModelBeliefs:
         self._cells = data.cells(scene_id)
         self._connections = data.connections(scene_id)
         self._surroundings = data.surroundings(scene_id)
+        self._blind = ~data.nameable(scene_id)
         every = data.others(scene_id)
         self._others = place_others(every.cells, every.categories, model.vocabulary)
         self._wholes = (
@@ -129,6 +130,7 @@ class ModelBeliefs:
             left=(classified, others),
             searched=state[1 + width :] > 0,
             artifacts=state[1 : 1 + width],
+            blind=self._blind,
             wholes=self._wholes,
             vocabulary=self._model.vocabulary,
             connections=self._connections,

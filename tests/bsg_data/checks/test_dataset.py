@@ -186,6 +186,8 @@ def with_a_box(column: str, value: object) -> Change:
         (OBJECTS, with_a_box("box_min_x", 99.0), "its box or its largest part is impossible"),
         (OBJECTS, with_a_box("part_max_z", 99.0), "its box or its largest part is impossible"),
         (OBJECTS, with_a_box("centroid_y", -99.0), "its box or its largest part is impossible"),
+        (OBJECTS, with_a_box("area", np.inf), "area is not above 0"),
+        (ROOMS, with_a_box("floor_area", np.inf), "its geometry is impossible"),
         (OBJECTS, with_a_box("centroid_y", None), "its box or its largest part is impossible"),
         (OBJECTS, with_a_box("box_max_x", np.inf), "its box or its largest part is impossible"),
         (OBJECTS, with_a_box("box_min_x", None), "its box or its largest part is impossible"),

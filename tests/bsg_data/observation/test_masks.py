@@ -236,6 +236,8 @@ def test_objects_in_no_room_are_in_no_graph_of_a_part() -> None:
     assert part.cut(cells).tolist() == [[0, 0], [3, 3], [3, 3]]
     assert whole.cut(cells).tolist() == cells.tolist()
     assert part.in_building(5).hidden_share[[n for n in range(1, 5) if n not in part.nodes]].all()
+    entered = np.isin(np.arange(5), part.nodes[part.visited])
+    assert part.in_building(5).visited.tolist() == entered.tolist()
 
 
 def test_a_detector_that_knows_few_words_shows_no_other_class_in_any_room() -> None:

@@ -83,6 +83,7 @@ def search(
     others: list[list[int]],
     others_left: list[list[int]] | None = None,
     wholes: list[int] | None = None,
+    blind: list[int] | None = None,
 ) -> Observation:
     """Observe a search; every room was visited and hides half, if no view is given."""
     nodes = len(cells)
@@ -93,6 +94,7 @@ def search(
         left=(np.array(left), np.array(others_left or others)),
         searched=np.isin(np.arange(nodes), searched),
         artifacts=np.array([artifact]),
+        blind=np.isin(np.arange(len(cells[0])), blind or []),
         wholes=None if wholes is None else np.array(wholes),
         vocabulary=("tap",),
         connections=Connections.of_pairs(()),
@@ -146,3 +148,10 @@ def test_parts_of_what_is_withheld_are_withheld() -> None:
     cells, rods = [[1], [2], [0]], [[1], [2], [1]]
     seen = search(cells, cells, others=rods, searched=[], artifact=0, wholes=[0])
     assert seen.others.ravel().tolist() == [2, 0, 1]
+
+
+def test_what_a_source_cannot_name_is_not_absent_in_a_searched_room() -> None:
+    cells = [[0, 0], [1, 0], [2, 0]]
+    seen = search(cells, cells, searched=[1], artifact=0, others=[[0]] * 3, blind=[1])
+    assert seen.withheld[1].tolist() == [False, True]
+    assert seen.cell_share[1].tolist() == [0.0, 1.0]

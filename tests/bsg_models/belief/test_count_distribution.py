@@ -281,3 +281,15 @@ def test_a_tilted_prior_is_closed_under_thinning() -> None:
         gained = log_normaliser(left, mean, r) - log_normaliser(tilts, a / b, a)
         assert float(untilted + gained) == pytest.approx(float(np.log(joint.sum())))
     assert hidden_tilts(tilts, np.array(1)) == [1.1, -0.6, 0.0]
+
+
+@pytest.mark.parametrize("q", [-0.1, 1.0])
+def test_a_quantile_is_of_0_to_below_1(q: float) -> None:
+    with pytest.raises(ValueError, match="q must be 0 to below 1"):
+        poisson(np.ones((1, 1))).quantile(q)
+
+
+def test_barely_above_one_object_the_series_is_exact() -> None:
+    mean = 1e-4 * (1 + 9e-4)
+    found = zero_inflated(np.array([[1e-4]]), np.array([[mean]])).mean[0, 0]
+    assert found == pytest.approx(mean, rel=1e-11, abs=0)

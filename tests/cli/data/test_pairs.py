@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from data_commands import run
 
 
@@ -25,3 +26,9 @@ def test_explore_withholds_and_hides_parts_if_so_asked(dataset: Path) -> None:
     assert "sound" in run("check", dataset).stdout
     for wrong in (("--withhold", "1.1"), ("--fraction", "nan"), ("--mask", "view")):
         run("pairs", dataset, "--force", *wrong, code=2)
+
+
+@pytest.mark.parametrize("mask", ["uniform", "rooms", "search", "explore", "tour"])
+def test_only_masks_that_read_connections_say_that_none_is_known(dataset: Path, mask: str) -> None:
+    said = run("pairs", dataset, "--force", "--draws", "1", "--mask", mask).stderr
+    assert ("no adjacency" in said) == (mask in ("explore", "tour"))
