@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from pathlib import PurePosixPath
 
 import numpy as np
 import pyarrow as pa
@@ -79,11 +80,12 @@ def _sort_by_place(entries: tuple[FileEntry, ...]) -> list[FileEntry]:
     Every split has its scenes in order, so files of the same parts become neighbours.
     """
     sizes = Counter(split_of_file(entry.path) for entry in entries)
-    number = len("00000.parquet")
-    return sorted(
-        entries,
-        key=lambda entry: int(entry.path[-number:][:5]) / sizes[split_of_file(entry.path)],
-    )
+
+    def place(entry: FileEntry) -> float:
+        split = split_of_file(entry.path)  # `test-00003.parquet`: the fourth of its split
+        return int(PurePosixPath(entry.path).stem.rpartition("-")[2]) / sizes[split]
+
+    return sorted(entries, key=place)
 
 
 def _group(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:

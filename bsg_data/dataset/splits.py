@@ -171,6 +171,6 @@ def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     if empty:
         raise RecipeError(
             f"{len(chosen)} scenes with ratios {recipe.ratios} leave {' and '.join(empty)} empty; "
-            "take more scenes or other ratios"
+            "take more scenes or other ratios; 0 0 1 keeps all for testing"
         )
     return chosen

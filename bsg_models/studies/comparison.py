@@ -397,5 +397,7 @@ def _notes(loaded: Sequence[_Loaded], measuring: _Measuring) -> Iterator[str]:
         yield f"note: the figures show one in {measuring.stride} masked buildings"
     if whole:
         yield "note: the dataset has no split: all of its buildings are measured, under new masks"
-    elif split == "train":
+    elif measuring.request.fresh != PairsRecipe():
+        yield "note: the dataset has pairs: their masks are measured, not those asked for"
+    if split == "train" and not whole:
         yield "note: the models were trained on these buildings"

@@ -43,6 +43,11 @@ def trained(dataset: Path, tmp_path: Path) -> Path:
 def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
     result = run(trained, "--data", dataset, "--resamples", "3")
     assert "measured on 1 building: intervals" in result.stderr
+    asked = run(trained, "--data", dataset, "--resamples", "3", "--mask", "rooms", "--force")
+    assert asked.stdout == result.stdout
+    assert set(asked.stderr.splitlines()) - set(result.stderr.splitlines()) == {
+        "note: the dataset has pairs: their masks are measured, not those asked for"
+    }
     assert "worse" not in result.stdout
     assert f"ceci-gcn {' '.join(BASELINES)}" in " ".join(result.stdout.split())
     for name in (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]):
