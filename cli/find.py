@@ -57,7 +57,7 @@ def _print_places(
     """Print the rooms of one thing as a table, then how likely the building has one."""
     if meaning.how:
         print_note(meaning.how)
-    header = ("room", f"P({meaning.class_name})", "expected more", "seen", "cost")
+    header = ("room", f"P({meaning.name})", "expected more", "seen", "cost")
     words = {obj.name: f"{obj.name} ({obj.raw_category})" for obj in seen.graph.objects}
     columns = len(header) if unit else len(header) - 1
     rows = [

@@ -38,12 +38,13 @@ from bsg_data.observation.robot_json import (
     list_unmapped,
     parse_robot_graph,
 )
-from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, list_class_maps, load_class_map
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import GraphFile, open_graph_file
+from bsg_models.belief.nouns import read_nouns
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning, find_room, set_hidden_shares
@@ -51,6 +52,9 @@ from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shi
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.catalogue import AnyPlanner
 from bsg_models.search.knowledge import Task
+
+# Models besides the building's own, and their class maps.
+_OTHERS = {1: (WIDE_MODEL, WIDE_MAP), 2: (DEFAULT_MODEL, DEFAULT_CLASS_MAP)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +165,10 @@ class SeenBuilding:
         self._notes = notes
         self._lock = RLock()
         self._graph = graph
-        self._models = [model if isinstance(model, Predictor) else Predictor(model)]
+        own = model if isinstance(model, Predictor) else Predictor(model)
+        self._models = {
+            0: own
+        }  # 0: the building's own, 1: the wide one, 2: that nouns are judged by
         self._beliefs: dict[int, tuple[PartialGraph, Expectation]] = {}
 
     @property
@@ -441,18 +448,21 @@ class SeenBuilding:
     @_alone
     def asked(self, thing: str) -> str:
         """Return the name of the model that answers for a word."""
-        return WIDE_MODEL if self.understand(thing).model else self.model
+        meaning = self.understand(thing)
+        model = self._judge if meaning.class_index is None else meaning.model
+        return self.model if model == 0 else _OTHERS[model][0]
 
     @_alone
     def understand(self, thing: str) -> Meaning:
-        """Return the class and model that answer for a word, and why.
+        """Return what a word is taken for, and why.
 
         The building's own model is preferred. If it has no class for the word, the shipped model
-        `universal-wide` with its 170 classes answers. It does not if everybody may use the
-        building's model: `universal-wide` is for research.
+        `universal-wide` with its 170 classes answers; and a word without a class is judged by what
+        it means (`NounTable`). Neither helps a model that everybody may use: both are for research.
         """
         own = self._models[0].class_map.version not in list_class_maps()
-        return find_meaning(thing, self._class_maps(), prefer_exact=not own)
+        nouns = None if self._models[0].is_free else read_nouns()
+        return find_meaning(thing, self._class_maps(), prefer_exact=not own, nouns=nouns)
 
     def ways(self, costs: Costs | None = None) -> Ways:
         """Return the costs of going from room to room, at most 2,000 rooms.
@@ -475,21 +485,49 @@ class SeenBuilding:
         if has_wide and not model.is_free:
             yield wide
 
+    @property
+    def _judge(self) -> int:
+        """The model by whose classes nouns are judged."""
+        return 0 if self._models[0].class_space == load_class_map().space else 2
+
     def _look_up(self, thing: str) -> _Answer:
         meaning = self.understand(thing)
-        (graph, belief), column = self._believe(meaning.model), meaning.class_index
-        seen: list[list[str]] = [[] for _ in range(len(graph.rooms) + 1)]
-        for obj in graph.objects:
-            if obj.class_index == column:
-                seen[obj.room_index].append(obj.name)
-        ids = [tuple(names) for names in seen]
-        return ids, belief.presence[:, column], belief.hidden[:, column]
+        seen: list[list[str]] = [[] for _ in range(len(self._graph.rooms) + 1)]
+        if meaning.noun is not None:
+            graph, belief = self._believe(self._judge)
+            counts = read_nouns().expect(meaning.noun, belief)
+            presence, hidden = counts.presence[:, 0], counts.mean[:, 0]
+            found = [obj for obj in graph.objects if meaning.noun.names(obj.raw_category)]
+        if meaning.class_index is not None:
+            (graph, belief), column = self._believe(meaning.model), meaning.class_index
+            counted = belief.presence[:, column], belief.hidden[:, column]
+            found = [obj for obj in graph.objects if obj.class_index == column]
+            presence, hidden = (
+                counted if meaning.noun is None else _narrow(counted, (presence, hidden))
+            )
+        for obj in found:
+            seen[obj.room_index].append(obj.name)
+        return [tuple(names) for names in seen], presence, hidden
 
     def _believe(self, model: int) -> tuple[PartialGraph, Expectation]:
         """Return the graph as a model reads it, and what it believes; 0 is the building's own."""
-        if model == len(self._models):
-            self._models.append(Predictor(WIDE_MODEL))
+        if model not in self._models:
+            self._models[model] = Predictor(_OTHERS[model][0])
         if model not in self._beliefs:
-            graph = reclassify(self._graph, load_class_map(WIDE_MAP)) if model else self._graph
+            graph = (
+                self._graph
+                if not model
+                else reclassify(self._graph, load_class_map(_OTHERS[model][1]))
+            )
             self._beliefs[model] = graph, self._models[model](graph)
         return self._beliefs[model]
+
+
+def _narrow(counted: tuple[Floats, Floats], judged: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Return presence and number of a kind of a class's things: a geometric mean of two beliefs.
+
+    The class is counted but wider; the noun is exact but judged by its meaning alone.
+    """
+    rates = [-np.log1p(-np.minimum(presence, 1 - 1e-12)) for presence, _ in (counted, judged)]
+    presence = -np.expm1(-np.sqrt(rates[0] * rates[1]))
+    return presence, np.sqrt(counted[1] * judged[1])

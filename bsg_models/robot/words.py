@@ -12,6 +12,7 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
 from bsg_data.scene.class_map import ClassMap, normalise_name
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
+from bsg_models.belief.nouns import Noun, NounTable, singulars, split_head
 
 MOST_CHARACTERS = 100
 SHORT = 5  # letters: nearly every shorter word resembles another one
@@ -22,25 +23,45 @@ LIKE_A_MISSPELLING = 0.85  # difflib's ratio: accepts microwav, refridgerator; n
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """The class that a word is taken for."""
+    """What a word is taken for: a class, or a noun that no model counts.
 
-    word: str  # as it was asked
-    class_name: str
-    class_index: int  # in its class space
-    model: int  # index of the model that has this class, among the models offered
-    how: str  # why this class, in words; empty if the word is the name of the class
-    is_exact: bool  # whether the class holds only such things; False for a teapot in `tableware`
+    Attributes:
+        word: as it was asked.
+        class_name: None if no model has a class for it.
+        class_index: in its class space; None without a class.
+        model: index of the model that has this class, among the models offered; 0 without a class.
+        how: why, in words; empty if the word is the name of the class.
+        is_exact: whether the class holds only such things; False for a teapot in `tableware`.
+        noun: what the word means, if it is known and no class holds only such things.
+    """
+
+    word: str
+    class_name: str | None
+    class_index: int | None
+    model: int
+    how: str
+    is_exact: bool
+    noun: Noun | None = None
+
+    @property
+    def name(self) -> str:
+        """The class, or else the noun."""
+        return self.class_name or self.word
 
 
 def find_meaning(
-    word: str, class_maps: Iterable[ClassMap], *, prefer_exact: bool = True
+    word: str,
+    class_maps: Iterable[ClassMap],
+    *,
+    prefer_exact: bool = True,
+    nouns: NounTable | None = None,
 ) -> Meaning:
-    """Return the class that a word means.
+    """Return what a word means: a class, or else a noun.
 
     The first map with a class for the word wins, but a class of exactly such things comes before a
     wider class of an earlier map: a laptop is a computer only if no map has a class of laptops. A
-    word that no map knows is taken for a very similar name. A known name without a class is never
-    taken for a misspelling.
+    word without a class is looked up among the `nouns`, unless it is a part of the building. A word
+    that nobody knows is taken for a very similar name.
 
     `class_maps` has one per model that can be asked, the preferred one first; later ones are only
     loaded if they are needed. `prefer_exact=False` takes the first map that has a class for the
@@ -60,10 +81,28 @@ def find_meaning(
             return found
         asked.append(class_map)
         wider = wider or found
-    return wider or _guess(word, asked)
+    noun = nouns.find(word) if nouns else None
+    if wider is not None:  # a sofa is a couch; a teapot is not just any tableware
+        is_same = noun is None or wider.class_name in noun.like
+        return wider if is_same else replace(wider, noun=noun)
+    roles = {class_map.classify(word).role for class_map in asked}
+    if noun is not None and "structure" not in roles:
+        return Meaning(word, None, None, 0, _explain(noun), is_exact=False, noun=noun)
+    return _guess(word, asked, nouns)
 
 
-def _guess(word: str, class_maps: Sequence[ClassMap]) -> Meaning:
+def _explain(noun: Noun) -> str:
+    """Say that a noun is not counted, and what it is judged by."""
+    by_head = (
+        "" if split_head(noun.name) == ([], noun.head) else f"{noun.name!r} is a {noun.head}; "
+    )
+    return (
+        f"{by_head}no model counts {noun.head!r}, so it is judged by what is like it: "
+        f"{', '.join(noun.like)}"
+    )
+
+
+def _guess(word: str, class_maps: Sequence[ClassMap], nouns: NounTable | None) -> Meaning:
     """Return the meaning of a misspelt name."""
     near = _spelled_alike(word, class_maps)
     if near and not any(class_map.classify(word).category for class_map in class_maps):
@@ -73,6 +112,8 @@ def _guess(word: str, class_maps: Sequence[ClassMap]) -> Meaning:
             name = class_maps[model].classes[index]
             return Meaning(word, name, index, model, how, is_exact=False)
     names = [name for name, *_ in near]
+    if not names and nouns is not None:
+        names = list(meant_names(normalise_name(word), nouns.known))
     raise RecipeError(_refusal(word, class_maps, names), code="thing-unknown", where=word)
 
 
@@ -91,8 +132,9 @@ def _look_up(word: str, class_map: ClassMap, model: int) -> Meaning | None:
     if said != normalise_name(str(found.category)):
         rule = "" if found.rule is None else f" by the rule {found.rule!r}"
         steps.append(f"{word!r} is {found.category!r}{rule}")
-    is_exact = found.category == name
-    if not is_exact:
+    is_named = name in (found.category, *singulars(str(found.category)))
+    is_exact = is_named and found.rule != "head noun"
+    if found.category != name:
         steps.append(f"{found.category!r} is one of the class {name!r}")
     return Meaning(word, name, found.class_index, model, ", ".join(steps), is_exact=is_exact)
 

@@ -184,3 +184,46 @@ def test_a_graph_is_a_file_or_a_document() -> None:
     assert by_file.graph == by_document.graph == read_robot_graph(OFFICE)
     with pytest.raises(SourceError):
         open_graph({"scene_id": "x"}, model="mixture")
+
+
+def test_a_thing_that_no_model_counts_is_judged_and_found(seen: SeenBuilding) -> None:
+    meaning = seen.understand("banana")
+    assert (meaning.class_name, meaning.class_index) == (None, None)
+    assert all(one in meaning.how for one in ("banana", "judged by", "pear"))
+    places = seen.where("banana")
+    assert places[0].room == "kitchen" == seen.next_room("banana")
+    assert 0 < places[0].probability < seen.where("sink")[0].probability
+    assert places[0].probability <= seen.anywhere("banana") < 1
+    assert seen.asked("banana") == "mixture"
+    seen.saw("meeting-room", "Bananas", object_id="b")
+    first = seen.where("banana")[0]
+    assert (first.room, first.probability, first.seen) == ("meeting-room", 1.0, ("b",))
+    assert seen.next_room("banana") == "meeting-room"
+
+
+def test_a_searched_room_hides_no_noun(seen: SeenBuilding) -> None:
+    seen.searched("kitchen")
+    places = {place.room: place for place in seen.where("banana")}
+    assert places["kitchen"].probability == places["kitchen"].expected == 0
+
+
+def test_a_kind_of_a_class_is_rarer_than_the_class(seen: SeenBuilding) -> None:
+    tableware = {place.room: place for place in seen.where("tableware")}
+    teapots = {place.room: place for place in seen.where("tea strainer plate")}
+    for room, place in teapots.items():
+        assert place.expected <= tableware[room].expected
+
+
+def test_another_class_space_asks_the_default_model_for_nouns() -> None:
+    wide = SeenBuilding(
+        reclassify(read_robot_graph(OFFICE), load_class_map("hm3d-wide-v1")), "universal-wide"
+    )
+    same = open_graph(OFFICE)
+    assert wide.asked("banana") == "universal"
+    assert wide.where("banana") == same.where("banana")
+
+
+def test_a_free_model_is_not_helped_by_a_table_with_terms() -> None:
+    free = open_graph(OFFICE, model="behavior")
+    with refuses(RecipeError, "thing-unknown", "banana"):
+        free.where("banana")

@@ -1,0 +1,251 @@
+"""Say where a thing may be that no dataset counts, from what its name means.
+
+A noun has a vector v and a base b, distilled from word vectors, a taxonomy of things, and counts of
+other words (`scripts/measure/nouns.py`). In a room with the expected content E `[C]` its rate is
+
+    λ = share exp(b + v · s),   s = P log(E + ε) + c
+
+where `share` is the part of the content that was not seen. The count is negative binomial: its
+dispersion is what held-out words leave uncertain, so a noun is never as sure as a counted class.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from safetensors.numpy import load, save
+
+from bsg_data.arrays import Bools, Floats
+from bsg_data.files import write_bytes
+from bsg_data.scene.class_map import normalise_name
+from bsg_models.belief.count_distribution import CountDistribution
+from bsg_models.belief.expectation import Expectation
+
+NOUNS = "nouns-v1.safetensors"  # a file of the package `bsg_mappings`
+EPSILON = 0.005  # objects, added to an expected count before its logarithm
+HEAD = 0.5  # weight of the head of a compound; the words before it share the rest
+_MOST_WORDS = 12
+_SHORT = 4  # letters: shorter parts of a word are chance
+# What follows one of these says more about the thing before it: a cup of tea.
+_PREPOSITION = re.compile(r" (?:of|for|with|without|from|in|on|to) ")
+_PARTITIVE = re.compile(
+    r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
+)
+_DETERMINERS = frozenset(
+    [
+        "a",
+        "an",
+        "the",
+        "my",
+        "your",
+        "his",
+        "her",
+        "its",
+        "our",
+        "their",
+        "this",
+        "that",
+        "some",
+        "any",
+    ]
+)
+_ENDINGS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""))
+
+
+def singulars(word: str) -> Iterator[str]:
+    """Yield what can be the singular of a word; not each is a word."""
+    for plural, ending in _ENDINGS:
+        if word.endswith(plural) and len(word) > len(plural) + 1:
+            yield word.removesuffix(plural) + ending
+
+
+def split_head(name: str) -> tuple[list[str], str]:
+    """Return the words before the head of a name, and the head; empty if there is none.
+
+    >>> split_head("my cup of tea"), split_head("a pair of running shoes")
+    (([], 'cup'), (['running'], 'shoes'))
+    """
+    said = re.sub(r"[^\w']|_", " ", normalise_name(name)).rstrip(" 0123456789")
+    words = [word.removesuffix("'s") for word in said.split()[:_MOST_WORDS]]
+    while words and words[0] in _DETERMINERS:
+        words = words[1:]
+    bare = _PARTITIVE.sub("", " ".join(words))
+    words = _PREPOSITION.split(bare, maxsplit=1)[0].split()
+    return (words[:-1], words[-1]) if words else ([], "")
+
+
+def describe_state(expected: Floats) -> Floats:
+    """Return log(E + ε) of expected contents `[N, C]`."""
+    return np.asarray(np.log(np.maximum(expected, 0.0) + EPSILON))
+
+
+@dataclass(frozen=True, eq=False)
+class Noun:
+    """A thing that no dataset counts.
+
+    Attributes:
+        name: as it was asked.
+        head: the word that decides what it is.
+        like: counted things that are most like it, which it is judged by.
+        base: b, log of the rate in a room of the mean state.
+        vector: v `[K]`.
+    """
+
+    name: str
+    head: str
+    like: tuple[str, ...]
+    base: float
+    vector: Floats
+
+    def names(self, category: str) -> bool:
+        """Return whether a robot's name for an object is this noun, or says more about one."""
+        asked, said = split_head(self.name), split_head(category)
+        heads = {said[1], *singulars(said[1])} & {asked[1], *singulars(asked[1])}
+        return bool(heads) and set(asked[0]) <= set(said[0])
+
+
+@dataclass(frozen=True, eq=False)
+class NounTable:
+    """What V words mean.
+
+    Attributes:
+        classes: `[C]` of the class space whose expected contents it reads.
+        rows: word → row.
+        things: `[V]` whether the word is a thing; others only occur before a head.
+        vectors: `[V, K]` in units of `scale`.
+        scale: `[K]`.
+        bases: `[V]`.
+        near: `[V, 3]` rows of `counted` that are most like the word.
+        counted: the words that some dataset counts.
+        projection: P `[C, K]`.
+        centre: c `[K]`.
+        dispersion: of the counts.
+    """
+
+    classes: tuple[str, ...]
+    rows: dict[str, int]
+    things: Bools
+    vectors: Floats
+    scale: Floats
+    bases: Floats
+    near: Floats
+    counted: tuple[str, ...]
+    projection: Floats
+    centre: Floats
+    dispersion: float
+
+    @property
+    def known(self) -> list[str]:
+        """The things, the most frequent first."""
+        return [word for word, row in self.rows.items() if self.things[row]]
+
+    def find(self, name: str) -> Noun | None:
+        """Return what a name means; None if its head is no known thing.
+
+        A compound goes by its head; known words before the head move it: a bath mat is a mat that
+        is in bathrooms.
+        """
+        before, head = self._split(name)
+        row = self._row(head, things=True)
+        if row is None:
+            return None
+        found = [one for word in before if (one := self._row(word)) is not None]
+        rows = np.array([row, *found])
+        weights = np.array([1.0] if not found else [HEAD, *[(1 - HEAD) / len(found)] * len(found)])
+        like = tuple(self.counted[one] for one in self.near[row].astype(int))
+        vector = weights @ (self.vectors[rows] * self.scale)
+        return Noun(name, head, like, float(weights @ self.bases[rows]), vector)
+
+    def _split(self, name: str) -> tuple[list[str], str]:
+        """Return the words before the head of a name, and the head: the last word that is a thing.
+
+        A word that is unknown is taken apart: a dishtowel is a towel, and a laminator laminates.
+        """
+        before, head = split_head(name)
+        words = [part for word in (*before, head) for part in self._take_apart(word)]
+        while len(words) > 1 and self._row(words[-1], things=True) is None:
+            words = words[:-1]
+        return words[:-1], words[-1] if words else ""
+
+    def _take_apart(self, word: str) -> list[str]:
+        if self._row(word) is None:
+            for agent in ("er", "or"):  # a laminator is what laminates
+                stems = [word.removesuffix(agent) + end for end in ("", "e")]
+                if word.endswith(agent) and (
+                    found := [s for s in stems if self._row(s, things=True) is not None]
+                ):
+                    return found[:1]
+            for end in range(_SHORT, len(word) - _SHORT + 1):
+                parts = [word[:end], word[end:]]
+                if all(self._row(part) is not None for part in parts):
+                    return parts
+        return [word]
+
+    def _row(self, word: str, *, things: bool = False) -> int | None:
+        rows = (self.rows.get(one) for one in (word, *singulars(word)))
+        return next((r for r in rows if r is not None and (self.things[r] or not things)), None)
+
+    def expect(self, noun: Noun, belief: Expectation) -> CountDistribution:
+        """Return the hidden counts of a noun at every node, `[N, 1]`.
+
+        Node 0, the building, holds what its rooms do; a building without rooms is one.
+        """
+        rates = np.exp(noun.base + self.states(belief.expected) @ noun.vector)
+        hidden, all_ = belief.hidden.sum(axis=1), belief.expected.sum(axis=1)
+        rates *= np.divide(hidden, all_, out=np.zeros_like(hidden), where=all_ > 0)
+        if len(rates) > 1:
+            rates[0] = rates[1:].sum()
+        means = rates[None, :, None]
+        same = np.full_like(means, self.dispersion)
+        return CountDistribution(means, same, np.ones_like(means))
+
+    def states(self, expected: Floats) -> Floats:
+        """Return s `[N, K]` of expected contents `[N, C]`."""
+        return np.asarray(describe_state(expected) @ self.projection + self.centre)
+
+
+def write_nouns(table: NounTable, path: Path) -> None:
+    """Write a table, the same bytes for the same table."""
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "things": np.packbits(table.things),
+        "vectors": np.ascontiguousarray(table.vectors, np.int8),
+        "scale": table.scale.astype(np.float32),
+        "bases": table.bases.astype(np.float16),
+        "near": np.ascontiguousarray(table.near, np.uint16),
+        "projection": np.ascontiguousarray(table.projection, np.float32),  # its bytes are saved
+        "centre": table.centre.astype(np.float32),
+        "dispersion": np.array([table.dispersion], np.float32),
+    }
+    texts = {"classes": table.classes, "words": tuple(table.rows), "counted": table.counted}
+    arrays |= {name: np.frombuffer("\n".join(t).encode(), np.uint8) for name, t in texts.items()}
+    write_bytes(path, save(arrays))
+
+
+@cache
+def read_nouns() -> NounTable:
+    """Read the table that is shipped; a process reads it once."""
+    kept = load(files("bsg_mappings").joinpath(NOUNS).read_bytes())
+    classes, words, counted = (
+        tuple(kept[name].tobytes().decode().split("\n")) for name in ("classes", "words", "counted")
+    )
+    return NounTable(
+        classes=classes,
+        rows={word: row for row, word in enumerate(words)},
+        things=np.unpackbits(kept["things"], count=len(words)).astype(bool),
+        vectors=kept["vectors"],
+        scale=kept["scale"],
+        bases=kept["bases"].astype(np.float32),
+        near=kept["near"],
+        counted=counted,
+        projection=kept["projection"],
+        centre=kept["centre"],
+        dispersion=float(kept["dispersion"][0]),
+    )

@@ -1,0 +1,745 @@
+"""Make the table of nouns: what rooms an everyday thing is in that no dataset counts.
+
+    python scripts/measure/nouns.py --leaderboard BOARD --behavior DATASET --housekeep objects.csv \
+        --glove FOLDER --wordnet FOLDER --out weights
+
+GloVe 6B (public domain) says which words are alike, WordNet 3.0 which are physical things. The rate
+of a noun in a room is a bilinear function of its features and of what `universal` believes of the
+room (`bsg_models.belief.nouns`). It is learned by Poisson regression from the categories of HM3D
+and BEHAVIOR in masked rooms, and by logistic regression from Housekeep's train and val objects.
+The same inputs give the same bytes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from functools import cache, cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import torch
+from scipy.optimize import minimize
+
+from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.dataset.splits import read_splits
+from bsg_data.observation.masked_graph import mask_scene
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_map import is_nameless, load_class_map
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_models.belief.nouns import (
+    HEAD,
+    NounTable,
+    describe_state,
+    singulars,
+    split_head,
+    write_nouns,
+)
+from bsg_models.robot.seen_building import open_graph
+from bsg_models.runs.found_model import WIDE_MAP
+from bsg_models.runs.predictor import Predictor
+from bsg_models.zoo.model import one_thread
+
+MASKS = (
+    MaskRecipe(strategy="uniform", fraction=0.25),
+    MaskRecipe(strategy="uniform", fraction=0.5),
+    MaskRecipe(strategy="rooms"),
+)
+HALF_SEEN = 1  # of MASKS
+LEAST_ROOMS = 3  # a category in fewer says too little
+SIZE = 38_000  # things, the most frequent
+RANK = 16  # of the vectors
+# WordNet's lexicographer files of physical things, and how much a sense of each counts.
+PHYSICAL = {6: 1.0, 13: 1.0, 27: 0.3, 17: 0.3, 20: 0.3, 21: 0.2, 10: 0.2, 8: 0.15, 5: 0.15}
+EVERY_ROOM = (
+    *("bathroom", "bedroom", "childs_room", "closet", "corridor", "dining_room", "exercise_room"),
+    *("garage", "home_office", "kitchen", "living_room", "lobby", "pantry_room", "playroom"),
+    *("storage_room", "television_room", "utility_room"),
+)
+
+
+MOST_FREQUENT = 400_000  # of GloVe that can be taken for things by their neighbours
+_REFERENCE = 20_000  # of them are compared with
+_NEIGHBOURS = 10
+_WORD = re.compile("[a-z]{2,24}")
+_IS_THING = 0.3  # mean physical share of the neighbours of a name that WordNet lacks
+
+
+class Fit(NamedTuple):
+    """Strengths of the regression, chosen on held-out words and Housekeep's train and val."""
+
+    taxonomy: float = 1.2  # of WordNet's features against GloVe's
+    kin: float = 0.5  # weight of a word's relatives in its vector
+    ridge: float = 50.0
+    behavior: float = 0.1  # weight of BEHAVIOR's rooms
+    housekeep: float = 1.0
+    basis: int = 80  # features kept
+    steps: int = 40
+
+
+TUNED = Fit()
+
+# Words
+
+
+@dataclass(frozen=True, eq=False)
+class Lexicon:
+    """GloVe's vectors and WordNet's nouns."""
+
+    vectors: Floats  # [V, 50]
+    rank: Mapping[str, int]  # word → row, the most frequent first
+    senses: Mapping[str, Sequence[str]]  # noun → synsets, the most frequent first
+    kinds: Mapping[str, int]  # synset → lexicographer file
+    above: Mapping[str, Sequence[str]]  # synset → hypernyms
+    named: Mapping[
+        str, Sequence[str]
+    ]  # synset → its words and those of its hyponyms, one word each
+    _known: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def find(self, word: str) -> str | None:
+        """Return the word, or its singular, that has a vector."""
+        return next((one for one in (word, *singulars(word)) if one in self.rank), None)
+
+    def physical(self, word: str) -> dict[str, float]:
+        """Return the ancestors of the physical senses of a noun, with weights."""
+        if word not in self._known:
+            self._known[word] = self._weigh(word)
+        return self._known[word]
+
+    def physical_share(self, word: str) -> float:
+        """Return how much of the senses of a word are things."""
+        noun = next((one for one in (word, *singulars(word)) if one in self.senses), None)
+        senses = self.senses.get(noun or "", ())
+        total = sum(1 / place for place in range(1, len(senses) + 1))
+        found = (
+            min(PHYSICAL.get(self.kinds[sense], 0.0) / 0.5, 1.0) / place
+            for place, sense in enumerate(senses, 1)
+        )
+        return sum(found) / total if total else 0.0
+
+    def adopt_names(self) -> None:
+        """Take names that WordNet lacks for things if what GloVe finds alike are: brands, gadgets.
+
+        They get the ancestors of their neighbours. A misspelling of a neighbour is none.
+        """
+        ranked = list(self.rank)[:MOST_FREQUENT]
+        known = ranked[:_REFERENCE]
+        shares = np.array([self.physical_share(word) for word in known])
+        new = [word for word in ranked if _WORD.fullmatch(word) and not self._senses(word)]
+        unit = self.vectors / np.linalg.norm(self.vectors, axis=1, keepdims=True)
+        reference = unit[: len(known)].T
+        for start in range(0, len(new), 2000):
+            some = new[start : start + 2000]
+            likeness = unit[[self.rank[word] for word in some]] @ reference
+            nearest = np.argpartition(-likeness, _NEIGHBOURS + 1)[:, : _NEIGHBOURS + 1]
+            for word, rows in zip(some, nearest, strict=True):
+                others = [row for row in sorted(rows) if known[row] != word][:_NEIGHBOURS]
+                names = [known[row] for row in others]
+                if shares[others].mean() >= _IS_THING and not get_close_matches(
+                    word, names, 1, 0.8
+                ):
+                    self._known[word] = _mean_of([self.physical(name) for name in names])
+
+    def _weigh(self, word: str) -> dict[str, float]:
+        found: Counter[str] = Counter()
+        for sense, weight in self._senses(word).items():
+            for ancestor in self._ancestors(sense):
+                found[ancestor] += weight
+        return dict(found)
+
+    def _senses(self, word: str) -> dict[str, float]:
+        """Return the physical senses of a noun, with weights that sum to 1."""
+        noun = next((one for one in (word, *singulars(word)) if one in self.senses), None)
+        weights = {
+            sense: PHYSICAL[self.kinds[sense]] / place
+            for place, sense in enumerate(self.senses.get(noun or "", ()), 1)
+            if self.kinds[sense] in PHYSICAL
+        }
+        return {sense: weight / sum(weights.values()) for sense, weight in weights.items()}
+
+    def meaning(self, name: str) -> Floats:
+        """Return the vector of a name, the mean of its words; 0 if none is known."""
+        before, head = split_head(name)
+        found = [self.rank[one] for part in (*before, head) if (one := self.find(part)) is not None]
+        return self.vectors[found].mean(axis=0) if found else np.zeros(self.vectors.shape[1])
+
+    @cached_property
+    def relatives(self) -> Floats:
+        """What things of the same kinds mean, `[V, 50]`; a word that is no thing means itself.
+
+        The vector of `apple` is that of a company first; those of other fruits correct it, as in
+        retrofitting (Faruqui et al., NAACL 2015).
+        """
+        found = self.vectors.copy()
+        for word in self.senses.keys() & self.rank.keys():
+            parts = [
+                (w, v) for s, w in self._senses(word).items() if (v := self._kin(s)) is not None
+            ]
+            if parts:
+                found[self.rank[word]] = np.average(
+                    [vector for _, vector in parts], axis=0, weights=[weight for weight, _ in parts]
+                )
+        return found
+
+    @cache  # noqa: B019 - a lexicon lives as long as the process
+    def _kin(self, synset: str) -> Floats | None:
+        """Return the mean vector of what a synset, its hyponyms and its siblings are called."""
+        rows = [self.rank[w] for s in (synset, *self.above[synset]) for w in self.named.get(s, ())]
+        return self.vectors[rows].mean(axis=0) if rows else None
+
+    def _ancestors(self, synset: str) -> set[str]:
+        found, todo = set(), [synset]
+        while todo:
+            one = todo.pop()
+            if one not in found:
+                found.add(one)
+                todo += self.above[one]
+        return found
+
+
+def _mean_of(weighed: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the mean of those that are not empty."""
+    found: Counter[str] = Counter()
+    full = [one for one in weighed if one]
+    for one in full:
+        for name, weight in one.items():
+            found[name] += weight / len(full)
+    return dict(found)
+
+
+def read_lexicon(glove: Path, wordnet: Path) -> Lexicon:
+    """Read `glove_6B_index.parquet` and `glove_6B_50d_emb.npy`, and WordNet's noun files."""
+    words = pd.read_parquet(glove / "glove_6B_index.parquet")["index"]
+    vectors = np.load(glove / "glove_6B_50d_emb.npy", allow_pickle=False)
+    senses, kinds, above = {}, {}, {}
+    rank = {word: row for row, word in enumerate(words)}
+    named: dict[str, list[str]] = defaultdict(list)
+    for fields in _read_wordnet(wordnet / "index.noun"):
+        senses[fields[0].replace("_", " ")] = fields[-int(fields[2]) :]
+    for fields in _read_wordnet(wordnet / "data.noun"):
+        pointers = 5 + 2 * int(fields[3], 16)
+        links = zip(fields[pointers::4], fields[pointers + 1 :: 4], strict=False)
+        kinds[fields[0]] = int(fields[1])
+        above[fields[0]] = [synset for link, synset in links if link in ("@", "@i")]
+        for synset in (fields[0], *above[fields[0]]):
+            named[synset] += [
+                w for one in fields[4 : pointers - 1 : 2] if (w := one.lower()) in rank
+            ]
+    lexicon = Lexicon(vectors, rank, senses, kinds, above, named)
+    lexicon.adopt_names()
+    return lexicon
+
+
+def _read_wordnet(path: Path) -> Iterator[list[str]]:
+    for line in path.read_text("latin-1").splitlines():
+        if not line.startswith("  "):  # the licence
+            yield line.partition(" | ")[0].split()
+
+
+def list_words(lexicon: Lexicon, *, counted: Collection[str]) -> dict[str, bool]:
+    """Return the words of a table → whether they are things: the most frequent first.
+
+    Words that are no things are those that stand before the head of a compound in WordNet, or of a
+    counted word.
+    """
+    ranked = sorted(lexicon.rank, key=lexicon.rank.__getitem__)
+
+    def is_word(word: str) -> bool:
+        return _WORD.fullmatch(word) is not None and split_head(word)[1] == word
+
+    things = [word for word in ranked if is_word(word) and lexicon.physical(word)]
+    compounds = [name for name in (*lexicon.senses, *counted) if " " in name]
+    before = {
+        w
+        for name in compounds
+        if lexicon.physical(name) or name in counted
+        for w in name.split()[:-1]
+    }
+    heads = {split_head(name)[1] for name in counted}
+    must = [word for word in things[SIZE:] if word in heads]
+    found = dict.fromkeys([*things[: SIZE - len(must)], *must], True)
+    left = before - found.keys()
+    other = [word for word in ranked if word in left and is_word(word)]
+    return found | dict.fromkeys(other[:5000], False)
+
+
+class Features:
+    """The features of words: GloVe's vectors beside WordNet's ancestors, in a common basis."""
+
+    def __init__(self, lexicon: Lexicon, words: Sequence[str], fit: Fit) -> None:
+        self._lexicon, self._kin = lexicon, fit.kin
+        parts = {part for word in words for part in self._split(word)}
+        counted = Counter(a for part in sorted(parts) for a in lexicon.physical(part))
+        often = [a for a, n in counted.items() if 4 <= n < 0.8 * len(parts)]
+        self._column = {ancestor: column for column, ancestor in enumerate(sorted(often))}
+        self._mean = np.zeros(lexicon.vectors.shape[1] + len(self._column))
+        raw = np.stack([self._raw(word) for word in words])
+        self._mean, self._scale = raw.mean(axis=0), raw.std(axis=0)
+        size = lexicon.vectors.shape[1]
+        self._scale[:size] *= np.sqrt(size)
+        spread = (raw[:, size:] - self._mean[size:]).var(axis=0).sum()
+        self._scale[size:] = np.sqrt(spread) / max(fit.taxonomy, 1e-9)
+        scaled = (raw - self._mean) / self._scale
+        self._basis = np.linalg.svd(scaled, full_matrices=False)[2][: fit.basis]
+
+    def __call__(self, words: Sequence[str]) -> Floats:
+        """Return the features of words `[W, D]`."""
+        raw = np.stack([self._raw(word) for word in words])
+        return np.asarray((raw - self._mean) / self._scale @ self._basis.T)
+
+    def _split(self, word: str) -> list[str]:
+        before, head = split_head(word)
+        return [one for part in (head, *before) if (one := self._lexicon.find(part)) is not None]
+
+    def _raw(self, word: str) -> Floats:
+        parts = self._split(word)
+        if not parts:
+            return self._mean
+        head, *before = (self._of_one(part) for part in parts)
+        return HEAD * head + (1 - HEAD) * np.mean(before, axis=0) if before else head
+
+    def _of_one(self, word: str) -> Floats:
+        above = np.zeros(len(self._column))
+        for ancestor, weight in self._lexicon.physical(word).items():
+            if ancestor in self._column:
+                above[self._column[ancestor]] = weight
+        row, kin = self._lexicon.rank[word], self._kin
+        vector = (1 - kin) * self._lexicon.vectors[row] + kin * self._lexicon.relatives[row]
+        return np.concatenate([vector, above])
+
+
+# Rooms
+
+
+@dataclass(frozen=True, eq=False)
+class Rooms:
+    """Masked rooms of one source, and what they hide.
+
+    Attributes:
+        names: `[W]` words.
+        counts: `[R, W]` hidden objects.
+        states: `[R, C]` log of the believed contents.
+        shares: `[R]` part of the believed content that is hidden, above 0.
+        masks: `[R]` index of its mask in `MASKS`.
+        scenes: `[R]` building and mask, as `NAME/DRAW`.
+    """
+
+    names: tuple[str, ...]
+    counts: Floats
+    states: Floats
+    shares: Floats
+    masks: Ints
+    scenes: tuple[str, ...]
+
+    def take(self, *, names: Collection[str] | None = None, rows: Bools | None = None) -> Rooms:
+        """Return some of the words and rooms."""
+        kept = [w for w in self.names if names is None or w in names]
+        columns = [self.names.index(word) for word in kept]
+        which = np.flatnonzero(np.ones(len(self.masks), bool) if rows is None else rows)
+        return Rooms(
+            tuple(kept),
+            self.counts[np.ix_(which, columns)],
+            self.states[which],
+            self.shares[which],
+            self.masks[which],
+            tuple(self.scenes[row] for row in which),
+        )
+
+
+@cache
+def _words_of_categories() -> tuple[dict[str, str], frozenset[str]]:
+    wide = load_class_map(WIDE_MAP)
+    entries = wide.entries.values()
+    classes = {
+        str(e.category): wide.classes[e.class_index] for e in entries if e.class_index is not None
+    }
+    structure = wide.structure | load_class_map("behavior45-v1").structure
+    return classes, frozenset(structure)
+
+
+def word_of(category: str | None) -> str | None:
+    """Return the word that a category is counted as: its wide class if it has one."""
+    classes, structure = _words_of_categories()
+    if category is None or category in structure or is_nameless(category):
+        return None
+    return classes.get(category, category)
+
+
+def observe_rooms(
+    dataset: Path, models: Callable[[str], Predictor], *, draws: Sequence[int] = (0, 1)
+) -> Rooms:
+    """Mask the buildings of a dataset, and ask a model about each room that hides something.
+
+    Args:
+        dataset: in the class space of the models.
+        models: scene → the model to ask, which was not trained on it where one is at hand.
+        draws: numbers of the masks.
+    """
+    found: dict[str, list[tuple[int, int]]] = defaultdict(list)
+    states, shares, masks, scenes = [], [], [], []
+    space = Dataset.open(dataset).manifest.class_space
+    for graph in read_scene_graphs(dataset):
+        predictor, whole = models(graph.scene_id), _count_words(graph)
+        for number, mask in enumerate(MASKS):
+            for draw in draws:
+                partial = mask_scene(graph, mask, draw=draw, class_space=space)
+                belief = predictor(partial)
+                left = Counter((o.room_index, word_of(o.category)) for o in partial.objects)
+                rooms = {str(room.region_id): room.room_index for room in graph.rooms}
+                for node, room in enumerate(partial.rooms, 1):
+                    hidden = belief.hidden[node].sum()
+                    if hidden <= 0:
+                        continue
+                    for word, count in whole[rooms[room.name]].items():
+                        if count > left[node, word]:
+                            found[word].append((len(states), count - left[node, word]))
+                    states.append(describe_state(belief.expected[node]))
+                    shares.append(hidden / belief.expected[node].sum())
+                    masks.append(number)
+                    scenes.append(f"{graph.scene_id}/{draw}")
+        print(f"{graph.scene_id}: {len(states):,} rooms", file=sys.stderr, flush=True)
+    least = LEAST_ROOMS * len(MASKS) * len(draws) / 2  # a mask hides about half
+    names = sorted(word for word, rows in found.items() if len(rows) >= least)
+    counts = np.zeros((len(states), len(names)), np.float32)
+    for column, word in enumerate(names):
+        for row, count in found[word]:
+            counts[row, column] = count
+    arrays = (np.array(states), np.array(shares), np.array(masks))
+    return Rooms(tuple(names), counts, *arrays, tuple(scenes))
+
+
+def _count_words(graph: SceneGraph) -> dict[int, Counter[str]]:
+    counted: dict[int, Counter[str]] = defaultdict(Counter)
+    for thing in graph.objects:
+        if (word := word_of(thing.category)) is not None:
+            counted[thing.room_index][word] += 1
+    return counted
+
+
+def ask_labelled_rooms(predictor: Predictor) -> Floats:
+    """Return the states `[17, C]` of Housekeep's rooms: empty, labelled, each in its own home."""
+    states = []
+    for room in EVERY_ROOM:
+        said = {"id": room, "room_type": room.replace("_", " "), "visited": False}
+        home = {"scene_id": room, "building_kind": "home", "rooms": [said], "objects": []}
+        belief = predictor(open_graph(home).graph)
+        states.append(describe_state(belief.expected[1]))
+    return np.array(states)
+
+
+def read_housekeep(path: Path) -> pd.DataFrame:
+    """Return Housekeep's objects that have a room, with the column `correct` `[17]`."""
+    objects = pd.read_csv(path, keep_default_na=False)
+    objects = objects[objects["rooms"] != ""].copy()
+    objects["correct"] = [
+        np.isin(EVERY_ROOM, rooms.split()).astype(float) for rooms in objects["rooms"]
+    ]
+    return objects
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """All that a table is learned from."""
+
+    lexicon: Lexicon
+    hm3d: Rooms
+    behavior: Rooms
+    labelled: Floats  # [17, C] states of Housekeep's rooms
+    objects: pd.DataFrame  # of Housekeep
+
+    @property
+    def words(self) -> list[str]:
+        """All words that are counted somewhere."""
+        every = (*self.hm3d.names, *self.behavior.names, *self.objects["object"])
+        return list(dict.fromkeys(every))
+
+    def without(self, words: Collection[str]) -> Sources:
+        """Return the sources without some words and objects."""
+        hm3d, behavior = (
+            rooms.take(names=set(rooms.names) - set(words)) for rooms in (self.hm3d, self.behavior)
+        )
+        objects = self.objects[~self.objects["object"].isin(words)]
+        return replace(self, hm3d=hm3d, behavior=behavior, objects=objects)
+
+
+# The regression
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """A fitted regression: log rate = b0 + x · a + (s − m) / d · (xᵀ B + q)."""
+
+    features: Features
+    matrix: Floats  # [D + 1, C]: B, then q
+    slopes: Floats  # [D + 1]: a, then b0
+    mean: Floats
+    deviation: Floats
+
+    def log_rates(self, words: Sequence[str], states: Floats) -> Floats:
+        """Return log rates `[R, W]`."""
+        x = np.hstack([self.features(words), np.ones((len(words), 1))])
+        z = (states - self.mean) / self.deviation
+        return np.asarray(z @ (x @ self.matrix).T + x @ self.slopes)
+
+
+def fit_rates(sources: Sources, features: Features, fit: Fit) -> Rates:
+    """Learn from counts of words in rooms, and from where people say that objects belong.
+
+    A word has an offset of its own, which is shrunk towards what its features say. Words count by
+    the root of their number, lest a few decide.
+    """
+    hm3d, behavior, objects = sources.hm3d, sources.behavior, sources.objects
+    mean, deviation = hm3d.states.mean(axis=0), hm3d.states.std(axis=0)
+
+    def load(values: Floats) -> torch.Tensor:
+        return torch.tensor(values, dtype=torch.float64)
+
+    def of_words(words: Sequence[str]) -> torch.Tensor:
+        x = features(words) if len(words) else np.zeros((0, fit.basis))
+        return load(np.hstack([x, np.ones((len(words), 1))]))
+
+    counted = []
+    for rooms, weight in ((hm3d, 1.0), (behavior, fit.behavior)):
+        words = 1 / torch.sqrt(load(rooms.counts).sum(dim=0) + 30)
+        z = load((rooms.states - mean) / deviation)
+        shares = torch.log(load(rooms.shares))[:, None]
+        counted.append((of_words(rooms.names), z, shares, load(rooms.counts), weight * words))
+    x_objects, z_objects = (
+        of_words(list(objects["object"])),
+        load((sources.labelled - mean) / deviation),
+    )
+    correct = load(np.array(list(objects["correct"])).reshape(-1, len(z_objects)))
+    size = x_objects.shape[1]
+    matrix, slopes = torch.zeros(size, len(mean)).double(), torch.zeros(size).double()
+    offsets = [torch.zeros(len(x)).double() for x in (counted[0][0], counted[1][0], x_objects)]
+    shifts = torch.zeros(2).double()  # of BEHAVIOR and of Housekeep against HM3D
+    free = [matrix, slopes, shifts, *offsets]
+    for one in free:
+        one.requires_grad_()
+    optimiser = torch.optim.LBFGS(
+        free, max_iter=fit.steps, history_size=20, line_search_fn="strong_wolfe"
+    )
+
+    def loss() -> torch.Tensor:
+        optimiser.zero_grad()
+        total = fit.ridge * (matrix[:-1] ** 2).sum() + 0.1 * (matrix[-1] ** 2).sum()
+        total = total + (slopes[:-1] ** 2).sum() + 0.3 * sum((o**2).sum() for o in offsets)
+        for number, (x, z, shares, counts, weights) in enumerate(counted):
+            logs = z @ (x @ matrix).T + x @ slopes + offsets[number] + shares
+            logs = logs + (shifts[0] if number else 0.0)
+            total = total + ((torch.exp(logs) - counts * logs).sum(dim=0) * weights).sum()
+        logits = (z_objects @ (x_objects @ matrix).T + offsets[2] + shifts[1]).T
+        said = torch.nn.functional.binary_cross_entropy_with_logits(
+            logits, correct, reduction="sum"
+        )
+        total = total + fit.housekeep * said
+        total.backward()
+        return total
+
+    optimiser.step(loss)
+    return Rates(features, matrix.detach().numpy(), slopes.detach().numpy(), mean, deviation)
+
+
+# Held-out words
+
+
+class HeldOut(NamedTuple):
+    """Log rates of words that the regression did not see, and of Housekeep's objects."""
+
+    names: tuple[str, ...]
+    logs: Floats  # [R, W] in half-seen rooms, shares included
+    hidden: Floats  # [R, W]
+    scenes: tuple[str, ...]  # [R], as `NAME/DRAW`
+    precision: dict[str, float]  # object → average precision
+
+
+def held_out_classes(hm3d: Rooms) -> tuple[str, ...]:
+    """Return the wide classes that the 45 do not have, as far as rooms hide them."""
+    wide, narrow = load_class_map(WIDE_MAP).classes, load_class_map().classes
+    return tuple(word for word in hm3d.names if word in wide and word not in narrow)
+
+
+def hold_out(
+    sources: Sources, objects: pd.DataFrame, *, fit: Fit = TUNED, folds: int = 5, seed: int = 0
+) -> HeldOut:
+    """Predict every word outside the 45 classes by a regression without it, fold by fold.
+
+    A word is left out of all sources; so are the `objects` of Housekeep, by their names.
+    """
+    rng = np.random.default_rng(seed)
+    hm3d = sources.hm3d
+    of_word = {w: int(rng.integers(folds)) for w in held_out_classes(hm3d)}
+    of_object = {name: of_word.get(name, int(rng.integers(folds))) for name in objects["object"]}
+    half = hm3d.take(names=of_word, rows=hm3d.masks == HALF_SEEN)
+    logs, precision = np.zeros(half.counts.shape), {}
+    for fold in range(folds):
+        out = {w for w, k in (of_word | of_object).items() if k == fold}
+        kept = replace(sources, objects=objects).without(out)
+        rates = learn(kept, fit=fit)
+        asked = [w for w, k in of_word.items() if k == fold]
+        columns = [half.names.index(word) for word in asked]
+        logs[:, columns] = rates.log_rates(asked, half.states) + np.log(half.shares)[:, None]
+        tested = objects[objects["object"].isin(out)]
+        scores = rates.log_rates(list(tested["object"]), sources.labelled).T
+        for name, score, correct in zip(tested["object"], scores, tested["correct"], strict=True):
+            precision[name] = average_precision(score, correct)
+    return HeldOut(half.names, logs, half.counts, half.scenes, precision)
+
+
+def average_precision(scores: Floats, correct: Floats) -> float:
+    """Return the average precision of a ranking; ties in the given order.
+
+    >>> average_precision(np.array([3.0, 2.0, 1.0]), np.array([1.0, 0.0, 1.0]))  # (1 + 2/3) / 2
+    0.8333333333333333
+    """
+    hits = correct[np.argsort(-scores, kind="stable")]
+    return float((np.cumsum(hits) / np.arange(1, len(hits) + 1))[hits > 0].mean())
+
+
+class Calibration(NamedTuple):
+    """What makes held-out presence right: log rate → shift + slope · log rate, and a dispersion."""
+
+    shift: float
+    slope: float
+    dispersion: float
+
+    def presence(self, rates: Floats) -> Floats:
+        """Return P(at least one) by the calibrated rates."""
+        return np.asarray(-np.expm1(-self.dispersion * np.log1p(rates / self.dispersion)))
+
+    def rates(self, logs: Floats) -> Floats:
+        """Return calibrated rates of the predicted log rates."""
+        return np.asarray(np.exp(self.shift + self.slope * logs))
+
+
+def calibrate(held: HeldOut) -> Calibration:
+    """Return the likeliest calibration of presence, in half-seen rooms and in their buildings."""
+    there = held.hidden > 0
+    group = pd.factorize(np.array(held.scenes))[0]
+    anywhere = _sum_groups(there, group) > 0
+
+    def loss(free: Floats) -> float:
+        said = Calibration(free[0], np.exp(free[1]), np.exp(free[2]))
+        rates = said.rates(held.logs)
+        return _log_loss(said.presence(rates), there) + _log_loss(
+            said.presence(_sum_groups(rates, group)), anywhere
+        )
+
+    start = np.array([[0.0, 0.0, 0.0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 1.0]])
+    options = {"initial_simplex": start, "xatol": 1e-3}
+    best = minimize(loss, start[0], method="Nelder-Mead", options=options).x
+    return Calibration(float(best[0]), float(np.exp(best[1])), float(np.exp(best[2])))
+
+
+def _sum_groups(values: Floats | Bools, group: Ints) -> Floats:
+    return np.asarray(pd.DataFrame(values).groupby(group).sum())
+
+
+def _log_loss(said: Floats, true: Bools) -> float:
+    said = np.clip(said, 1e-9, 1 - 1e-9)
+    return float(-np.where(true, np.log(said), np.log1p(-said)).mean())
+
+
+# The table
+
+
+def distil(
+    rates: Rates, words: Mapping[str, bool], counted: Sequence[str], calibration: Calibration
+) -> NounTable:
+    """Return the table of words: their vectors in the directions that matter, in eight bits."""
+    every = list(words)
+    x = np.hstack([rates.features(every), np.ones((len(every), 1))])
+    known = np.hstack([rates.features(counted), np.ones((len(counted), 1))])
+    right = np.linalg.svd(known @ rates.matrix, full_matrices=False)[2]
+    directions = right[:RANK].T  # [C, K]
+    vectors = calibration.slope * (x @ rates.matrix @ directions)
+    scale = np.abs(vectors).max(axis=0) / 127
+    unit = [
+        part / np.linalg.norm(part, axis=1, keepdims=True) for part in (x[:, :-1], known[:, :-1])
+    ]
+    alike = unit[0] @ unit[1].T - np.equal.outer(np.array(every), np.array(counted))
+    near = np.argsort(-alike, axis=1, kind="stable")[:, :3]
+    projection = directions / rates.deviation[:, None]
+    return NounTable(
+        classes=load_class_map().classes,
+        rows={word: row for row, word in enumerate(every)},
+        things=np.array(list(words.values())),
+        vectors=np.rint(vectors / scale),
+        scale=scale,
+        bases=calibration.shift + calibration.slope * (x @ rates.slopes),
+        near=near,
+        counted=tuple(counted),
+        projection=projection,
+        centre=-rates.mean @ projection,
+        dispersion=calibration.dispersion,
+    )
+
+
+def learn(sources: Sources, *, fit: Fit = TUNED) -> Rates:
+    """Return the regression on all words of some sources."""
+    return fit_rates(sources, Features(sources.lexicon, sources.words, fit), fit)
+
+
+def read_sources(options: argparse.Namespace) -> Sources:
+    """Read what the table is learned from."""
+    lexicon = read_lexicon(options.glove, options.wordnet)
+    shipped, data = Predictor(), options.leaderboard / "mixed" / "dataset"
+    with one_thread():
+        hm3d = observe_rooms(data, fold_predictors(options.leaderboard, "mixed", "universal"))
+        behavior = observe_rooms(options.behavior, lambda scene: shipped)
+        labelled = ask_labelled_rooms(shipped)
+    return Sources(lexicon, hm3d, behavior, labelled, read_housekeep(options.housekeep))
+
+
+def make_table(sources: Sources) -> NounTable:
+    """Return the table that some sources teach, calibrated on words that were held out."""
+    calibration = calibrate(hold_out(sources, sources.objects))
+    print(f"on held-out words: {calibration}", file=sys.stderr)
+    heads = {word: split_head(word)[1] for word in sources.words}
+    counted = [word for word, head in heads.items() if sources.lexicon.find(head) is not None]
+    words = list_words(sources.lexicon, counted=counted)
+    return distil(learn(sources), words, counted, calibration)
+
+
+def fold_predictors(board: Path, mask: str, model: str) -> Callable[[str], Predictor]:
+    """Return scene → the model of a leaderboard that was not trained on it."""
+    splits = read_splits(board / mask / "dataset")
+    fold_of = {scene: fold for fold, scenes in splits.items() for scene in scenes}
+    asked = {fold: Predictor(board / mask / fold / model) for fold in splits}
+    return lambda scene: asked[fold_of[scene]]
+
+
+def add_options(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
+    """Add the options that name the sources; `optional` asks for Housekeep alone."""
+    needed = not optional
+    parser.add_argument("--housekeep", type=Path, required=True, help="its objects.csv")
+    parser.add_argument("--leaderboard", type=Path, required=needed, help="of HM3D, with `mixed`")
+    parser.add_argument("--behavior", type=Path, required=needed, help="dataset of BEHAVIOR")
+    parser.add_argument("--glove", type=Path, required=needed, help="folder of GloVe 6B, 50-d")
+    parser.add_argument("--wordnet", type=Path, required=needed, help="folder of WordNet 3.0")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    add_options(parser)
+    parser.add_argument("--out", type=Path, required=True, help="file of the table")
+    options = parser.parse_args(arguments)
+    sources = read_sources(options)
+    tuned = sources.objects["split"] != "test"
+    sources = replace(sources, objects=sources.objects[tuned])
+    write_nouns(make_table(sources), options.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
