@@ -117,16 +117,17 @@ def report_housekeep(path: Path) -> ResultsTable:
 
 
 def weigh_classes(sources: Sources, words: Sequence[str]) -> dict[str, Floats]:
-    """Return the rivals: how much of each of the 45 classes they take for each word `[W, C]`."""
+    """Return the rivals: the share of each of the 45 classes that they take a word for `[W, C]`."""
     classes = load_class_map().classes
     both = [np.array([sources.lexicon.meaning(w) for w in some]) for some in (words, classes)]
     unit = [part / np.linalg.norm(part, axis=1, keepdims=True) for part in both]
     cosine = unit[0] @ unit[1].T
-    return {
+    taken = {
         "cosine of GloVe": np.exp(cosine / 0.1),
         "the most similar class": np.eye(len(classes))[cosine.argmax(axis=1)],
         "mean over classes": np.ones(cosine.shape),
     }
+    return {name: weights / weights.sum(axis=1, keepdims=True) for name, weights in taken.items()}
 
 
 def areas(hidden: Floats, scores: Floats) -> Floats:
@@ -278,8 +279,7 @@ def search_building(
     def presence(kind: str, entered: Bools, word: str) -> Floats:
         belief = believe(frozenset(np.flatnonzero(entered).tolist()), word)
         if kind != OURS:
-            rates = belief.hidden @ rivals[kind][word]
-            return np.asarray(-np.expm1(-rates / 10))
+            return np.asarray(-np.expm1(-belief.hidden @ rivals[kind][word]))
         share = belief.hidden.sum(axis=1) / np.maximum(belief.expected.sum(axis=1), 1e-9)
         logs = tables[word].log_rates([word], table.describe_state(belief.expected))[:, 0]
         return np.asarray(-np.expm1(-share * np.exp(logs)))
