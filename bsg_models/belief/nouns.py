@@ -1,4 +1,4 @@
-"""Say where a thing may be that no dataset counts, from what its name means.
+"""Say where a thing may be that no model counts, from what its name means.
 
 A noun has a vector v and a base b, distilled from word vectors, a taxonomy of things, and counts of
 other words (`scripts/measure/nouns.py`). In a room with the expected content E `[C]` its rate is
@@ -89,7 +89,7 @@ def describe_state(expected: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Noun:
-    """A thing that no dataset counts.
+    """A thing, by what its name means.
 
     Attributes:
         name: as it was asked.
@@ -97,6 +97,7 @@ class Noun:
         like: counted things that are most like it, which it is judged by.
         base: b, log of the rate in a room of the mean state.
         vector: v `[K]`.
+        is_whole: whether all words of the name are known.
     """
 
     name: str
@@ -104,6 +105,7 @@ class Noun:
     like: tuple[str, ...]
     base: float
     vector: Floats
+    is_whole: bool = True
 
     def names(self, category: str) -> bool:
         """Return whether a robot's name for an object is this noun, or says more about one."""
@@ -162,7 +164,9 @@ class NounTable:
         weights = np.array([1.0] if not found else [HEAD, *[(1 - HEAD) / len(found)] * len(found)])
         like = tuple(self.counted[one] for one in self.near[row].astype(int))
         vector = weights @ (self.vectors[rows] * self.scale)
-        return Noun(name, head, like, float(weights @ self.bases[rows]), vector)
+        said = split_head(name)
+        is_whole = all(self._row(word) is not None for word in (*said[0], said[1]))
+        return Noun(name, head, like, float(weights @ self.bases[rows]), vector, is_whole)
 
     def _split(self, name: str) -> tuple[list[str], str]:
         """Return the words before the head of a name, and the head: the last word that is a thing.

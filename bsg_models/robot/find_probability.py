@@ -56,7 +56,7 @@ class FindProbability:
             sizes: location → size, compared within a room: surface, or number of things. The
                 default size is 1.
             words: the planner's name of a thing → a word for it, if the name is not a word.
-            otherwise: probability of a thing for which no model has a class; None raises.
+            otherwise: probability of a word that means no thing; None raises.
 
         Raises:
             RecipeError: if a room is unknown, a size is not above 0, or `otherwise` is not a
@@ -101,7 +101,7 @@ class FindProbability:
             thing: any word, with or without a number.
 
         Raises:
-            RecipeError: if the location is unknown, or no model has a class for the thing.
+            RecipeError: if the location is unknown, or the word means no thing.
         """
         if self._graph is not self.seen.graph:
             self._graph, self._places = self.seen.graph, {}
@@ -167,7 +167,7 @@ class FindProbability:
         return float(1 - (1 - place.unseen) ** share)
 
     def _look(self, thing: str) -> dict[str | None, Place] | None:
-        """Return where a thing may be; None if no model has a class and `otherwise` is set."""
+        """Return where a thing may be; None if it means no thing and `otherwise` is set."""
         try:
             return {place.room: place for place in self.seen.where(self._word(thing))}
         except RecipeError:

@@ -142,7 +142,7 @@ class SeenBuilding:
     `PartialGraph`. Keep `graph`, or a `copy`, to ask what-if questions.
 
     A thing is any word. A room is its id, or its label if no other room has it. A word that means
-    no class, and a name that means no room, raise `RecipeError`. The object is thread-safe.
+    no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
     """
 
     def __init__(
@@ -501,10 +501,11 @@ class SeenBuilding:
         if meaning.class_index is not None:
             (graph, belief), column = self._believe(meaning.model), meaning.class_index
             counted = belief.presence[:, column], belief.hidden[:, column]
-            found = [obj for obj in graph.objects if obj.class_index == column]
-            presence, hidden = (
-                counted if meaning.noun is None else _narrow(counted, (presence, hidden))
-            )
+            if meaning.noun is None:
+                found = [obj for obj in graph.objects if obj.class_index == column]
+                presence, hidden = counted
+            else:
+                presence, hidden = _narrow(counted, (presence, hidden))
         for obj in found:
             seen[obj.room_index].append(obj.name)
         return [tuple(names) for names in seen], presence, hidden
@@ -526,8 +527,9 @@ class SeenBuilding:
 def _narrow(counted: tuple[Floats, Floats], judged: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """Return presence and number of a kind of a class's things: a geometric mean of two beliefs.
 
-    The class is counted but wider; the noun is exact but judged by its meaning alone.
+    The class is counted but wider; the noun is exact but judged by its meaning alone. A kind is
+    never likelier than its class.
     """
     rates = [-np.log1p(-np.minimum(presence, 1 - 1e-12)) for presence, _ in (counted, judged)]
-    presence = -np.expm1(-np.sqrt(rates[0] * rates[1]))
-    return presence, np.sqrt(counted[1] * judged[1])
+    presence = np.minimum(-np.expm1(-np.sqrt(rates[0] * rates[1])), counted[0])
+    return presence, np.minimum(np.sqrt(counted[1] * judged[1]), counted[1])

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 from types import MappingProxyType
+from typing import TypeAlias
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
 from bsg_data.scene.class_map import ClassMap, normalise_name
+from bsg_data.scene.room_label import label_of
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.belief.nouns import Noun, NounTable, singulars, split_head
 
 MOST_CHARACTERS = 100
 SHORT = 5  # letters: nearly every shorter word resembles another one
 _LISTED = 8  # rooms listed in an error
+_Near: TypeAlias = tuple[str, int, int, float]  # name, model, class, likeness
+# What follows says where a thing is, not what it is.
+_PLACE = re.compile(r"\s(?:on|in|under|behind|beside|near|by|at|from)\s(?:the|my|your|a)\s")
 _NONE: Mapping[str, float] = MappingProxyType({})
 LIKE_A_MISSPELLING = 0.85  # difflib's ratio: accepts microwav, refridgerator; not boots for books
 
@@ -45,8 +51,9 @@ class Meaning:
 
     @property
     def name(self) -> str:
-        """The class, or else the noun."""
-        return self.class_name or self.word
+        """The class, or the word where more than the class answers."""
+        is_class = self.class_name is not None and self.noun is None
+        return str(self.class_name) if is_class else " ".join(self.word.split())
 
 
 def find_meaning(
@@ -60,8 +67,8 @@ def find_meaning(
 
     The first map with a class for the word wins, but a class of exactly such things comes before a
     wider class of an earlier map: a laptop is a computer only if no map has a class of laptops. A
-    word without a class is looked up among the `nouns`, unless it is a part of the building. A word
-    that nobody knows is taken for a very similar name.
+    word without a class is looked up among the `nouns`, unless it is a part of the building or a
+    room. A name with an unknown word is first taken for a very similar name.
 
     `class_maps` has one per model that can be asked, the preferred one first; later ones are only
     loaded if they are needed. `prefer_exact=False` takes the first map that has a class for the
@@ -73,58 +80,74 @@ def find_meaning(
             f"{show_value(word)}",
             code="thing-none",
         )
+    said = _PLACE.split(word, maxsplit=1)[0]  # a book on the table is a book
     asked: list[ClassMap] = []
     wider: Meaning | None = None
     for class_map in class_maps:
-        found = _look_up(word, class_map, len(asked))
+        found = _look_up(word, said, class_map, len(asked))
         if found and (found.is_exact or not prefer_exact):
             return found
         asked.append(class_map)
         wider = wider or found
-    noun = nouns.find(word) if nouns else None
-    if wider is not None:  # a sofa is a couch; a teapot is not just any tableware
-        is_same = noun is None or wider.class_name in noun.like
-        return wider if is_same else replace(wider, noun=noun)
-    roles = {class_map.classify(word).role for class_map in asked}
-    if noun is not None and "structure" not in roles:
+    noun = nouns.find(said) if nouns else None
+    if wider is not None:
+        return wider if noun is None else _narrow(wider, noun)
+    near = _spelled_alike(said, asked)
+    roles = {class_map.classify(said).role for class_map in asked}
+    is_thing = noun is not None and "structure" not in roles and label_of("any", said) is None
+    corrected = _correct(word, said, near, asked)
+    if noun is not None and is_thing and (noun.is_whole or corrected is None):
         return Meaning(word, None, None, 0, _explain(noun), is_exact=False, noun=noun)
-    return _guess(word, asked, nouns)
+    if corrected is not None:
+        return corrected
+    names = [name for name, *_ in near]
+    if not names and nouns is not None and roles == {"unmapped"}:
+        names = list(meant_names(normalise_name(said), nouns.known))
+    raise RecipeError(_refusal(word, asked, names), code="thing-unknown", where=word)
+
+
+def _narrow(wider: Meaning, noun: Noun) -> Meaning:
+    """Add what a word means to a class that holds other things, too.
+
+    A sofa is a couch, by what both are like; a fork is not just any tableware.
+    """
+    if wider.class_name in noun.like:
+        return wider
+    how = f"{wider.how}, and judged by what is like it: {', '.join(noun.like)}"
+    return replace(wider, how=how, noun=noun)
 
 
 def _explain(noun: Noun) -> str:
     """Say that a noun is not counted, and what it is judged by."""
-    by_head = (
-        "" if split_head(noun.name) == ([], noun.head) else f"{noun.name!r} is a {noun.head}; "
-    )
+    by_head = "" if split_head(noun.name) == ([], noun.head) else f"its word {noun.head!r} and "
     return (
-        f"{by_head}no model counts {noun.head!r}, so it is judged by what is like it: "
+        f"no model counts {noun.name!r}, so it is judged by {by_head}what is like it: "
         f"{', '.join(noun.like)}"
     )
 
 
-def _guess(word: str, class_maps: Sequence[ClassMap], nouns: NounTable | None) -> Meaning:
+def _correct(
+    word: str, said: str, near: Sequence[_Near], class_maps: Sequence[ClassMap]
+) -> Meaning | None:
     """Return the meaning of a misspelt name."""
-    near = _spelled_alike(word, class_maps)
-    if near and not any(class_map.classify(word).category for class_map in class_maps):
-        name, model, index, ratio = near[0]
-        if ratio >= LIKE_A_MISSPELLING and _is_misspelling(word, name):
-            how = f"no model knows {word!r}; taken for {name!r}, the most similar name"
-            name = class_maps[model].classes[index]
-            return Meaning(word, name, index, model, how, is_exact=False)
-    names = [name for name, *_ in near]
-    if not names and nouns is not None:
-        names = list(meant_names(normalise_name(word), nouns.known))
-    raise RecipeError(_refusal(word, class_maps, names), code="thing-unknown", where=word)
+    if not near or any(class_map.classify(said).category for class_map in class_maps):
+        return None
+    name, model, index, ratio = near[0]
+    if ratio < LIKE_A_MISSPELLING or not _is_misspelling(said, name):
+        return None
+    how = f"no model knows {word!r}; taken for {name!r}, the most similar name"
+    return Meaning(word, class_maps[model].classes[index], index, model, how, is_exact=False)
 
 
-def _look_up(word: str, class_map: ClassMap, model: int) -> Meaning | None:
-    """Return the class of a word by the map of a model; None if it has none."""
-    said = normalise_name(word)
+def _look_up(word: str, thing: str, class_map: ClassMap, model: int) -> Meaning | None:
+    """Return the class of a thing by the map of a model; None if it has none."""
+    said = normalise_name(thing)
     named = [normalise_name(name) for name in class_map.classes]
     if said in named:
         index = named.index(said)
-        return Meaning(word, class_map.classes[index], index, model, "", is_exact=True)
-    found = class_map.classify(word)
+        how = "" if thing == word else f"{word!r} is {thing!r}"
+        return Meaning(word, class_map.classes[index], index, model, how, is_exact=True)
+    found = class_map.classify(thing)
     if found.class_index is None:
         return None
     name = class_map.classes[found.class_index]
@@ -132,14 +155,13 @@ def _look_up(word: str, class_map: ClassMap, model: int) -> Meaning | None:
     if said != normalise_name(str(found.category)):
         rule = "" if found.rule is None else f" by the rule {found.rule!r}"
         steps.append(f"{word!r} is {found.category!r}{rule}")
-    is_named = name in (found.category, *singulars(str(found.category)))
-    is_exact = is_named and found.rule != "head noun"
+    is_exact = name in (found.category, *singulars(str(found.category)))
     if found.category != name:
         steps.append(f"{found.category!r} is one of the class {name!r}")
     return Meaning(word, name, found.class_index, model, ", ".join(steps), is_exact=is_exact)
 
 
-def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[tuple[str, int, int, float]]:
+def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[_Near]:
     """Return (name, model, class, likeness) of names with a class that are spelled similarly."""
     said = normalise_name(word)
     names: dict[str, tuple[int, int]] = {}

@@ -117,7 +117,7 @@ def report_housekeep(path: Path) -> ResultsTable:
 
 
 def weigh_classes(sources: Sources, words: Sequence[str]) -> dict[str, Floats]:
-    """Return the rivals: the share of each of the 45 classes that they take a word for `[W, C]`."""
+    """Return the rivals: in which of the 45 classes each sees a word, in shares `[W, C]`."""
     classes = load_class_map().classes
     both = [np.array([sources.lexicon.meaning(w) for w in some]) for some in (words, classes)]
     unit = [part / np.linalg.norm(part, axis=1, keepdims=True) for part in both]
@@ -149,7 +149,7 @@ def half_seen(rooms: Rooms) -> Floats:
 def report_ranking(sources: Sources, prior: Rooms, held: HeldOut) -> ResultsTable:
     """Return how well rooms are ranked for words that the table was not taught."""
     weights = weigh_classes(sources, held.names)
-    ours = areas(held.hidden, held.logs)
+    ours = areas(held.hidden, held.logs + np.log(held.shares)[:, None])
     is_measured = ~np.isnan(ours)
     believed, tabled = half_seen(sources.hm3d), half_seen(prior)
     rivals = {
@@ -165,7 +165,8 @@ def report_ranking(sources: Sources, prior: Rooms, held: HeldOut) -> ResultsTabl
         f"Macro AUROC of the rooms that hide the word, over {is_measured.sum()} of the wide "
         "classes that the 45 lack: half of every room of HM3D was seen, buildings are predicted by "
         "models that were not trained on them, and the word was left out of every source of the "
-        "table. With 95 % intervals over words."
+        "table. The strengths of the regression were chosen on these words. With 95 % intervals "
+        "over words."
     )
     return ResultsTable(
         "Words that the table was not taught", ["by", "AUROC", "gain"], rows, reading
@@ -255,6 +256,7 @@ def search_building(
     building: Searched,
     tables: Mapping[str, table.Rates],
     rivals: Mapping[str, Mapping[str, Floats]],
+    calibration: table.Calibration,
     *,
     scene: str,
 ) -> dict[tuple[str, str], float]:
@@ -282,7 +284,7 @@ def search_building(
             return np.asarray(-np.expm1(-belief.hidden @ rivals[kind][word]))
         share = belief.hidden.sum(axis=1) / np.maximum(belief.expected.sum(axis=1), 1e-9)
         logs = tables[word].log_rates([word], table.describe_state(belief.expected))[:, 0]
-        return np.asarray(-np.expm1(-share * np.exp(logs)))
+        return calibration.presence(share * calibration.rates(logs))
 
     costs = {}
     for name in WORLDS:
@@ -311,7 +313,9 @@ def search_building(
 OURS = "the table, word held out"
 
 
-def report_search(sources: Sources, board: Path, *, buildings: int) -> ResultsTable:
+def report_search(
+    sources: Sources, board: Path, calibration: table.Calibration, *, buildings: int
+) -> ResultsTable:
     """Return what a search for a held-out word costs less than going to the nearest room."""
     names = table.held_out_classes(sources.hm3d)
     fold_of = {word: number % 5 for number, word in enumerate(names)}
@@ -328,7 +332,7 @@ def report_search(sources: Sources, board: Path, *, buildings: int) -> ResultsTa
             break
         partial = mask_scene(graph, MASKS[HALF_SEEN], draw=0, class_space=space)
         building = Searched(graph, partial, predictors(graph.scene_id))
-        if costs := search_building(building, tables, rivals, scene=graph.scene_id):
+        if costs := search_building(building, tables, rivals, calibration, scene=graph.scene_id):
             found.append(costs)
             print(f"searched {graph.scene_id}", file=sys.stderr, flush=True)
     frame = pd.DataFrame(found)
@@ -370,7 +374,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             data, table.fold_predictors(options.leaderboard, "uniform", "prior-table")
         )
         tables += [report_ranking(sources, prior, held), report_reliability(held)]
-        tables.append(report_search(sources, options.leaderboard, buildings=options.buildings))
+        tables.append(
+            report_search(
+                sources, options.leaderboard, table.calibrate(held), buildings=options.buildings
+            )
+        )
     write_page(options.out, "Any word", tables, argv=sys.argv, data=Dataset.open(data))
     return 0
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import torch
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
@@ -71,6 +71,8 @@ MOST_FREQUENT = 400_000  # of GloVe that can be taken for things by their neighb
 _REFERENCE = 20_000  # of them are compared with
 _NEIGHBOURS = 10
 _WORD = re.compile("[a-z]{2,24}")
+_FUNCTION_WORDS = 200  # the most frequent words: `in` and `he` are metals in WordNet, too
+_LEAST_PHYSICAL = 0.1  # physical share of the senses of a thing: `second` is a unit of time first
 _IS_THING = 0.3  # mean physical share of the neighbours of a name that WordNet lacks
 
 
@@ -125,6 +127,10 @@ class Lexicon:
             for place, sense in enumerate(senses, 1)
         )
         return sum(found) / total if total else 0.0
+
+    def is_adopted(self, word: str) -> bool:
+        """Return whether only its neighbours say that a word is a thing."""
+        return bool(self.physical(word)) and not self._senses(word)
 
     def adopt_names(self) -> None:
         """Take names that WordNet lacks for things if what GloVe finds alike are: brands, gadgets.
@@ -256,7 +262,16 @@ def list_words(lexicon: Lexicon, *, counted: Collection[str]) -> dict[str, bool]
     def is_word(word: str) -> bool:
         return _WORD.fullmatch(word) is not None and split_head(word)[1] == word
 
-    things = [word for word in ranked if is_word(word) and lexicon.physical(word)]
+    def is_thing(word: str, place: int) -> bool:
+        share = 1.0 if lexicon.is_adopted(word) else lexicon.physical_share(word)
+        return share >= _LEAST_PHYSICAL and place >= _FUNCTION_WORDS
+
+    heads = {split_head(name)[1] for name in counted}
+    things = [
+        word
+        for place, word in enumerate(ranked)
+        if is_word(word) and lexicon.physical(word) and (word in heads or is_thing(word, place))
+    ]
     compounds = [name for name in (*lexicon.senses, *counted) if " " in name]
     before = {
         w
@@ -264,7 +279,6 @@ def list_words(lexicon: Lexicon, *, counted: Collection[str]) -> dict[str, bool]
         if lexicon.physical(name) or name in counted
         for w in name.split()[:-1]
     }
-    heads = {split_head(name)[1] for name in counted}
     must = [word for word in things[SIZE:] if word in heads]
     found = dict.fromkeys([*things[: SIZE - len(must)], *must], True)
     left = before - found.keys()
@@ -556,7 +570,8 @@ class HeldOut(NamedTuple):
     """Log rates of words that the regression did not see, and of Housekeep's objects."""
 
     names: tuple[str, ...]
-    logs: Floats  # [R, W] in half-seen rooms, shares included
+    logs: Floats  # [R, W] in half-seen rooms
+    shares: Floats  # [R] part of the content that is hidden
     hidden: Floats  # [R, W]
     scenes: tuple[str, ...]  # [R], as `NAME/DRAW`
     precision: dict[str, float]  # object → average precision
@@ -587,12 +602,12 @@ def hold_out(
         rates = learn(kept, fit=fit)
         asked = [w for w, k in of_word.items() if k == fold]
         columns = [half.names.index(word) for word in asked]
-        logs[:, columns] = rates.log_rates(asked, half.states) + np.log(half.shares)[:, None]
+        logs[:, columns] = rates.log_rates(asked, half.states)
         tested = objects[objects["object"].isin(out)]
         scores = rates.log_rates(list(tested["object"]), sources.labelled).T
         for name, score, correct in zip(tested["object"], scores, tested["correct"], strict=True):
             precision[name] = average_precision(score, correct)
-    return HeldOut(half.names, logs, half.counts, half.scenes, precision)
+    return HeldOut(half.names, logs, half.shares, half.counts, half.scenes, precision)
 
 
 def average_precision(scores: Floats, correct: Floats) -> float:
@@ -617,27 +632,39 @@ class Calibration(NamedTuple):
         return np.asarray(-np.expm1(-self.dispersion * np.log1p(rates / self.dispersion)))
 
     def rates(self, logs: Floats) -> Floats:
-        """Return calibrated rates of the predicted log rates."""
+        """Return calibrated rates, of rooms that hide everything, of the predicted log rates."""
         return np.asarray(np.exp(self.shift + self.slope * logs))
 
 
 def calibrate(held: HeldOut) -> Calibration:
-    """Return the likeliest calibration of presence, in half-seen rooms and in their buildings."""
+    """Return the calibration of held-out words in half-seen rooms.
+
+    Shift and slope are the likeliest for the presence in rooms. The dispersion is the likeliest for
+    the presence in their buildings: it says how sure the rate of a word is.
+    """
     there = held.hidden > 0
     group = pd.factorize(np.array(held.scenes))[0]
     anywhere = _sum_groups(there, group) > 0
 
-    def loss(free: Floats) -> float:
-        said = Calibration(free[0], np.exp(free[1]), np.exp(free[2]))
-        rates = said.rates(held.logs)
-        return _log_loss(said.presence(rates), there) + _log_loss(
-            said.presence(_sum_groups(rates, group)), anywhere
-        )
+    def fit_rooms(dispersion: float) -> Calibration:
+        def loss(free: Floats) -> float:
+            said = Calibration(free[0], np.exp(free[1]), dispersion)
+            return _log_loss(said.presence(held.shares[:, None] * said.rates(held.logs)), there)
 
-    start = np.array([[0.0, 0.0, 0.0], [0.3, 0, 0], [0, 0.3, 0], [0, 0, 1.0]])
-    options = {"initial_simplex": start, "xatol": 1e-3}
-    best = minimize(loss, start[0], method="Nelder-Mead", options=options).x
-    return Calibration(float(best[0]), float(np.exp(best[1])), float(np.exp(best[2])))
+        start = np.array([[0.0, 0.0], [-1.0, 0.0], [0.0, -0.5]])
+        options = {"initial_simplex": start, "xatol": 1e-3, "fatol": 1e-7}
+        best = minimize(loss, start[0], method="Nelder-Mead", options=options).x
+        return Calibration(float(best[0]), float(np.exp(best[1])), dispersion)
+
+    def loss_of_buildings(log_dispersion: float) -> float:
+        said = fit_rooms(float(np.exp(log_dispersion)))
+        rates = held.shares[:, None] * said.rates(held.logs)
+        return _log_loss(said.presence(_sum_groups(rates, group)), anywhere)
+
+    best = minimize_scalar(
+        loss_of_buildings, bounds=(-3, 3), method="bounded", options={"xatol": 0.1}
+    )
+    return fit_rooms(float(np.exp(best.x)))
 
 
 def _sum_groups(values: Floats | Bools, group: Ints) -> Floats:

@@ -142,8 +142,7 @@ def test_every_everyday_thing_of_robots_is_understood(home: SeenBuilding) -> Non
     things = THINGS.read_text("utf-8").splitlines()
     assert len(things) >= 300
     for thing in things:
-        meaning = home.understand(thing)
-        assert meaning.class_name is not None or meaning.noun is not None
+        home.understand(thing)  # raises, if it is not
 
 
 @pytest.mark.skipif(not (SHARED.parent / "housekeep").is_dir(), reason="needs ../shared/housekeep")
@@ -158,5 +157,5 @@ def test_a_table_at_robocup_gets_sensible_first_rooms(home: SeenBuilding) -> Non
         thing: home.where(thing)[0].room
         for thing in ("banana", "milk", "bread", "butter", "ketchup", "shampoo", "toothpaste")
     }
-    assert set(first.values()) == {"kitchen", "bathroom"}
-    assert first["shampoo"] == first["toothpaste"] == "bathroom"
+    washed = {"shampoo", "toothpaste"}
+    assert first == {thing: "bathroom" if thing in washed else "kitchen" for thing in first}

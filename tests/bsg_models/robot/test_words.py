@@ -5,6 +5,7 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_models.belief.nouns import read_nouns
 from bsg_models.robot.words import MOST_CHARACTERS, Meaning, find_meaning
 
 MAPS = [load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")]
@@ -62,3 +63,27 @@ def test_a_word_that_is_only_like_another_is_not_taken_for_it(word: str) -> None
 def test_a_word_that_means_no_class_is_refused(word: str, code: str) -> None:
     with refuses(RecipeError, code):
         find_meaning(word, MAPS)
+
+
+@pytest.mark.parametrize(
+    ("word", "class_name"),
+    [
+        ("washing machin", "washing machine"),  # a typo comes before the noun `washing`
+        ("table lampp", "lamp"),
+        ("cup of tea", "cup"),  # not the wider class of the first map
+        ("book on the table", "book"),
+        ("fork", "tableware"),
+        ("banana", None),
+        ("lost keys", None),
+    ],
+)
+def test_a_class_and_a_typo_come_before_a_noun(word: str, class_name: str | None) -> None:
+    meaning = find_meaning(word, MAPS, nouns=read_nouns())
+    assert meaning.class_name == class_name
+    assert meaning.noun is not None or class_name != "tableware"
+
+
+@pytest.mark.parametrize("word", ["flibber", "roof", "kitchen", "the", "in", "he"])
+def test_what_is_no_thing_is_no_noun(word: str) -> None:
+    with refuses(RecipeError, "thing-unknown", word, golden=False):
+        find_meaning(word, MAPS, nouns=read_nouns())
