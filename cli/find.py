@@ -74,7 +74,9 @@ def _print_places(
     if len(places) > _MOST_ROWS:
         print_note(f"… and {len(places) - _MOST_ROWS:,} less likely rooms; --json prints all")
     somewhere = _percent(seen.anywhere(meaning.word))
-    print_text(f"somewhere in the building: {somewhere}, by the model {seen.asked(meaning.word)}")
+    source = "" if meaning.noun is None else "the table of nouns and "
+    model = seen.asked(meaning.word)
+    print_text(f"somewhere in the building: {somewhere}, by {source}the model {model}")
 
 
 def _name(place: bsg_models.Place) -> str:

@@ -182,9 +182,8 @@ def report_reliability(held: HeldOut) -> ResultsTable:
             logs=held.logs[:, order != half], hidden=held.hidden[:, order != half]
         )
         calibration = table.calibrate(others)
-        said[:, order == half] = calibration.presence(
-            calibration.rates(held.logs[:, order == half])
-        )
+        rates = held.shares[:, None] * calibration.rates(held.logs[:, order == half])
+        said[:, order == half] = calibration.presence(rates)
     true, rows, error = held.hidden > 0, [], 0.0
     edges = np.array([0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 1.0])
     bins = np.digitize(said, edges[1:-1])
