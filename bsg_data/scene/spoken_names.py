@@ -74,11 +74,13 @@ def _tails(words: list[str]) -> Iterator[list[str]]:
     yield from (head[i:] for i in range(int(head == words), len(head)))
 
 
+def singulars(name: str) -> Iterator[str]:
+    """Yield what can be the singular of a name; not each is a word."""
+    for plural, ending in _ENDINGS:
+        if name.endswith(plural) and len(name) > len(plural) + 1:
+            yield name.removesuffix(plural) + ending
+
+
 def _change_number(name: str) -> tuple[str, ...]:
     """Return what can be the singular or the plural of a name; not each is a word."""
-    singular = [
-        name.removesuffix(plural) + ending
-        for plural, ending in _ENDINGS
-        if name.endswith(plural) and len(name) > len(plural) + 1
-    ]
-    return (*singular, f"{name}s")
+    return (*singulars(name), f"{name}s")

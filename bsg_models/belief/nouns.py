@@ -12,7 +12,6 @@ dispersion is what held-out words leave uncertain, so a noun is never as sure as
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -26,6 +25,7 @@ from safetensors.numpy import load, save
 from bsg_data.arrays import Bools, Floats
 from bsg_data.files import write_bytes
 from bsg_data.scene.class_map import normalise_name
+from bsg_data.scene.spoken_names import singulars
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 
@@ -39,32 +39,9 @@ _PREPOSITION = re.compile(r" (?:of|for|with|without|from|in|on|to) ")
 _PARTITIVE = re.compile(
     r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
 )
-_DETERMINERS = frozenset(
-    [
-        "a",
-        "an",
-        "the",
-        "my",
-        "your",
-        "his",
-        "her",
-        "its",
-        "our",
-        "their",
-        "this",
-        "that",
-        "some",
-        "any",
-    ]
+_DETERMINERS = re.compile(
+    r"^(?:(?:an?|the|my|your|his|her|its|our|their|this|that|some|any)(?: |$))+"
 )
-_ENDINGS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""))
-
-
-def singulars(word: str) -> Iterator[str]:
-    """Yield what can be the singular of a word; not each is a word."""
-    for plural, ending in _ENDINGS:
-        if word.endswith(plural) and len(word) > len(plural) + 1:
-            yield word.removesuffix(plural) + ending
 
 
 def split_head(name: str) -> tuple[list[str], str]:
@@ -75,9 +52,7 @@ def split_head(name: str) -> tuple[list[str], str]:
     """
     said = re.sub(r"[^\w']|_", " ", normalise_name(name)).rstrip(" 0123456789")
     words = [word.removesuffix("'s") for word in said.split()[:_MOST_WORDS]]
-    while words and words[0] in _DETERMINERS:
-        words = words[1:]
-    bare = _PARTITIVE.sub("", " ".join(words))
+    bare = _PARTITIVE.sub("", _DETERMINERS.sub("", " ".join(words)))
     words = _PREPOSITION.split(bare, maxsplit=1)[0].split()
     return (words[:-1], words[-1]) if words else ([], "")
 
@@ -116,10 +91,9 @@ class Noun:
 
 @dataclass(frozen=True, eq=False)
 class NounTable:
-    """What V words mean.
+    """What V words mean, by the contents that a model of the default class space expects.
 
     Attributes:
-        classes: `[C]` of the class space whose expected contents it reads.
         rows: word → row.
         things: `[V]` whether the word is a thing; others only occur before a head.
         vectors: `[V, K]` in units of `scale`.
@@ -132,7 +106,6 @@ class NounTable:
         dispersion: of the counts.
     """
 
-    classes: tuple[str, ...]
     rows: dict[str, int]
     things: Bools
     vectors: Floats
@@ -228,7 +201,7 @@ def write_nouns(table: NounTable, path: Path) -> None:
         "centre": table.centre.astype(np.float32),
         "dispersion": np.array([table.dispersion], np.float32),
     }
-    texts = {"classes": table.classes, "words": tuple(table.rows), "counted": table.counted}
+    texts = {"words": tuple(table.rows), "counted": table.counted}
     arrays |= {name: np.frombuffer("\n".join(t).encode(), np.uint8) for name, t in texts.items()}
     write_bytes(path, save(arrays))
 
@@ -237,11 +210,10 @@ def write_nouns(table: NounTable, path: Path) -> None:
 def read_nouns() -> NounTable:
     """Read the table that is shipped; a process reads it once."""
     kept = load(files("bsg_mappings").joinpath(NOUNS).read_bytes())
-    classes, words, counted = (
-        tuple(kept[name].tobytes().decode().split("\n")) for name in ("classes", "words", "counted")
+    words, counted = (
+        tuple(kept[name].tobytes().decode().split("\n")) for name in ("words", "counted")
     )
     return NounTable(
-        classes=classes,
         rows={word: row for row, word in enumerate(words)},
         things=np.unpackbits(kept["things"], count=len(words)).astype(bool),
         vectors=kept["vectors"],

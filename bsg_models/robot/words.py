@@ -14,8 +14,9 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
 from bsg_data.scene.class_map import ClassMap, normalise_name
 from bsg_data.scene.room_label import label_of
+from bsg_data.scene.spoken_names import singulars
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
-from bsg_models.belief.nouns import Noun, NounTable, singulars, split_head
+from bsg_models.belief.nouns import Noun, NounTable, split_head
 
 MOST_CHARACTERS = 100
 SHORT = 5  # letters: nearly every shorter word resembles another one

@@ -19,8 +19,8 @@ from pathlib import Path
 import nouns as table
 import numpy as np
 import pandas as pd
-from nouns import EVERY_ROOM, HALF_SEEN, MASKS, HeldOut, Rooms, Sources, average_precision
-from results import ResultsTable, write_page
+from nouns import HALF_SEEN, MASKS, HeldOut, Rooms, Sources, average_precision
+from results import ResultsTable, format_estimate, write_page
 from scipy.stats import mannwhitneyu
 
 from bsg_data.arrays import Bools, Floats, Ints
@@ -32,7 +32,7 @@ from bsg_data.observation.partial_graph import PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_models.belief.expectation import Expectation
-from bsg_models.robot.seen_building import SeenBuilding, open_graph
+from bsg_models.evaluation.bootstrap import estimate_value, weigh_buildings
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import WorldRecipe, sample_travel
@@ -52,33 +52,19 @@ EPISODES = 10
 
 def interval(values: Floats, *, weights: Floats | None = None) -> str:
     """Return a mean and its 95 % interval over resampled rows, or a ratio of sums with weights."""
-    rng = np.random.default_rng(0)
     weights = np.ones(len(values)) if weights is None else weights
-    drawn = rng.multinomial(len(values), np.full(len(values), 1 / len(values)), size=RESAMPLES)
-    means = (drawn @ (values * weights)) / (drawn @ weights)
-    low, high = np.quantile(means, [0.025, 0.975])
-    return f"{np.average(values, weights=weights):.3f} ({low:.3f} to {high:.3f})"
+    drawn = weigh_buildings(len(values), resamples=RESAMPLES, seed=0)
+    means = (values * weights) @ drawn / (weights @ drawn)
+    estimate = estimate_value(means[0], means[1:], nodes=len(values), rule="percentile")
+    return format_estimate(estimate, digits=3)
 
 
 # Housekeep
 
 
-def label_homes() -> list[SeenBuilding]:
-    """Return Housekeep's rooms: empty, labelled, each in a home of its own."""
-    homes = []
-    for room in EVERY_ROOM:
-        said = {"id": room, "room_type": room.replace("_", " "), "visited": False}
-        homes.append(
-            open_graph(
-                {"scene_id": room, "rooms": [said], "objects": []} | {"building_kind": "home"}
-            )
-        )
-    return homes
-
-
 def rank_objects(objects: pd.DataFrame) -> pd.DataFrame:
     """Return the objects with our average precision, and whether a class answers."""
-    homes, rows = label_homes(), []
+    homes, rows = table.label_homes(), []
     for name, correct in zip(objects["object"], objects["correct"], strict=True):
         try:
             scores = np.array([home.where(name)[0].probability for home in homes])
@@ -312,9 +298,7 @@ def search_building(
 OURS = "the table, word held out"
 
 
-def report_search(
-    sources: Sources, board: Path, calibration: table.Calibration, *, buildings: int
-) -> ResultsTable:
+def report_search(sources: Sources, board: Path, calibration: table.Calibration) -> ResultsTable:
     """Return what a search for a held-out word costs less than going to the nearest room."""
     names = table.held_out_classes(sources.hm3d)
     fold_of = {word: number % 5 for number, word in enumerate(names)}
@@ -327,8 +311,6 @@ def report_search(
     predictors = table.fold_predictors(board, "mixed", "universal")
     space, found = Dataset.open(board / "mixed" / "dataset").manifest.class_space, []
     for graph in read_scene_graphs(board / "mixed" / "dataset"):
-        if len(found) == buildings:
-            break
         partial = mask_scene(graph, MASKS[HALF_SEEN], draw=0, class_space=space)
         building = Searched(graph, partial, predictors(graph.scene_id))
         if costs := search_building(building, tables, rivals, calibration, scene=graph.scene_id):
@@ -357,7 +339,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure, and write the page."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     table.add_options(parser, optional=True)
-    parser.add_argument("--buildings", type=int, default=145, help="searched")
     parser.add_argument("--out", type=Path, help="page; without it, the benchmark is printed")
     options = parser.parse_args(arguments)
     tables = [report_housekeep(options.housekeep)]
@@ -366,18 +347,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     sources = table.read_sources(options)
     sources = replace(sources, objects=sources.objects[sources.objects["split"] != "test"])
-    held = table.hold_out(sources, sources.objects)
+    held = table.hold_out(sources)
     with one_thread():
         data = options.leaderboard / "mixed" / "dataset"
         prior = table.observe_rooms(
             data, table.fold_predictors(options.leaderboard, "uniform", "prior-table")
         )
         tables += [report_ranking(sources, prior, held), report_reliability(held)]
-        tables.append(
-            report_search(
-                sources, options.leaderboard, table.calibrate(held), buildings=options.buildings
-            )
-        )
+        tables.append(report_search(sources, options.leaderboard, table.calibrate(held)))
     write_page(options.out, "Any word", tables, argv=sys.argv, data=Dataset.open(data))
     return 0
 
