@@ -31,7 +31,7 @@ HOUSE = (
     "bsg_data.merge bsg_data.checks",
     "bsg_data.testing",
     "bsg_data.extend",
-    "bsg_models.errors",
+    "bsg_models.arrays bsg_models.errors bsg_models.special_functions",
     "bsg_models.belief bsg_models.search bsg_models.inputs",
     "bsg_models.zoo",
     "bsg_models.runs bsg_models.evaluation",

@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import lambertw, logsumexp
 
 from bsg_data.arrays import Counts, Floats
 from bsg_models.belief.negative_binomial import (
@@ -27,6 +26,7 @@ from bsg_models.belief.negative_binomial import (
     log_none,
     log_normaliser,
 )
+from bsg_models.special_functions import log_sum_exp
 
 MIN_RATE = 1e-3  # no hidden object may be impossible: one log 0 would dominate any mean
 
@@ -120,7 +120,7 @@ class CountDistribution:
             each -= log_normaliser(self.tilts, means, r)
             for count, tilt in enumerate(self.tilts):
                 each += tilt * (counts == count)
-        joined = each[0] if len(each) == 1 else logsumexp(each + weights, axis=0)
+        joined = each[0] if len(each) == 1 else log_sum_exp(each + weights, axis=0)
         return np.asarray(np.minimum(joined, 0.0))
 
     def log_seen(self, seen: Counts, shares: Floats) -> Floats:
@@ -138,7 +138,7 @@ class CountDistribution:
             each += log_normaliser(tilts[:, None], hidden, dispersions)
             each -= log_normaliser(self.tilts, means, r)
         with np.errstate(divide="ignore"):
-            return np.asarray(logsumexp(each + np.log(self.weights), axis=1))
+            return np.asarray(log_sum_exp(each + np.log(self.weights), axis=1))
 
     def quantile(self, q: float) -> npt.NDArray[np.int64]:
         """Return the smallest count n with P(hidden ≤ n) of at least q, `[N, C]`; q is below 1."""
@@ -233,6 +233,8 @@ def _positive_poisson_rate(given: Floats) -> Floats:
     branches and SciPy's is inexact or NaN, the inverted series 2ε − ⅔ε² + 4/9 ε³ of ε = m − 1
     is exact to 4e-13.
     """
+    from scipy.special import lambertw  # slow to import, and no shipped model needs it
+
     near = given < 1 + 1e-3
     excess, far = np.where(near, np.maximum(given - 1, 0.0), 0.0), np.where(near, 2.0, given)
     series = excess * (2 - excess * (2 / 3 - excess * (4 / 9)))

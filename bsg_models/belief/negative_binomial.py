@@ -21,11 +21,12 @@ Every function takes arrays of NumPy or tensors of torch, and returns the same k
 
 from __future__ import annotations
 
-import sys
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy import special
+
+from bsg_models.arrays import library_of
+from bsg_models.special_functions import log_gamma
 
 Array = TypeVar("Array", bound=Any)  # of NumPy or of torch
 POISSON = 1e15  # the dispersion of a Poisson: its variance is μ (1 + μ / r)
@@ -67,7 +68,7 @@ def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> li
 
 def log_normaliser(tilts: Any, mean: Array, dispersion: Array) -> Array:
     """Return log Z of negative binomials; `tilts` are a of the counts 0..J−1, an array each."""
-    xp = _library(mean)
+    xp = library_of(mean)
     none = log_none(mean, dispersion)
     total = xp.ones_like(none)
     for tilt in tilts[:1]:  # in a large building P(0) underflows, and its tilt overflows
@@ -91,13 +92,13 @@ def log_negative_binomial(counts: Any, mean: Array, dispersion: Any, tilts: Any 
 
 def log_none(mean: Array, dispersion: Any) -> Array:
     """Return log P(0)."""
-    none: Array = -dispersion * _library(mean).log1p(mean / dispersion)
+    none: Array = -dispersion * library_of(mean).log1p(mean / dispersion)
     return none
 
 
 def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
     """Return log P(counts) − log P(0); most counts are 0 and do not need it."""
-    xp = _library(mean)
+    xp = library_of(mean)
     power = counts * (xp.log(mean) - xp.log(mean + dispersion))
     beyond: Array = _log_rising(counts, dispersion) - _log_gamma(counts + 1.0) + power
     return beyond
@@ -105,7 +106,7 @@ def log_beyond_none(counts: Any, mean: Array, dispersion: Any) -> Array:
 
 def _log_rising(counts: Any, dispersion: Any) -> Any:
     """Return log Γ(r + counts) − log Γ(r)."""
-    xp = _library(dispersion)
+    xp = library_of(dispersion)
     large = dispersion > _LARGE
     small = xp.where(large, 1.0, dispersion)
     series = counts * (xp.log(dispersion) + (counts - 1.0) / (2 * dispersion))
@@ -113,9 +114,4 @@ def _log_rising(counts: Any, dispersion: Any) -> Any:
 
 
 def _log_gamma(values: Any) -> Any:
-    return special.gammaln(values) if _library(values) is np else values.lgamma()
-
-
-def _library(values: Any) -> Any:
-    """Return the library of an array. Torch is never imported here: who has a tensor has it."""
-    return sys.modules["torch"] if type(values).__module__.startswith("torch") else np
+    return log_gamma(values) if library_of(values) is np else values.lgamma()

@@ -42,7 +42,8 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         edges: among each building and its rooms.
         targets: `[N, C]` true histograms.
     """
-    nodes, around = to_nodes(seen, targets=targets), seen.surroundings
+    nodes = to_nodes(seen, targets=targets).to(torch.device("cpu"))
+    around = seen.surroundings
     graph = Data(
         x=nodes.x,
         edge_index=torch.from_numpy(list_edges(seen, edges)),
@@ -50,7 +51,7 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         others=nodes.others,
         visited=nodes.visited,
         hidden_share=nodes.hidden_share,
-        withheld=nodes.withheld,
+        withheld=torch.from_numpy(seen.withheld.copy()),
         floor_area=torch.from_numpy(np.nan_to_num(around.floor_area).astype(np.float32)),
         labels=torch.from_numpy(around.labels.astype(np.float32)),
         building_kind=torch.from_numpy(around.building_kinds[seen.building]),

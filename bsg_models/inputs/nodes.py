@@ -1,4 +1,7 @@
-"""An observation as tensors: the one form that networks read, in training and in answers."""
+"""An observation as arrays: the one form that networks read, in training and in answers.
+
+They are arrays of NumPy in an answer, and tensors of torch in a training (`Nodes.to`).
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,14 @@ from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
 import numpy as np
-import torch
+import numpy.typing as npt
 
-from bsg_data.arrays import Counts, Floats, Ints
+from bsg_data.arrays import Counts, Ints
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
+from bsg_models.arrays import Array, add_rows, doubles, floats, library_of
 from bsg_models.inputs.edges import EdgeSet, list_edges
 
 _SILENT_NEIGHBOURS = 4.0  # of features 0, added to each mean: one room says little of the next
@@ -21,45 +25,41 @@ _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 # Of a building's kind and source, so that what is learned in shops stays there: restaurants have
 # several refrigerators, and a home was believed to have another with .13, now with .05.
 _LOUD = 4.0
+Singles = npt.NDArray[np.float32]
 
 
-_Form = TypeVar("_Form", bound="_Tensors")
+_Form = TypeVar("_Form", bound="_Arrays")
 
 
-class _Tensors:
-    """A dataclass of tensors, which may be nested."""
+class _Arrays:
+    """A dataclass of arrays, which may be nested."""
 
-    def to(self: _Form, device: torch.device) -> _Form:
+    def to(self: _Form, device: Any) -> _Form:
+        """Return it as tensors of torch on a device."""
         names = [one.name for one in fields(self)]  # type: ignore[arg-type]
         return type(self)(**{name: _move(getattr(self, name), device) for name in names})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Nodes(_Tensors):
+class Nodes(_Arrays):
     """N nodes of interest of B buildings, C classes; a building's rows are its own, then rooms."""
 
-    x: torch.Tensor  # [N, C] counts that were seen
-    y: torch.Tensor  # [N, C] true counts, `UNKNOWN` where there is none; [0, C] if not given
+    x: Array  # [N, C] counts that were seen
+    y: Array  # [N, C] true counts, `UNKNOWN` where there is none; [0, C] if not given
     edges: Any  # [2, E] from and to, or the form that the network takes
-    building: torch.Tensor  # [N] number of each node's building
-    first: torch.Tensor  # [B] row of each building's own node
-    is_building: torch.Tensor  # [N]
-    visited: torch.Tensor  # [N]
-    hidden_share: torch.Tensor  # [N]
-    withheld: torch.Tensor  # [N, C] classes that the node does not show, whatever its share
-    others: torch.Tensor  # [N, V] seen objects outside the classes
-    evidence: dict[str, torch.Tensor]  # [N, width] of rows of `EVIDENCE`
+    building: Array  # [N] number of each node's building
+    first: Array  # [B] row of each building's own node
+    is_building: Array  # [N]
+    visited: Array  # [N]
+    hidden_share: Array  # [N]
+    share: Array  # [N, C] hidden share by node and class, as `Observation.cell_share`
+    others: Array  # [N, V] seen objects outside the classes
+    evidence: dict[str, Array]  # [N, width] of rows of `EVIDENCE`
 
     @property
-    def known(self) -> torch.Tensor:
+    def known(self) -> Array:
         """Whether the true count is known, `[N, C]`: the source has a word for the class."""
         return self.y != MaskedBuildings.UNKNOWN
-
-    @property
-    def share(self) -> torch.Tensor:
-        """The hidden share by node and class, `[N, C]`, as `Observation.cell_share`."""
-        share = self.hidden_share[:, None].expand_as(self.x)
-        return torch.where(self.withheld, torch.ones_like(share), share)
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class _Encoding:
     """How networks read what is known of a room, or of its building, besides objects."""
 
     width: int
-    encode: Callable[[Surroundings], torch.Tensor]  # [N or B, width] of order one; 0 if unknown
+    encode: Callable[[Surroundings], Singles]  # [N or B, width] of order one; 0 if unknown
     of_building: bool = False
 
 
@@ -78,8 +78,8 @@ def to_nodes(
     targets: Counts | None = None,
     reads: Collection[str] = (),
 ) -> Nodes:
-    """Return an observation as tensors, with true counts `[N, C]` and the evidence that is read."""
-    building = torch.from_numpy(seen.building)
+    """Return an observation as arrays, with true counts `[N, C]` and the evidence that is read."""
+    building = seen.building
     evidence = {}
     for name in EVIDENCE.keys() & reads:
         values = EVIDENCE[name].encode(seen.surroundings)
@@ -89,18 +89,18 @@ def to_nodes(
         y=_floats(seen.inputs[:0] if targets is None else targets),
         edges=edges,
         building=building,
-        first=torch.from_numpy(seen.starts[:-1]),
-        is_building=torch.from_numpy(seen.is_building),
-        visited=torch.from_numpy(seen.visited.copy()),
-        hidden_share=torch.from_numpy(seen.hidden_share.copy()),
-        withheld=torch.from_numpy(seen.withheld.copy()),
+        first=seen.starts[:-1],
+        is_building=seen.is_building,
+        visited=seen.visited,
+        hidden_share=seen.hidden_share,
+        share=_floats(seen.cell_share),
         others=_floats(seen.others),
         evidence=evidence,
     )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Neighbours(_Tensors):
+class Neighbours(_Arrays):
     """The neighbours of every node, as weights of three sums instead of a list of edges.
 
     If every room sees every other, R rooms have R (R − 1) edges: 100 million for 10,000 rooms.
@@ -108,13 +108,13 @@ class Neighbours(_Tensors):
     neighbours shrink the mean of few, so that a network is not sure of a building after one room.
     """
 
-    building: torch.Tensor  # [N] number of each node's building
-    first: torch.Tensor  # [B] row of each building's own node
-    of_rooms: torch.Tensor  # [N, 1] weight of the sum over all rooms of the building
-    of_itself: torch.Tensor  # [N, 1] weight of the node itself
-    of_building: torch.Tensor  # [N, 1] weight of the building's own node
-    pairs: torch.Tensor  # [2, A] other edges, from and to
-    of_pairs: torch.Tensor  # [A, 1] weight of the first node of each pair for the second
+    building: Array  # [N] number of each node's building
+    first: Array  # [B] row of each building's own node
+    of_rooms: Array  # [N, 1] weight of the sum over all rooms of the building
+    of_itself: Array  # [N, 1] weight of the node itself
+    of_building: Array  # [N, 1] weight of the building's own node
+    pairs: Array  # [2, A] other edges, from and to
+    of_pairs: Array  # [A, 1] weight of the first node of each pair for the second
 
     @classmethod
     def of(cls, seen: Observation, edges: Sequence[EdgeSet]) -> Neighbours:
@@ -129,37 +129,71 @@ class Neighbours(_Tensors):
         number += np.bincount(pairs[1], minlength=len(rooms))
         weight = 1 / (number + _SILENT_NEIGHBOURS)
         return cls(
-            building=torch.from_numpy(seen.building),
-            first=torch.from_numpy(seen.starts[:-1]),
-            of_rooms=_column(weight * (complete | up)),
-            of_itself=_column(-weight * complete),
-            of_building=_column(weight * down),
-            pairs=torch.from_numpy(pairs),
-            of_pairs=_column(weight[pairs[1]]),
+            building=seen.building,
+            first=seen.starts[:-1],
+            of_rooms=(weight * (complete | up))[:, None],
+            of_itself=(-weight * complete)[:, None],
+            of_building=(weight * down)[:, None],
+            pairs=pairs,
+            of_pairs=(weight[pairs[1]])[:, None],
         )
 
-    def mean(self, h: torch.Tensor) -> torch.Tensor:
+    def mean(self, h: Array) -> Array:
         """Return the shrunk mean of every node's neighbours, `[N, W]` of `[N, W]`."""
-        own = h.double()  # so that the difference of two large sums is exact
+        own = doubles(h)  # so that the difference of two large sums is exact
         buildings = own[self.first]
-        rooms = torch.zeros_like(buildings).index_add_(0, self.building, own) - buildings
+        rooms = sum_buildings(own, self) - buildings
         mean = self.of_rooms * rooms[self.building] + self.of_itself * own
-        mean += self.of_building * buildings[self.building]
+        mean = mean + self.of_building * buildings[self.building]
         if self.pairs.shape[1]:
-            mean.index_add_(0, self.pairs[1], self.of_pairs * own[self.pairs[0]])
-        return mean.to(h.dtype)
+            mean = add_rows(mean, self.pairs[1], self.of_pairs * own[self.pairs[0]])
+        return floats(mean)
 
 
-def _encode_area(around: Surroundings) -> torch.Tensor:
+@dataclass(frozen=True, eq=False, slots=True)
+class Rows(_Arrays):
+    """The nodes of B buildings as rows of L places, the nodes of the largest building."""
+
+    node: Array  # [B, L] the node at each place, N for none
+    place: Array  # [N] place of each node in the rows, one after another
+    absent: Array  # [B, L] whether there is no node
+
+    @classmethod
+    def of(cls, seen: Observation) -> Rows:
+        """Return the places of an observation's nodes."""
+        sizes = np.diff(seen.starts)
+        places = np.arange(sizes.max(initial=1))
+        absent = places >= sizes[:, None]
+        node = np.where(absent, len(seen.inputs), seen.starts[:-1, None] + places)
+        return cls(node=node, place=np.flatnonzero(~absent), absent=absent)
+
+    def spread(self, h: Array) -> Array:
+        """Return nodes `[N, W]` in their places, `[B, L, W]`; 0 where there is none."""
+        more = library_of(h).concatenate([h, 0 * h[:1]])
+        return more[self.node]
+
+    def gather(self, rows: Array) -> Array:
+        """Return what stands in the places of the nodes: the inverse of `spread`."""
+        return rows.reshape(-1, rows.shape[-1])[self.place]
+
+
+def sum_buildings(values: Array, nodes: Nodes | Neighbours) -> Array:
+    """Return the sum over the nodes of each building, `[B, W]` of `[N, W]`."""
+    if isinstance(values, np.ndarray):
+        return np.add.reduceat(values, nodes.first)
+    return add_rows(0 * values[nodes.first], nodes.building, values)
+
+
+def _encode_area(around: Surroundings) -> Singles:
     """Return log(area / usual area), 0 if unknown, and whether it is known."""
     area = _floats(np.nan_to_num(around.floor_area))
-    known = (area > 0).float()
-    return torch.stack([torch.log(area.clamp(min=1e-2) / _USUAL_AREA) * known, known], dim=1)
+    known = _floats(area > 0)
+    return np.stack([np.log(area.clip(min=1e-2) / _USUAL_AREA) * known, known], axis=1)
 
 
-def _mark(index: Ints, width: int) -> torch.Tensor:
+def _mark(index: Ints, width: int) -> Singles:
     """Return a mark in the column of each index `[B]`, `[B, width]`; none for an unknown, −1."""
-    return _LOUD * _floats(index[:, None] == np.arange(width))
+    return _floats(_LOUD * (index[:, None] == np.arange(width)))
 
 
 # By the name in `NetworkConfig.reads`. A network forgets in this order: add new ones at the end.
@@ -181,15 +215,16 @@ EVIDENCE = {
 }
 
 
-def _floats(values: np.ndarray[Any, Any]) -> torch.Tensor:
-    return torch.from_numpy(values.astype(np.float32))
+def _floats(values: npt.NDArray[Any]) -> Singles:
+    return values.astype(np.float32)
 
 
-def _column(values: Floats) -> torch.Tensor:
-    return torch.from_numpy(values[:, None])
-
-
-def _move(value: Any, device: torch.device) -> Any:
+def _move(value: Any, device: Any) -> Any:
+    """Return an array as a tensor on a device; also each of a dictionary, and records of ours."""
     if isinstance(value, dict):
-        return {name: one.to(device) for name, one in value.items()}
+        return {name: _move(one, device) for name, one in value.items()}
+    if isinstance(value, np.ndarray):
+        import torch  # only trainings come here
+
+        return torch.from_numpy(value.copy()).to(device)
     return None if value is None else value.to(device)

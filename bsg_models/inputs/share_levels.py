@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import betaincinv, roots_legendre
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_models.special_functions import beta_quantiles, gauss_legendre
 
 _LEVELS = 8  # the error of a presence is then .0004 on average, and .011 at most
 
@@ -44,7 +44,7 @@ def spread_shares(
     beliefs = [room.share for room in graph.rooms]
     if all(belief.is_certain for belief in beliefs):
         return seen, np.ones(1)
-    nodes, weights = roots_legendre(levels)
+    nodes, weights = gauss_legendre(levels)
     copies = []
     for shares in find_quantiles(beliefs, (1 + nodes) / 2):
         told = np.array([graph.share_with(shares.tolist()), *shares], dtype=np.float32)
@@ -58,5 +58,7 @@ def find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Flo
     unsure = [room for room, belief in enumerate(beliefs) if not belief.is_certain]
     if unsure:
         parameters = np.array([beliefs[room].beta for room in unsure])
-        quantiles[:, unsure] = betaincinv(*parameters.T, probabilities[:, None])
+        different, which = np.unique(parameters, axis=0, return_inverse=True)
+        found = beta_quantiles(*different.T, probabilities)
+        quantiles[:, unsure] = found[:, which.ravel()]
     return quantiles

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import torch
+import numpy as np
+import numpy.typing as npt
 from pydantic import Field, ValidationError
 from safetensors import SafetensorError
-from safetensors.torch import load, save
+from safetensors.numpy import load, save
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.schema import FORMAT_VERSION
@@ -38,7 +39,7 @@ from bsg_models.runs.checkpoint_file import (
 from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import make_model
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.model import BeliefModel, State
 
 
 class CheckpointHeader(Record):
@@ -69,9 +70,9 @@ class Checkpoint:
     """A loaded checkpoint."""
 
     header: CheckpointHeader  # configuration, classes and hashes
-    tensors: dict[str, torch.Tensor]  # by name
+    tensors: State  # by name
 
-    def state_of(self, part: str) -> dict[str, torch.Tensor]:
+    def state_of(self, part: str) -> State:
         """Return the tensors under `part.`, without the prefix."""
         prefix = f"{part}."
         return {k.removeprefix(prefix): v for k, v in self.tensors.items() if k.startswith(prefix)}
@@ -91,14 +92,14 @@ def make_header(
     )
 
 
-def name_tensors(part: str, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+def name_tensors(part: str, state: Mapping[str, npt.NDArray[Any]]) -> State:
     """Return a state dict under `part.`."""
     return {f"{part}.{name}": tensor for name, tensor in state.items()}
 
 
-def save_checkpoint(path: Path, header: CheckpointHeader, tensors: dict[str, torch.Tensor]) -> None:
+def save_checkpoint(path: Path, header: CheckpointHeader, tensors: State) -> None:
     """Write a checkpoint to a temporary file and rename it."""
-    plain = {name: tensor.detach().contiguous() for name, tensor in tensors.items()}
+    plain = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
     hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
     text = header.model_copy(update=hashed).model_dump_json()
     write_bytes(path, save(plain, metadata={"bsg": seal_header(text)}))
@@ -116,17 +117,16 @@ def save_fitted(
     """Save a model that was fitted by counting, or made of members, as the best of its run."""
     fields = {"calibrated": calibrated, "members": dict(members or {})}
     header = make_header(config, data, vocabulary=model.vocabulary, **fields)
-    save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
+    save_checkpoint(run / BEST, header, name_tensors("model", model.state()))
 
 
-def hash_tensors(tensors: Mapping[str, torch.Tensor]) -> str:
+def hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
     """Return the sha256 of tensors, sorted by name: name, type, shape and bytes of each."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
-        kind = json.dumps([name, str(tensor.dtype), list(tensor.shape)])  # noqa: TID251
+        kind = json.dumps([name, f"torch.{tensor.dtype}", list(tensor.shape)])  # noqa: TID251
         digest.update(f"{kind}\n".encode())
-        flat = tensor.detach().cpu().contiguous().reshape(-1)
-        digest.update(flat.view(torch.uint8).numpy().tobytes())
+        digest.update(np.ascontiguousarray(tensor))
     return digest.hexdigest()
 
 
@@ -147,7 +147,7 @@ def load_checkpoint(path: AnyPath) -> Checkpoint:
         file.seek(0)
         try:
             tensors = load(file.read())
-        except (SafetensorError, RuntimeError) as error:  # torch raises the last
+        except (SafetensorError, KeyError, ValueError) as error:  # NumPy raises the last two
             raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
     if header.tensors_sha256 != hash_tensors(tensors):
         raise CheckpointError(
@@ -179,12 +179,11 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
             vocabulary=header.vocabulary,
             members=header.members,
         )
-        model.resize_buffers(stored)
-        model.load_state_dict(stored)
-    except (ConfigError, CheckpointError, RuntimeError) as error:
+        model.load_state(stored)
+    except (ConfigError, CheckpointError) as error:
         raise CheckpointError(f"{path}: {error}") from error
     model.origin = str(path)
-    return model.eval()
+    return model
 
 
 def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:

@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import roots_legendre, softmax
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.observation.hidden_share import ShareBelief
@@ -27,6 +26,7 @@ from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.inputs.share_levels import find_quantiles
+from bsg_models.special_functions import gauss_legendre, log_sum_exp
 
 EVIDENCE = 0.5  # τ
 _LEVELS = 32
@@ -100,7 +100,7 @@ def _weigh(
         seen: `[M, C]`.
         withheld: `[M, C]` cells that are no evidence.
     """
-    levels, weights = roots_legendre(_LEVELS)
+    levels, weights = gauss_legendre(_LEVELS)
     shares = np.minimum(find_quantiles(beliefs, (1 + levels) / 2), _MOST)
     told = np.empty(shares.shape)
     size = max(1, _CELLS // (_LEVELS * len(true.means) * seen.shape[1]))
@@ -108,7 +108,8 @@ def _weigh(
         rooms = np.arange(first, min(first + size, len(beliefs)))
         log_p = true.take(rooms).log_seen(seen[rooms], shares[:, rooms])
         told[:, rooms] = (log_p * ~withheld[rooms]).sum(axis=2)
-    posterior = softmax(EVIDENCE * told + np.log(weights)[:, None], axis=0)
+    log_posterior = EVIDENCE * told + np.log(weights)[:, None]
+    posterior = np.exp(log_posterior - log_sum_exp(log_posterior, axis=0))
     mean = (posterior * shares).sum(axis=0)
     return np.stack([mean, np.sqrt((posterior * (shares - mean) ** 2).sum(axis=0))])
 

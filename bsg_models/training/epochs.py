@@ -39,7 +39,7 @@ from bsg_models.training.optimiser import (
 )
 from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.model import Network
+from bsg_models.zoo.network import Network
 
 
 class GradientSteps:
@@ -170,7 +170,7 @@ def _save(
 ) -> None:
     """Write the metrics, the last checkpoint, and the best one if this epoch is the best."""
     write_bytes(run / METRICS, encode_metrics(rows))
-    state = name_tensors("model", steps.on_cpu().state_dict())
+    state = name_tensors("model", steps.on_cpu().state())
     if header.epoch == header.best_epoch:
         save_checkpoint(run / BEST, header, state)
     adam = name_tensors("adam", optimiser_state(steps.optimiser, steps.model))
@@ -185,7 +185,7 @@ def _restore(steps: GradientSteps, run: Path) -> list[EpochReport]:
     if not (run / BEST).is_file() or len(rows) < epochs:
         gone = METRICS if (run / BEST).is_file() else BEST
         raise TrainingError(f"{run / gone}: is gone, or a part of it; --force starts the run again")
-    steps.model.load_state_dict(checkpoint.state_of("model"))
+    steps.model.load_state(checkpoint.state_of("model"))
     load_optimiser(steps.optimiser, steps.model, checkpoint.state_of("adam"))
     return rows
 

@@ -39,6 +39,7 @@ from bsg_models.runs.run_folder import (
 )
 from bsg_models.runs.run_log import keep_log
 from bsg_models.training.buildings import TrainingBuildings, validation_buildings
+from bsg_models.training.count_gradients import as_network
 from bsg_models.training.epochs import GradientSteps, require_same_training, train_epochs
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.training.ranks import find_device, join_ranks
@@ -51,7 +52,7 @@ from bsg_models.zoo.calibration import (
 )
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import Ensemble, find_member, make_model, reads_categories
-from bsg_models.zoo.model import BeliefModel, Network, one_thread
+from bsg_models.zoo.model import BeliefModel, one_thread
 
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
 
@@ -91,8 +92,9 @@ def train_run(
         if ranks.add(torch.tensor(float(is_complete), device=device)):  # all processes know
             return
         model = new_model(config, data)
-        if isinstance(model, Network):
-            steps = GradientSteps(model, config, device=device, ranks=ranks)
+        network = as_network(model)
+        if network is not None:
+            steps = GradientSteps(network, config, device=device, ranks=ranks)
             yield from _train_network(steps, config, data, run, resume=resume, force=force)
             return
         if ranks.size > 1:
@@ -194,7 +196,7 @@ def _calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ..
     model = restore_model(run / BEST, checkpoint)
     if _calibrate_if_wanted(model, config, data):
         header = checkpoint.header.model_copy(update={"calibrated": True})
-        save_checkpoint(run / BEST, header, name_tensors("model", model.state_dict()))
+        save_checkpoint(run / BEST, header, name_tensors("model", model.state()))
     return model.notes
 
 
@@ -231,11 +233,11 @@ def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
         ]
     ).without(~known)
     fitted = fit_calibration(learned, hidden)
-    model.calibration.copy_(torch.from_numpy(fitted))
+    model.hold(calibration=fitted)
     lines = fit_presence_calibration(
         recalibrate(learned, fitted), hidden, share=masked.seen.cell_share[rooms] * known
     )
-    model.presence_calibration.copy_(torch.from_numpy(lines))
+    model.hold(presence_calibration=lines)
 
 
 def _train_members(

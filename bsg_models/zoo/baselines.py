@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import torch
 
+from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.observation import Observation
@@ -14,7 +14,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 
@@ -65,8 +65,8 @@ class _TrainMeanModel(BeliefModel):
     the objects, whatever is seen.
     """
 
-    room_mean: torch.Tensor  # [C]
-    building_mean: torch.Tensor  # [C]
+    room_mean: Floats  # [C]
+    building_mean: Floats  # [C]
 
     def __init__(self, config: _TrainMeanConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
@@ -91,7 +91,7 @@ class _TrainMeanModel(BeliefModel):
     def predict(self, seen: Observation) -> Expectation:
         """Return the mean, whatever was seen."""
         is_building = seen.is_building[:, None]
-        mean = np.where(is_building, to_array(self.building_mean), to_array(self.room_mean))
+        mean = np.where(is_building, self.building_mean, self.room_mean)
         return Expectation(seen.inputs.astype(np.float64), poisson(seen.cell_share * mean), mean)
 
 

@@ -15,8 +15,6 @@ from __future__ import annotations
 from abc import abstractmethod
 
 import numpy as np
-import torch
-from scipy.optimize import minimize
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.masked_buildings import MaskedBuildings
@@ -33,9 +31,9 @@ _PRIOR = 10.0  # weight, in cells' log-likelihood, of the penalty for a line tha
 class CalibratedModel(BeliefModel):
     """A model of the hidden counts that can be calibrated; zeros change nothing."""
 
-    calibration: torch.Tensor  # [3] shift, logarithm of the slope, and spread
+    calibration: Floats  # [3] shift, logarithm of the slope, and spread
     # [2, 2] shift and slope of the log odds of none, in cells that were looked into, and in others
-    presence_calibration: torch.Tensor
+    presence_calibration: Floats
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
@@ -99,6 +97,8 @@ def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
     def cost(calibration: Floats) -> float:
         return -float(recalibrate(distribution, calibration).log_probability(hidden).mean())
 
+    from scipy.optimize import minimize  # only trainings come here
+
     minimum = minimize(
         cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3, options={"ftol": 1e-6}
     )
@@ -136,5 +136,7 @@ def _fit_line(odds: Floats, none: Bools) -> Floats:
     def cost(line: Floats) -> float:
         mended = odds + line[0] + line[1] * odds
         return float(np.logaddexp(0.0, -sign * mended).sum()) + _PRIOR * float(line @ line)
+
+    from scipy.optimize import minimize
 
     return np.asarray(minimize(cost, np.zeros(2), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 2).x)

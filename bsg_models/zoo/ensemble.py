@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, cast
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
-import torch
+import numpy.typing as npt
 from pydantic import Field, model_validator
-from torch import nn
 
 from bsg_data.arrays import Ints
 from bsg_data.observation.observation import Observation
@@ -16,7 +15,7 @@ from bsg_models.errors import ConfigError
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZOO, ZooRow
 from bsg_models.zoo.config import RunConfig, find_config
-from bsg_models.zoo.model import BeliefModel, ModelInputs, Network
+from bsg_models.zoo.model import BeliefModel, ModelInputs, State, require_same_shapes
 from bsg_models.zoo.settings import WHATEVER, ModelConfig
 
 
@@ -47,28 +46,34 @@ class Ensemble(CalibratedModel):
 
     def __init__(self, config: EnsembleConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        self.members = nn.ModuleDict()
+        self.members: dict[str, BeliefModel] = {}
 
-    def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Prepare every member for its part of a checkpoint."""
-        for name, member in self._each():
+    def state(self) -> State:
+        """Return its calibration, and what each member has learned."""
+        every = dict(super().state())
+        for name, member in self.members.items():
+            every |= {f"members.{name}.{key}": one for key, one in member.state().items()}
+        return every
+
+    def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Take its calibration, and let each member take its part."""
+        rest = dict(state)
+        for name, member in self.members.items():
             prefix = f"members.{name}."
-            own = {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)}
-            member.resize_buffers(own)
+            own = [key for key in rest if key.startswith(prefix)]
+            member.load_state({key.removeprefix(prefix): rest.pop(key) for key in own})
+        require_same_shapes(super().state(), rest)
+        self.hold(**rest)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""
-        return _mix([member.predict(seen).hidden_counts for _, member in self._each()])
+        return _mix([member.predict(seen).hidden_counts for member in self.members.values()])
 
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
         """Return the mixture of the members' beliefs about some rooms."""
-        return _mix([member.predict_rooms(seen, rows, columns) for _, member in self._each()])
-
-    def _each(self) -> Iterator[tuple[str, BeliefModel]]:
-        for name, member in self.members.items():
-            yield name, cast(BeliefModel, member)
+        return _mix([member.predict_rooms(seen, rows, columns) for member in self.members.values()])
 
 
 def _mix(parts: Sequence[CountDistribution]) -> CountDistribution:
@@ -93,7 +98,9 @@ def reads_categories(config: RunConfig) -> bool:
 def can_resume(config: RunConfig) -> bool:
     """Return whether a stopped training can continue; a training by counting cannot."""
     make = ZOO[config.model.family].make
-    return isinstance(make, type) and issubclass(make, Network | Ensemble)
+    return isinstance(make, type) and (
+        issubclass(make, Ensemble) or (issubclass(make, BeliefModel) and make.by_gradient)
+    )
 
 
 def make_model(

@@ -14,24 +14,31 @@ network learns how far to trust the table, and what it knows better of labels th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import torch
 from pydantic import Field, field_validator
-from scipy.special import logit
-from torch import nn
-from torch_geometric.utils import scatter
 
+from bsg_data.arrays import Floats
 from bsg_data.scene.room_label import list_room_labels
-from bsg_models.inputs.nodes import EVIDENCE, Nodes
+from bsg_models.arrays import Array, floats, library_of
+from bsg_models.inputs.nodes import EVIDENCE, Nodes, sum_buildings
+from bsg_models.zoo.layers import (
+    QUIET,
+    Quiet,
+    Weight,
+    Weights,
+    linear,
+    linear_weights,
+    logit,
+)
 from bsg_models.zoo.prior_table import read_prior_table
 from bsg_models.zoo.settings import ModelConfig
 
 _SILENT_ROOMS = 3.0  # without anything, added to the others: one room says little of the next
 _TRUST = 0.5  # in the table, at the start
+_EMBEDDING = "features.embedding"
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
 
 EVERYTHING = ("mask", "building", "categories", "withheld", *EVIDENCE)
@@ -68,7 +75,7 @@ class NetworkConfig(ModelConfig):
         return reads
 
 
-class NodeFeatures(nn.Module):
+class NodeFeatures:
     """Turn nodes into features `[N, F]`.
 
     The node's own histogram is always included: log(1 + count), presence and log(1 + total). The
@@ -86,18 +93,18 @@ class NodeFeatures(nn.Module):
     """
 
     def __init__(self, config: NetworkConfig, classes: int, vocabulary: int) -> None:
-        super().__init__()
         self.reads = frozenset(config.reads)
         if not vocabulary:  # no category is frequent enough
             self.reads -= {"categories"}
         self.share_forgotten, self.category_dropout = config.forget, config.category_dropout
+        self.weights: dict[str, Weight] = {}
         first = 2 * classes + 1
         mask = 2 * ("mask" in self.reads) + classes * ("withheld" in self.reads)
         self.width = first + mask
         if "building" in self.reads:
             self.width += 2 * classes + 2
         if "categories" in self.reads:
-            self.embedding = nn.Linear(vocabulary, config.embedding, bias=False)
+            self.weights = linear_weights(_EMBEDDING, vocabulary, config.embedding, bias=False)
             self.width += config.embedding * (2 if "building" in self.reads else 1)
         # columns that dropout leaves: a dropped one would say that nothing is hidden, or a home
         self.kept = [slice(first, first + mask)]
@@ -107,104 +114,77 @@ class NodeFeatures(nn.Module):
                 self.width = columns.stop
                 self.kept += [columns] if evidence.of_building else []
 
-    def forward(self, nodes: Nodes) -> torch.Tensor:
-        """Return features `[N, F]`; `nodes` is as `forget` returns it."""
-        seen = (nodes.x > 0).float()
-        parts = [torch.log1p(nodes.x), seen, torch.log1p(nodes.x.sum(dim=1, keepdim=True))]
+    def __call__(self, weights: Weights, nodes: Nodes, noise: Quiet = QUIET) -> Array:
+        """Return features `[N, F]`; what trainings drop of them is `noise`."""
+        xp = library_of(nodes.x)
+        seen = floats(nodes.x > 0)
+        parts = [xp.log1p(nodes.x), seen, xp.log1p(nodes.x.sum(axis=1, keepdims=True))]
         if "mask" in self.reads:
-            share = nodes.hidden_share.clamp(_EDGE, 1 - _EDGE)
-            parts += [torch.logit(share)[:, None] / 2, nodes.visited.float()[:, None]]
-        looked_for = (nodes.share < 1).float()
+            share = nodes.hidden_share.clip(_EDGE, 1 - _EDGE)
+            parts += [(logit(share) / 2)[:, None], floats(nodes.visited)[:, None]]
+        looked_for = floats(nodes.share < 1)
         if "withheld" in self.reads:
             parts.append(1 - looked_for)
         shown = [seen]
         if "categories" in self.reads:
-            shown.append(self._embed(nodes))
+            present = noise.overlook(floats(nodes.others > 0), self.category_dropout)
+            shown.append(linear(weights, _EMBEDDING, present))
             parts.append(shown[-1])
         if "building" in self.reads:
-            every = seen.new_ones(len(seen), sum(part.shape[1] for part in shown[1:]))
+            looked = [looked_for, *map(xp.ones_like, shown[1:])]
             parts += _look_around(
-                nodes, torch.cat(shown, dim=1), torch.cat([looked_for, every], dim=1)
+                nodes, xp.concatenate(shown, axis=1), xp.concatenate(looked, axis=1)
             )
-        for name in EVIDENCE:
-            if name in self.reads:
-                parts.append(nodes.evidence[name])
-        return torch.cat(parts, dim=1)
+        parts += [nodes.evidence[name] for name in EVIDENCE if name in self.reads]
+        return xp.concatenate(parts, axis=1)
 
-    def forget(self, nodes: Nodes) -> Nodes:
-        """Return nodes whose `EVIDENCE` of a share of the rooms training has hidden."""
-        if not self.training:
-            return nodes
+    def forget(self, nodes: Nodes, noise: Quiet) -> Nodes:
+        """Return nodes whose `EVIDENCE` of a share of the rooms a training hides."""
         evidence = dict(nodes.evidence)
         for name in (name for name in EVIDENCE if name in self.reads):
             if not EVIDENCE[name].of_building:  # without it, a building is taken for a home
-                values = evidence[name]
-                kept = torch.rand(len(values), device=values.device) >= self.share_forgotten
-                evidence[name] = values * kept[:, None]
+                evidence[name] = noise.forget(evidence[name], self.share_forgotten)
         return replace(nodes, evidence=evidence)
 
-    def _embed(self, nodes: Nodes) -> torch.Tensor:
-        present = (nodes.others > 0).float()
-        if self.training:  # dropped without rescaling: a robot overlooks things, too
-            present = present * (torch.rand_like(present) >= self.category_dropout)
-        embedded: torch.Tensor = self.embedding(present)
-        return embedded
 
-
-def _look_around(nodes: Nodes, shown: torch.Tensor, looked_for: torch.Tensor) -> list[torch.Tensor]:
+def _look_around(nodes: Nodes, shown: Array, looked_for: Array) -> list[Array]:
     """Return what is around each node.
 
     These are the building's counts `[N, C]`, the shrunk mean of `shown` `[N, S]` over the other
     visited rooms that could show it (`looked_for`), the number of rooms, and whether it is a
     building.
     """
-    visited = (nodes.visited & ~nodes.is_building).float()[:, None] * looked_for
-    others = scatter(visited, nodes.building)[nodes.building] - visited
-    siblings = scatter(shown * visited, nodes.building)[nodes.building] - shown * visited
-    rooms = scatter((~nodes.is_building).float(), nodes.building)[nodes.building, None]
+    xp, building = library_of(nodes.x), nodes.building
+    visited = floats(nodes.visited & ~nodes.is_building)[:, None] * looked_for
+    others = sum_buildings(visited, nodes)[building] - visited
+    siblings = sum_buildings(shown * visited, nodes)[building] - shown * visited
+    rooms = sum_buildings(floats(~nodes.is_building)[:, None], nodes)[building]
     return [
-        torch.log1p(nodes.x[nodes.first][nodes.building]),
+        xp.log1p(nodes.x[nodes.first][building]),
         siblings / (others + _SILENT_ROOMS),
-        torch.log1p(rooms),
-        nodes.is_building.float()[:, None],
+        xp.log1p(rooms),
+        floats(nodes.is_building)[:, None],
     ]
 
 
-class ShownDropout(nn.Module):
-    """Dropout of features `[N, F]` that leaves the columns `kept`."""
-
-    def __init__(self, share: float, kept: Sequence[slice]) -> None:
-        super().__init__()
-        self.share = share
-        self.kept = kept
-
-    def forward(self, features: torch.Tensor) -> torch.Tensor:
-        """Return the features; in training, some are 0 and the others scaled up."""
-        if not (self.training and self.share):
-            return features
-        dropped = nn.functional.dropout(features, self.share)
-        for columns in self.kept:
-            dropped[:, columns] = features[:, columns]
-        return dropped
-
-
-class LabelPrior(nn.Module):
+class LabelPrior:
     """What common sense adds to the log odds of a class in a room with a label."""
 
-    log_odds: torch.Tensor  # [L, C] minus those of any room; 0 for labels that are not listed
-
     def __init__(self, classes: int) -> None:
-        super().__init__()
-        self.register_buffer("log_odds", torch.zeros(len(list_room_labels()), classes))
-        self.trust = nn.Parameter(torch.full((classes,), _TRUST))
+        self.weights = {
+            "labels.log_odds": Weight((len(list_room_labels()), classes), learned=False),
+            "labels.trust": Weight((classes,), value=_TRUST),
+        }
 
-    def read_table(self, classes: tuple[str, ...]) -> None:
-        """Read the shipped table."""
-        presence, weight = read_prior_table("", classes).list_types(classes)
-        log_odds = logit(presence) - logit(weight @ presence)
-        self.log_odds.copy_(torch.from_numpy(np.where(weight[:, None] > 0, log_odds, 0.0)))
-
-    def forward(self, labels: torch.Tensor) -> torch.Tensor:
+    def __call__(self, weights: Weights, labels: Array) -> Array:
         """Return what f = 1 adds `[N, C]`, given P(label) `[N, L]`; 0 where it is unknown."""
-        added: torch.Tensor = labels @ self.log_odds * self.trust
-        return added
+        return labels @ weights["labels.log_odds"] * weights["labels.trust"]
+
+
+def tabulate_labels(classes: tuple[str, ...]) -> Floats:
+    """Return the log odds of the shipped table minus those of any room, `[L, C]`.
+
+    They are 0 for labels that it does not list.
+    """
+    presence, weight = read_prior_table("", classes).list_types(classes)
+    return np.where(weight[:, None] > 0, logit(presence) - logit(weight @ presence), 0.0)

@@ -20,10 +20,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-import torch
 from pydantic import Field
-from scipy.optimize import minimize
-from scipy.special import gammaln
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
@@ -38,7 +35,7 @@ from bsg_models.belief.negative_binomial import (
 )
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
@@ -55,9 +52,9 @@ class GammaPoissonConfig(ModelConfig):
 class GammaPoissonModel(BeliefModel):
     """Shrink each room's counts to its class; the building is the sum of its rooms."""
 
-    shape: torch.Tensor  # [C] a of the Gamma prior
-    rate: torch.Tensor  # [C] b of the Gamma prior
-    tilts: torch.Tensor  # [J, C] log factors of the first true counts; only with `tilted`
+    shape: Floats  # [C] a of the Gamma prior
+    rate: Floats  # [C] b of the Gamma prior
+    tilts: Floats  # [J, C] log factors of the first true counts; only with `tilted`
 
     config: GammaPoissonConfig
 
@@ -82,10 +79,9 @@ class GammaPoissonModel(BeliefModel):
     def predict(self, seen: Observation) -> Expectation:
         """Return the posterior of the hidden counts."""
         inputs, share = seen.inputs.astype(np.float64), seen.cell_share
-        a, b = to_array(self.shape), to_array(self.rate)
-        hidden = negative_binomial(*hidden_posterior(a, b, inputs, share))
+        hidden = negative_binomial(*hidden_posterior(self.shape, self.rate, inputs, share))
         if self.config.tilted:
-            tilts = hidden_tilts(to_array(self.tilts)[:, None], inputs)
+            tilts = hidden_tilts(self.tilts[:, None], inputs)
             hidden = replace(hidden, tilts=np.stack(tilts)[:, None]).without(share == 0)
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
@@ -120,6 +116,8 @@ def fit_gamma_prior(tally: Tally) -> tuple[float, float]:
         a = float(np.exp(log_shape[0]))
         return -float(times @ _log_likelihood(values, mean, a))
 
+    from scipy.optimize import minimize  # only trainings come here
+
     minimum = minimize(cost, x0=np.zeros(1), bounds=[(-8.0, 8.0)], method="L-BFGS-B")
     a = float(np.exp(minimum.x[0]))
     return a, a / mean
@@ -144,6 +142,8 @@ def _fit_tilted_prior(tally: Tally, shape: float, rate: float, *, tilted: int) -
 
     start = np.concatenate([np.log([shape, shape / rate]), np.zeros(tilted)])
     bounds = [(-8.0, 8.0), (-12.0, 5.0)] + [(-5.0, 5.0)] * tilted
+    from scipy.optimize import minimize
+
     best = minimize(cost, start, method="L-BFGS-B", bounds=bounds).x
     a, mean = np.exp(best[:2])
     return float(a), float(a / mean), *best[2:].tolist()
@@ -154,6 +154,8 @@ def _log_likelihood(counts: Ints, mean: float, dispersion: float) -> Floats:
 
     Where the likelihood is flat, the last bit decides where a fit stops: published fits have this.
     """
+    from scipy.special import gammaln
+
     choose = gammaln(counts + dispersion) - gammaln(dispersion)
     power = counts * np.log(mean / (mean + dispersion))
     return np.asarray(choose - dispersion * np.log1p(mean / dispersion) + power)

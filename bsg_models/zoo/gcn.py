@@ -21,7 +21,8 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation, from_totals
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import ModelInputs, Network, to_array
+from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.network import Network
 from bsg_models.zoo.settings import ModelConfig
 
 
@@ -40,8 +41,8 @@ class GCNConfig(ModelConfig):
     likelihood: Literal["mse"] = "mse"  # mean squared error of whole histograms, as in the paper
 
 
-class WritesNoFile:
-    """A PyG convolution that writes no code to disk; name it before PyG's class.
+class _NormalisedConv(GCNConv):  # type: ignore[misc]
+    """PyG's sum over neighbours and the node itself, by the square roots of their degrees.
 
     PyG otherwise writes a module for each convolution class into the temporary directory, runs it,
     and leaves it there. The results are the same to the bit.
@@ -49,10 +50,6 @@ class WritesNoFile:
 
     def _set_jittable_templates(self, raise_on_error: bool = False) -> None:
         """Generate nothing."""
-
-
-class _NormalisedConv(WritesNoFile, GCNConv):  # type: ignore[misc]
-    """PyG's sum over neighbours and the node itself, by the square roots of their degrees."""
 
 
 class CECIGCN(Network):

@@ -32,10 +32,7 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import torch
 from pydantic import Field
-from scipy.optimize import minimize_scalar
-from scipy.special import logsumexp
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
@@ -51,9 +48,10 @@ from bsg_models.belief.negative_binomial import (
 )
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
+from bsg_models.special_functions import log_sum_exp
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.room_types import MISSING, MOST, FittedTypes, Rooms, fit_types, tilted_means
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
@@ -76,11 +74,11 @@ class MixtureConfig(ModelConfig):
 class RoomTypeMixture(CalibratedModel):
     """Room types, fitted by counting; the posterior is in closed form."""
 
-    log_types: torch.Tensor  # [K] log π
-    means: torch.Tensor  # [K, C] m
-    dispersions: torch.Tensor  # [K, C] r
-    habits: torch.Tensor  # [C] α; large if buildings do not differ
-    tilts: torch.Tensor  # [J, K, C] log factors of the first counts; only with `tilted`
+    log_types: Floats  # [K] log π
+    means: Floats  # [K, C] m
+    dispersions: Floats  # [K, C] r
+    habits: Floats  # [C] α; large if buildings do not differ
+    tilts: Floats  # [J, K, C] log factors of the first counts; only with `tilted`
 
     config: MixtureConfig
 
@@ -93,6 +91,8 @@ class RoomTypeMixture(CalibratedModel):
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
+        import torch  # was seeded with the run's seed; only trainings come here
+
         counts, building = read_rooms(data, scenes_of(data, "train", fold=choice.fold), most=MOST)
         if len(counts) < self.config.types:
             raise TrainingError(
@@ -103,7 +103,7 @@ class RoomTypeMixture(CalibratedModel):
             counts,
             types=self.config.types,
             iterations=self.config.iterations,
-            seed=int(torch.randint(2**31, (1,)).item()),  # torch was seeded with the run's seed
+            seed=int(torch.randint(2**31, (1,)).item()),
             tilted=self.config.tilted,
         )
         self.hold(
@@ -118,8 +118,8 @@ class RoomTypeMixture(CalibratedModel):
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
         rooms = _Rooms(seen)
-        means = to_array(self.means)[:, None]
-        posterior = self._posterior(rooms, to_array(self.log_types)[:, None], means)
+        means = self.means[:, None]
+        posterior = self._posterior(rooms, self.log_types[:, None], means)
         if not self.config.building:
             return posterior
         types, habit = self._learn_habits(rooms, posterior.weights[..., 0])
@@ -127,18 +127,18 @@ class RoomTypeMixture(CalibratedModel):
 
     def _posterior(self, rooms: _Rooms, log_types: Floats, means: Floats) -> CountDistribution:
         """Return the hidden counts given the prior of types `[K, rooms or 1]` and their means."""
-        r = to_array(self.dispersions)[:, None]
+        r = self.dispersions[:, None]
         hidden, dispersions = hidden_posterior(r, r / means, rooms.seen, rooms.share)
         dispersions = np.broadcast_to(dispersions, hidden.shape)
         log_seen = self._log_seen(rooms, means)
         tilts = None
         if self.config.tilted:
-            prior = to_array(self.tilts)[:, :, None]
+            prior = self.tilts[:, :, None]
             tilts = np.stack(hidden_tilts(prior, rooms.seen))
             log_seen += log_normaliser(tilts, hidden, dispersions).sum(axis=2)
             log_seen -= log_normaliser(prior, means, r).sum(axis=2)
         log_posterior = log_types + self.config.temper * log_seen * rooms.looked_into
-        log_posterior -= logsumexp(log_posterior, axis=0)
+        log_posterior -= log_sum_exp(log_posterior, axis=0)
         weights = np.exp(log_posterior)[:, :, None]
         return CountDistribution(hidden, dispersions, weights, tilts)
 
@@ -148,7 +148,7 @@ class RoomTypeMixture(CalibratedModel):
         rows, columns = np.nonzero(rooms.seen)
         seen = rooms.seen[rows, columns]
         log_seen = np.empty((len(means), len(rooms.seen)))
-        for k, r in enumerate(to_array(self.dispersions)):
+        for k, r in enumerate(self.dispersions):
             mean = np.maximum(kept * means[k], _LEAST)
             log_seen[k] = log_none(mean, r).sum(axis=1)
             np.add.at(log_seen[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
@@ -158,8 +158,8 @@ class RoomTypeMixture(CalibratedModel):
         """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, from the other rooms."""
         looked_into = rooms.looked_into[:, None].astype(float)
         belonging = posterior.T * looked_into
-        tilts = to_array(self.tilts) if self.config.tilted else None
-        usual = tilted_means(to_array(self.means), to_array(self.dispersions), tilts)
+        tilts = self.tilts if self.config.tilted else None
+        usual = tilted_means(self.means, self.dispersions, tilts)
         types, found, expected = (
             _sum_others(values, rooms.building)
             for values in (
@@ -168,8 +168,8 @@ class RoomTypeMixture(CalibratedModel):
                 (1 - rooms.share) * (belonging @ usual),
             )
         )
-        types += _PRIOR_TYPES * np.exp(to_array(self.log_types))
-        habit = to_array(self.habits)
+        types += _PRIOR_TYPES * np.exp(self.log_types)
+        habit = self.habits
         gain = (habit + found) / (habit + expected)
         return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
 
@@ -221,6 +221,8 @@ def fit_habit(totals: Floats, expected: Floats) -> float:
     def cost(log_shape: float) -> float:
         shape = float(np.exp(log_shape))
         return -float(log_negative_binomial(totals, np.maximum(expected, 1e-9), shape).sum())
+
+    from scipy.optimize import minimize_scalar
 
     minimum = minimize_scalar(cost, bounds=(-3.0, 8.0), method="bounded")
     return float(np.exp(minimum.x))

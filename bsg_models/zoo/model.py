@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-import torch
+import numpy.typing as npt
 
-from bsg_data.arrays import Counts, Floats, Ints
+from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
-from bsg_models.errors import PredictionError
-from bsg_models.inputs.edges import EdgeSet, list_edges
-from bsg_models.inputs.nodes import Nodes, to_nodes
+from bsg_models.errors import CheckpointError, PredictionError
+from bsg_models.inputs.edges import EdgeSet
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 _Belief = TypeVar("_Belief", Expectation, CountDistribution)
+State = dict[str, npt.NDArray[Any]]  # all that a model has learned, by name
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +34,11 @@ class ModelInputs:
     edges: tuple[EdgeSet, ...] = ("up", "down")
 
 
-class BeliefModel(torch.nn.Module, ABC):
-    """A model of what is hidden.
+class BeliefModel(ABC):
+    """A model of what is hidden. It answers in NumPy, unless it is a network of torch.
 
-    A model is fitted by counting (`fit`), or it is a `Network`, trained by gradient. Everything
-    that it learns is in its state dict, so one checkpoint format serves all models.
+    A model is fitted by counting (`fit`), or trained by gradient (`by_gradient`). All that it
+    learns is in its state, so one checkpoint format serves all models.
 
     Attributes:
         config: its settings.
@@ -47,13 +47,14 @@ class BeliefModel(torch.nn.Module, ABC):
         notes: remarks on its fit for the user, e.g. that it read a sample.
     """
 
+    by_gradient: ClassVar[bool] = False
     origin: str | None = None
     notes: tuple[str, ...] = ()
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
-        super().__init__()
         self.config = config
         self.inputs = inputs
+        self._held: dict[str, None] = {}  # names of arrays, in their order
 
     @property
     def vocabulary(self) -> tuple[str, ...]:
@@ -63,17 +64,26 @@ class BeliefModel(torch.nn.Module, ABC):
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Learn from the training buildings of a dataset, or set the start of a training."""
 
-    def resize_buffers(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Prepare for the state of a checkpoint, if the shape of a tensor depends on data."""
-
-    def hold(self, **arrays: Floats | float) -> None:
-        """Keep arrays as float64 tensors of the state dict; later calls replace the values."""
+    def hold(self, **arrays: npt.ArrayLike) -> None:
+        """Keep arrays of float64 as attributes that are part of the state."""
         for name, values in arrays.items():
-            tensor = torch.tensor(values, dtype=torch.float64)
-            if name in self._buffers:
-                self.get_buffer(name).copy_(tensor)
-            else:
-                self.register_buffer(name, tensor)
+            self._held[name] = None
+            setattr(self, name, np.array(values, dtype=np.float64))
+
+    def state(self) -> State:
+        """Return all that it has learned."""
+        return {name: getattr(self, name) for name in self._held}
+
+    def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Take what a model of the same settings has learned.
+
+        If the shape of an array depends on data, a model holds it here first.
+
+        Raises:
+            CheckpointError: if an array is missing, unknown or has another shape.
+        """
+        require_same_shapes(self.state(), state)
+        self.hold(**state)
 
     def expect(self, seen: Observation) -> Expectation:
         """Return the prediction, without gradients, after checking that it is finite.
@@ -112,8 +122,7 @@ class BeliefModel(torch.nn.Module, ABC):
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
 
     def _require_finite(self, ask: Callable[[], _Belief]) -> _Belief:
-        with torch.no_grad(), one_thread():
-            belief = ask()
+        belief = ask()
         if not belief.is_finite:
             raise PredictionError(
                 f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
@@ -122,47 +131,12 @@ class BeliefModel(torch.nn.Module, ABC):
         return belief
 
 
-class Network(BeliefModel):
-    """A model that is trained by the gradient of its loss on nodes with their targets `y`."""
-
-    reads: Collection[str] = ()  # evidence besides the seen objects
-
-    def nodes_of(self, seen: Observation, targets: Counts | None = None) -> Nodes:
-        """Return an observation in the form that the network reads, with its own edges."""
-        if seen.vocabulary != self.vocabulary:
-            others = self._others_of(seen)
-            seen = replace(seen, vocabulary=self.vocabulary, others=others)
-        edges = self.edges_of(seen)
-        return to_nodes(seen, edges=edges, targets=targets, reads=self.reads)
-
-    def _others_of(self, seen: Observation) -> Counts:
-        """Return no categories for an observation that has none, `[N, V]`."""
-        if seen.vocabulary:
-            raise MismatchError(
-                f"the observation has {len(seen.vocabulary)} categories outside the classes, "
-                f"expected the {len(self.vocabulary)} that the model reads; make it with "
-                "vocabulary=model.vocabulary"
-            )
-        return np.zeros((len(seen.inputs), len(self.vocabulary)), dtype=np.int64)
-
-    def edges_of(self, seen: Observation) -> Any:
-        """Return the edges in the form that the network reads: by default a list `[2, E]`."""
-        return torch.from_numpy(list_edges(seen, self.inputs.edges))
-
-    @abstractmethod
-    def loss(self, nodes: Nodes) -> torch.Tensor:
-        """Return the loss that a training step lowers."""
-
-    def cells_of(self, nodes: Nodes) -> int:
-        """Return the number of (node, class) cells that `loss` averages over.
-
-        Several processes that train together weight their losses by it.
-        """
-        return int(nodes.y.numel())
-
-    @abstractmethod
-    def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
-        """Return the sum of the loss over (node, class) cells, and their number."""
+def require_same_shapes(own: Mapping[str, Any], other: Mapping[str, Any]) -> None:
+    """Refuse a state whose arrays are not those of a model, by name and shape."""
+    for name in sorted(own.keys() | other.keys()):
+        expected, found = (state[name].shape if name in state else "none" for state in (own, other))
+        if expected != found:
+            raise CheckpointError(f"tensor {name}: expected {expected}, found {found}")
 
 
 def take_cells(
@@ -173,10 +147,9 @@ def take_cells(
     return taken if columns is None else taken.take_classes(columns)
 
 
-def to_array(tensor: torch.Tensor) -> Floats:
-    """Return a tensor as a float64 array."""
-    array: Floats = tensor.detach().cpu().numpy().astype(np.float64)
-    return array
+def to_array(values: Any) -> Floats:
+    """Return an array, or a tensor of torch without a gradient, as an array of float64."""
+    return np.asarray(values, dtype=np.float64)
 
 
 @contextmanager
@@ -186,6 +159,10 @@ def one_thread() -> Iterator[None]:
     These networks are too small to gain from more threads. They become far slower if other programs
     use the same cores, as on a robot, because each thread waits for the slowest.
     """
+    torch = sys.modules.get("torch")
+    if torch is None:  # models that answer in NumPy
+        yield
+        return
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -21,25 +21,23 @@ tilts the count 0 (`bsg_models.zoo.features`).
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
-import torch
+import numpy.typing as npt
 from pydantic import Field, model_validator
-from torch import nn
-from torch_geometric.nn import SAGEConv
-from torch_geometric.utils import to_dense_batch
 
+from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
+from bsg_models.arrays import Array, library_of
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution
-from bsg_models.belief.negative_binomial import (
-    hidden_posterior,
-    hidden_tilts,
-    log_negative_binomial,
-)
+from bsg_models.belief.negative_binomial import hidden_posterior, hidden_tilts
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.nodes import Neighbours, Nodes
+from bsg_models.inputs.nodes import Neighbours, Nodes, Rows, to_nodes
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.features import (
@@ -47,138 +45,188 @@ from bsg_models.zoo.features import (
     LabelPrior,
     NetworkConfig,
     NodeFeatures,
-    ShownDropout,
+    tabulate_labels,
 )
 from bsg_models.zoo.gamma_poisson import tally_rooms
-from bsg_models.zoo.gcn import WritesNoFile
-from bsg_models.zoo.model import ModelInputs, Network, to_array
+from bsg_models.zoo.layers import (
+    QUIET,
+    Quiet,
+    Weight,
+    Weights,
+    attend,
+    attention_weights,
+    gelu,
+    linear,
+    linear_weights,
+    log_softmax,
+    norm,
+    norm_weights,
+    silu,
+)
+from bsg_models.zoo.model import ModelInputs, State, require_same_shapes
 from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, VARIED, WHATEVER, DataConfig
 
 _MOST = 5.0  # limit of log m and |log r|: e^5 objects of a class in a room; log m ≥ −10
 
-# Of the hidden counts: λ before tilts, r and the logarithm of the weight of each component, each
-# `[K, N, C]`, and J tilts `[K, N, C]`.
-_Posterior = tuple[torch.Tensor, torch.Tensor, torch.Tensor, list[torch.Tensor]]
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Posterior:
+    """The hidden counts as a network gives them, in NumPy or torch: K components of N nodes."""
+
+    mean: Array  # [K, N, C] λ before tilts
+    dispersion: Array  # [K, N, C] r
+    log_weight: Array  # [K, N, C] logarithm of each component's weight
+    tilts: list[Array]  # J of [K, N, C]
 
 
-class CountNetwork(CalibratedModel, Network):
-    """A network that predicts the hidden counts of rooms; a building hides what its rooms hide."""
+class CountNetwork(CalibratedModel):
+    """A network that predicts the hidden counts of rooms; a building hides what its rooms hide.
+
+    It answers in NumPy. `bsg_models.training.count_gradients` trains the same functions in torch.
+
+    Attributes:
+        shapes: of the weights, and what they start from.
+        weights: float32 arrays by name, all that it learns besides its calibration.
+    """
+
+    by_gradient = True
+    config: NetworkConfig
 
     def __init__(self, config: NetworkConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        self.reads = config.reads
         self.features = NodeFeatures(config, inputs.classes, len(inputs.vocabulary))
         self.head = PriorHead(config, inputs.classes)
         self.labels = LabelPrior(inputs.classes) if "labels" in self.features.reads else None
+        self.shapes: dict[str, Weight] = {
+            **self.features.weights,
+            **self.head.weights,
+            **(self.labels.weights if self.labels else {}),
+            **self.list_weights(),
+        }
+        self.weights: State = {
+            name: np.full(one.shape, one.value, dtype=np.float32)
+            for name, one in self.shapes.items()
+        }
 
     @abstractmethod
-    def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
+    def list_weights(self) -> dict[str, Weight]:
+        """Return the weights of the trunk."""
+
+    @abstractmethod
+    def encode(self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet) -> Array:
         """Return the trunk's encoding of features `[N, F]`: `[N, width]`."""
+
+    @abstractmethod
+    def edges_of(self, seen: Observation) -> Any:
+        """Return which nodes hear of which, in the form that the trunk reads."""
+
+    def state(self) -> State:
+        """Return weights and calibration."""
+        return {**super().state(), **self.weights}
+
+    def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """Take weights and calibration."""
+        require_same_shapes(self.state(), state)
+        self.weights = {name: state[name] for name in self.weights}
+        self.hold(**{name: state[name] for name in super().state()})
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Start the head from the mean histogram of the training rooms."""
         if self.labels is not None:
-            self.labels.read_table(data.manifest.class_space.classes)
+            table = tabulate_labels(data.manifest.class_space.classes)
+            self.weights["labels.log_odds"] = table.astype(np.float32)
         tallies = tally_rooms(data, scenes_of(data, "train", fold=choice.fold))
-        means = [values @ times / times.sum() for values, times in tallies]
-        self.head.start(torch.tensor(means, dtype=torch.float64))
+        means = np.array([values @ times / times.sum() for values, times in tallies])
+        apart = np.linspace(-1, 1, self.config.components + 2)[1:-1, None]  # none alike
+        start = np.log(means.clip(min=MIN_RATE)) + apart
+        self.weights["head.mean.bias"] = start.ravel().astype(np.float32)
 
-    def forward(self, nodes: Nodes) -> _Posterior:
+    def nodes_of(self, seen: Observation, targets: Counts | None = None) -> Nodes:
+        """Return an observation as the arrays that the network reads."""
+        if seen.vocabulary != self.vocabulary:
+            others = self._others_of(seen)
+            seen = replace(seen, vocabulary=self.vocabulary, others=others)
+        edges = self.edges_of(seen)
+        return to_nodes(seen, edges=edges, targets=targets, reads=self.config.reads)
+
+    def _others_of(self, seen: Observation) -> Counts:
+        """Return no categories for an observation that has none, `[N, V]`."""
+        if seen.vocabulary:
+            raise MismatchError(
+                f"the observation has {len(seen.vocabulary)} categories outside the classes, "
+                f"expected the {len(self.vocabulary)} that the model reads; make it with "
+                "vocabulary=model.vocabulary"
+            )
+        return np.zeros((len(seen.inputs), len(self.vocabulary)), dtype=np.int64)
+
+    def forward(self, weights: Weights, nodes: Nodes, noise: Quiet = QUIET) -> Posterior:
         """Return the posterior of the hidden counts of N nodes and C classes."""
-        nodes = self.features.forget(nodes)
-        encoded = self.encode(self.features(nodes), nodes)
+        nodes = self.features.forget(nodes, noise)
+        features = self.features(weights, nodes, noise)
+        encoded = self.encode(weights, features, nodes, noise)
         sense = None
         if self.labels is not None:  # a room that was seen says more than its label
-            sense = self.labels(nodes.evidence["labels"]) * nodes.hidden_share[:, None]
-        posterior: _Posterior = self.head(encoded, nodes, sense)
-        return posterior
-
-    def loss(self, nodes: Nodes) -> torch.Tensor:
-        """Return the mean of −log P(hidden) over rooms and the classes that are known there."""
-        rooms = ~nodes.is_building
-        mean, dispersion, log_weight, tilts = self(nodes)
-        each: torch.Tensor = log_negative_binomial(
-            (nodes.y - nodes.x)[rooms].clamp(min=0),
-            mean[:, rooms].clamp(min=MIN_RATE),
-            dispersion[:, rooms],
-            [tilt[:, rooms] for tilt in tilts],
-        )
-        cells = torch.logsumexp(each + log_weight[:, rooms], dim=0)
-        cells = torch.where(nodes.known[rooms], cells, 0.0)
-        return -cells.sum() / max(self.cells_of(nodes), 1)  # a batch may have no rooms
-
-    def cells_of(self, nodes: Nodes) -> int:
-        """Return the number of known cells of rooms."""
-        return int(nodes.known[~nodes.is_building].sum())
-
-    def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
-        """Return the sum of the loss over rooms and classes, and the number of these cells."""
-        self.eval()
-        with torch.no_grad():
-            cells = self.cells_of(nodes)
-            return (self.loss(nodes).item() * cells if cells else 0.0), cells
+            sense = self.labels(weights, nodes.evidence["labels"]) * nodes.hidden_share[:, None]
+        return self.head(weights, encoded, nodes, sense, noise)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the network gives."""
-        if self.training:
-            self.eval()
-        with torch.no_grad():
-            mean, dispersion, log_weight, tilts = self(self.nodes_of(seen))
-        return CountDistribution(
-            to_array(mean),
-            to_array(dispersion),
-            to_array(log_weight.double().softmax(dim=0)),
-            np.stack([to_array(tilt) for tilt in tilts]) if tilts else None,
-        )
+        return to_distribution(self.forward(self.weights, self.nodes_of(seen)))
 
 
-class PriorHead(nn.Module):
+def to_distribution(posterior: Posterior) -> CountDistribution:
+    """Return the distribution of a posterior in NumPy."""
+    weight = np.exp(posterior.log_weight.astype(np.float64))
+    return CountDistribution(
+        posterior.mean.astype(np.float64),
+        posterior.dispersion.astype(np.float64),
+        weight / weight.sum(axis=0),
+        np.stack(posterior.tilts).astype(np.float64) if posterior.tilts else None,
+    )
+
+
+class PriorHead:
     """Layers from the encoded nodes to priors of the rates, and to the hidden counts."""
 
     def __init__(self, config: NetworkConfig, classes: int) -> None:
-        super().__init__()
-        self.dropout = nn.Dropout(config.dropout)
-        self.classes = classes
-        self.components = config.components
-        self.mean = nn.Linear(config.width, self.components * classes)
-        self.shape = nn.Linear(config.width, self.components * classes)
-        self.weight = nn.Linear(config.width, self.components * classes)
-        layers = [self.mean, self.shape, self.weight]
-        self.tilted = config.tilted
+        self.classes, self.components, self.tilted = classes, config.components, config.tilted
+        self.dropout = config.dropout
+        out = config.components * classes
+        self.weights: dict[str, Weight] = {}
+        for name in ("mean", "shape", "weight"):
+            self.weights |= linear_weights(f"head.{name}", config.width, out, zero=True)
         if self.tilted:
-            self.tilt = nn.Linear(config.width, self.tilted * self.components * classes)
-            layers.append(self.tilt)
-        for layer in layers:
-            nn.init.zeros_(layer.weight)
-            nn.init.zeros_(layer.bias)
+            out *= self.tilted
+            self.weights |= linear_weights("head.tilt", config.width, out, zero=True)
 
-    def start(self, means: torch.Tensor) -> None:
-        """Start with a room's mean counts `[C]` as the prior of all."""
-        with torch.no_grad():
-            apart = torch.linspace(-1, 1, self.components + 2)[1:-1, None]  # none alike
-            self.mean.bias.copy_((means.clamp(min=MIN_RATE).log() + apart).flatten())
-
-    def forward(
-        self, encoded: torch.Tensor, nodes: Nodes, sense: torch.Tensor | None
-    ) -> _Posterior:
+    def __call__(
+        self,
+        weights: Weights,
+        encoded: Array,
+        nodes: Nodes,
+        sense: Array | None,
+        noise: Quiet = QUIET,
+    ) -> Posterior:
         """Return the posterior of the hidden counts; `sense` `[N, C]` adds to the odds of any."""
-        mean = self._read(self.mean, encoded).clamp(-2 * _MOST, _MOST).exp()
-        shape = self._read(self.shape, encoded).clamp(-_MOST, _MOST).exp()
-        log_weight = self._read(self.weight, encoded).log_softmax(dim=0)
-        hidden = hidden_posterior(shape, shape / mean, nodes.x, nodes.share)
-        tilts = torch.zeros_like(mean)[None]
-        if self.tilted:
-            tilts = self._read(self.tilt, encoded).clamp(-_MOST, _MOST).view(-1, *mean.shape)
-        elif sense is None:
-            return *hidden, log_weight, []
-        if sense is not None:
-            tilts = torch.cat([tilts[:1] - sense, tilts[1:]])
-        return *hidden, log_weight, hidden_tilts(tilts, nodes.x)
+        xp = library_of(encoded)
 
-    def _read(self, layer: nn.Linear, encoded: torch.Tensor) -> torch.Tensor:
-        """Return what a layer says of each component `[K, N, C]`."""
-        read: torch.Tensor = layer(self.dropout(encoded))
-        return read.view(len(read), -1, self.classes).transpose(0, 1)
+        def read(name: str) -> Array:
+            """Return what a layer says of each component, `[K, N, C]`, or `[J · K, N, C]`."""
+            said = linear(weights, f"head.{name}", noise.drop(encoded, self.dropout))
+            return said.reshape(len(said), -1, self.classes).swapaxes(0, 1)
+
+        mean = xp.exp(read("mean").clip(-2 * _MOST, _MOST))
+        shape = xp.exp(read("shape").clip(-_MOST, _MOST))
+        log_weight = log_softmax(read("weight"), axis=0)
+        hidden = hidden_posterior(shape, shape / mean, nodes.x, nodes.share)
+        tilts = xp.zeros_like(mean)[None]
+        if self.tilted:
+            tilts = read("tilt").clip(-_MOST, _MOST).reshape(self.tilted, *mean.shape)
+        elif sense is None:
+            return Posterior(*hidden, log_weight, [])
+        if sense is not None:
+            tilts = xp.concatenate([tilts[:1] - sense, tilts[1:]])
+        return Posterior(*hidden, log_weight, hidden_tilts(tilts, nodes.x))
 
 
 class _SAGEConfig(NetworkConfig):
@@ -200,13 +248,10 @@ class _RoomTransformerConfig(NetworkConfig):
         return self
 
 
-class MeanConv(WritesNoFile, SAGEConv):  # type: ignore[misc]
-    """PyG's convolution, by `Neighbours` instead of a list of edges."""
-
-    def forward(self, x: torch.Tensor, neighbours: Neighbours) -> torch.Tensor:
-        """Return W₁ (mean of the neighbours) + W₂ x, `[N, width]`."""
-        convolved: torch.Tensor = self.lin_l(neighbours.mean(x)) + self.lin_r(x)
-        return convolved
+def convolve(weights: Weights, name: str, x: Array, neighbours: Neighbours) -> Array:
+    """Return W₁ (mean of the neighbours) + W₂ x, `[N, width]`, by the names that PyG gives them."""
+    mean = neighbours.mean(x)
+    return linear(weights, f"{name}.lin_l", mean) + linear(weights, f"{name}.lin_r", x)
 
 
 class _CECISAGE(CountNetwork):
@@ -216,23 +261,24 @@ class _CECISAGE(CountNetwork):
     information: without it, rounds of averaging over a star of rooms make the rooms alike.
     """
 
-    def __init__(self, config: _SAGEConfig, inputs: ModelInputs) -> None:
-        super().__init__(config, inputs)
-        width, rounds = config.width, range(config.depth)
-        self.enter = nn.Sequential(
-            ShownDropout(config.dropout / 2, self.features.kept),
-            nn.Linear(self.features.width, width),
-            nn.SiLU(),
-        )
-        self.convolutions = nn.ModuleList(MeanConv(width, width) for _ in rounds)
-        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in rounds)
-        self.leave = nn.Sequential(nn.SiLU(), nn.Dropout(config.dropout))
+    def list_weights(self) -> dict[str, Weight]:
+        """Return those of the layer that enters, and of every round."""
+        width = self.config.width
+        weights = linear_weights("enter.1", self.features.width, width)
+        for number in range(self.config.depth):
+            weights |= linear_weights(f"convolutions.{number}.lin_l", width, width)
+            weights |= linear_weights(f"convolutions.{number}.lin_r", width, width, bias=False)
+            weights |= norm_weights(f"norms.{number}", width)
+        return weights
 
-    def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
+    def encode(self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet) -> Array:
         """Return every node's features after all rounds."""
-        h: torch.Tensor = self.enter(features)
-        for convolution, norm in zip(self.convolutions, self.norms, strict=True):
-            h = h + self.leave(norm(convolution(h, nodes.edges)))
+        dropout = self.config.dropout
+        shown = noise.drop(features, dropout / 2, kept=self.features.kept)
+        h = silu(linear(weights, "enter.1", shown))
+        for number in range(self.config.depth):
+            heard = convolve(weights, f"convolutions.{number}", h, nodes.edges)
+            h = h + noise.drop(silu(norm(weights, f"norms.{number}", heard)), dropout)
         return h
 
     def edges_of(self, seen: Observation) -> Neighbours:
@@ -243,31 +289,46 @@ class _CECISAGE(CountNetwork):
 class _RoomTransformer(CountNetwork):
     """Pre-norm self-attention over rooms, which have no order (Vaswani et al., 2017)."""
 
-    def __init__(self, config: _RoomTransformerConfig, inputs: ModelInputs) -> None:
-        super().__init__(config, inputs)
-        self.enter = nn.Sequential(
-            ShownDropout(config.dropout / 2, self.features.kept),
-            nn.Linear(self.features.width, config.width),
-        )
-        layer = nn.TransformerEncoderLayer(
-            config.width,
-            config.heads,
-            2 * config.width,
-            config.dropout,
-            activation="gelu",
-            batch_first=True,
-            norm_first=True,
-        )
-        self.layers = nn.TransformerEncoder(layer, config.depth, enable_nested_tensor=False)
+    config: _RoomTransformerConfig
 
-    def encode(self, features: torch.Tensor, nodes: Nodes) -> torch.Tensor:
+    def list_weights(self) -> dict[str, Weight]:
+        """Return those of the layer that enters, and of every layer of attention."""
+        width = self.config.width
+        weights = linear_weights("enter.1", self.features.width, width)
+        for number in range(self.config.depth):
+            layer = f"layers.layers.{number}"
+            weights |= attention_weights(f"{layer}.self_attn", width)
+            weights |= linear_weights(f"{layer}.linear1", width, 2 * width)
+            weights |= linear_weights(f"{layer}.linear2", 2 * width, width)
+            weights |= norm_weights(f"{layer}.norm1", width) | norm_weights(f"{layer}.norm2", width)
+        return weights
+
+    def encode(self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet) -> Array:
         """Return every node's features after attention within its building."""
-        dense, real = to_dense_batch(self.enter(features), nodes.building)
-        encoded: torch.Tensor = self.layers(dense, src_key_padding_mask=~real)[real]
-        return encoded
+        dropout, rows = self.config.dropout, nodes.edges
+        shown = noise.drop(features, dropout / 2, kept=self.features.kept)
+        h = rows.spread(linear(weights, "enter.1", shown))
+        for number in range(self.config.depth):
+            layer = f"layers.layers.{number}"
+            heard = attend(
+                weights,
+                f"{layer}.self_attn",
+                norm(weights, f"{layer}.norm1", h),
+                absent=rows.absent,
+                heads=self.config.heads,
+                dropout=dropout,
+                noise=noise,
+            )
+            h = h + noise.drop(heard, dropout)
+            inner = gelu(linear(weights, f"{layer}.linear1", norm(weights, f"{layer}.norm2", h)))
+            h = h + noise.drop(
+                linear(weights, f"{layer}.linear2", noise.drop(inner, dropout)), dropout
+            )
+        return rows.gather(h)
 
-    def edges_of(self, seen: Observation) -> None:
-        """Read no edges: every room attends to every other."""
+    def edges_of(self, seen: Observation) -> Rows:
+        """Return the places of nodes in rows of buildings: every room attends to every other."""
+        return Rows.of(seen)
 
 
 CECI_SAGE = ZooRow(_SAGEConfig(), _CECISAGE, data=CONNECTED, training=COUNTS)

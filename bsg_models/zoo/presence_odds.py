@@ -24,9 +24,6 @@ from abc import abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
-import torch
-from scipy.optimize import minimize
-from scipy.special import logit
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.dataset import Dataset
@@ -44,7 +41,7 @@ from bsg_models.belief.negative_binomial import hidden_posterior
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.gamma_poisson import fit_gamma_prior, tally_rooms
-from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
@@ -56,10 +53,10 @@ _RIDGE = 1.0  # keeps parameters that few rooms determine near the prior
 class PresenceOdds(BeliefModel):
     """A score of presence, turned into a distribution of the hidden counts."""
 
-    odds: torch.Tensor  # [C] o, log odds that a room has the class
-    rate: torch.Tensor  # [C] b of the Gamma prior
-    centre: torch.Tensor  # [C] s̄, the mean score in training rooms
-    slope: torch.Tensor  # β
+    odds: Floats  # [C] o, log odds that a room has the class
+    rate: Floats  # [C] b of the Gamma prior
+    centre: Floats  # [C] s̄, the mean score in training rooms
+    slope: Floats  # β
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
@@ -96,15 +93,15 @@ class PresenceOdds(BeliefModel):
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the posterior of the hidden counts."""
-        inputs, rate = seen.inputs.astype(np.float64), to_array(self.rate)
-        odds = to_array(self.odds) + float(self.slope) * self._centred(self.score(seen))
+        inputs, rate = seen.inputs.astype(np.float64), self.rate
+        odds = self.odds + float(self.slope) * self._centred(self.score(seen))
         shape = to_shape(np.clip(odds, -_MOST_ODDS, _MOST_ODDS), rate)
         hidden = negative_binomial(*hidden_posterior(shape, rate, inputs, seen.cell_share))
         return from_hidden_counts(inputs, sum_rooms(hidden, seen))
 
     def _centred(self, scores: Floats) -> Floats:
         """Return scores minus their means; 0 without evidence."""
-        return np.nan_to_num(scores - to_array(self.centre), nan=0.0)
+        return np.nan_to_num(scores - self.centre, nan=0.0)
 
 
 def average_others(visible: Bools, table: Floats) -> Floats:
@@ -132,6 +129,10 @@ def fit_odds(
     Scores minus their means, seen and hidden counts are `[R, C]`; the share `[R]` is above 0. Rare
     classes stay near the `prior`: shape and rate of every class's Gamma, `[C, 2]`.
     """
+    import torch  # only trainings come here
+    from scipy.optimize import minimize
+    from scipy.special import logit
+
     classes = seen.shape[1]
     scale = max(float(scores.std()), 1e-9)  # so that steps in all directions have similar sizes
     shape, rate = prior.T

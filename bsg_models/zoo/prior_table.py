@@ -22,9 +22,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-import torch
 from pydantic import Field, ValidationError, model_validator
-from scipy.special import logit, logsumexp
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.inputs.bounded_file import read_bytes
@@ -36,8 +34,10 @@ from bsg_data.scene.class_space import list_class_spaces, load_class_space, read
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.errors import ConfigError
+from bsg_models.special_functions import log_sum_exp
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.layers import logit
+from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
 from bsg_models.zoo.settings import VARIED, ModelConfig
 
@@ -102,10 +102,10 @@ class PriorTableConfig(ModelConfig):
 class PriorTableModel(PresenceOdds):
     """A score from a table of common sense."""
 
-    of_type: torch.Tensor  # [L, C] P(c | type), L the common room labels
-    weight: torch.Tensor  # [L] how usual a type is, 0 if it is not listed
-    of_object: torch.Tensor  # [C, C] P(column | row)
-    listed: torch.Tensor  # [C] whether the table has the row
+    of_type: Floats  # [L, C] P(c | type), L the common room labels
+    weight: Floats  # [L] how usual a type is, 0 if it is not listed
+    of_object: Floats  # [C, C] P(column | row)
+    listed: Floats  # [C] whether the table has the row
 
     config: PriorTableConfig
 
@@ -116,16 +116,16 @@ class PriorTableModel(PresenceOdds):
             of_type=np.full((labels, classes), 0.5),
             weight=np.zeros(labels),
             of_object=np.full((classes, classes), 0.5),
+            listed=np.zeros(classes),
         )
-        self.register_buffer("listed", torch.zeros(classes, dtype=torch.bool))
 
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
         """Read the table of the configuration."""
         table = read_prior_table(self.config.table, classes)
         of_type, weight = table.list_types(classes)
         of_object = table.list_presence(classes, table.objects, classes)
-        self.hold(of_type=of_type, weight=weight, of_object=of_object)
-        self.listed.copy_(torch.tensor([name in table.objects for name in classes]))
+        listed = [name in table.objects for name in classes]
+        self.hold(of_type=of_type, weight=weight, of_object=of_object, listed=listed)
 
     def score(self, seen: Observation) -> Floats:
         """Return the sum of the scores of types and objects."""
@@ -135,11 +135,11 @@ class PriorTableModel(PresenceOdds):
 
     def _score_types(self, seen: Observation) -> Floats:
         """Return log odds given the room's type minus those of any room, `[N, C]`."""
-        weight = to_array(self.weight)
+        weight = self.weight
         types = np.flatnonzero(weight)
         if not len(types):
             return np.full(seen.inputs.shape, np.nan)
-        table, weight = to_array(self.of_type)[types], weight[types]
+        table, weight = self.of_type[types], weight[types]
         prior, known = self._prior_of_types(seen, types)
         visible = seen.inputs > 0
         looked = np.where(visible, 0.0, 1 - seen.cell_share)
@@ -150,14 +150,14 @@ class PriorTableModel(PresenceOdds):
             own = visible[:, [c]] * log_here[:, c] + looked[:, [c]] * log_gone[:, c]
             with np.errstate(divide="ignore"):
                 log_type = np.log(prior) + self.config.temper * (total - own)
-            log_type -= logsumexp(log_type, axis=1, keepdims=True)
+            log_type -= log_sum_exp(log_type, axis=1, keepdims=True)
             scores[:, c] = logit(np.exp(log_type) @ table[:, c]) - logit(weight @ table[:, c])
         scores[~known & ~seen.looked_into] = np.nan
         return scores
 
     def _prior_of_types(self, seen: Observation, types: Ints) -> tuple[Floats, Bools]:
         """Return P(type) before objects, `[N, T]`, and where the observation states the type."""
-        weight = np.broadcast_to(to_array(self.weight)[types], (len(seen.inputs), len(types)))
+        weight = np.broadcast_to(self.weight[types], (len(seen.inputs), len(types)))
         labels = seen.surroundings.labels[:, types].astype(np.float64)
         total = labels.sum(axis=1, keepdims=True)
         trust = np.where(total > 0, self.config.trust, 0.0)
@@ -166,10 +166,10 @@ class PriorTableModel(PresenceOdds):
 
     def _score_objects(self, seen: Observation) -> Floats:
         """Return the mean score of the other visible classes, `[N, C]`."""
-        listed, log_odds = to_array(self.listed) > 0, logit(to_array(self.of_object))
+        listed, log_odds = self.listed > 0, logit(self.of_object)
         if not listed.any():
             return np.full(seen.inputs.shape, np.nan)
-        usual = logit(to_array(self.of_object)[listed].mean(axis=0))
+        usual = logit(self.of_object[listed].mean(axis=0))
         table = np.where(listed[:, None], log_odds - usual, np.nan)
         return average_others(seen.inputs > 0, table)
 

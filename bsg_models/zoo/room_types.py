@@ -13,12 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
-from scipy.special import logsumexp
 
 from bsg_data.arrays import Floats, Ints
 from bsg_models.belief.negative_binomial import (
@@ -27,6 +25,10 @@ from bsg_models.belief.negative_binomial import (
     log_none,
     log_normaliser,
 )
+from bsg_models.special_functions import log_sum_exp
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of any width
 MOST = 60  # the fit treats larger counts of a class in a room as this
@@ -147,6 +149,8 @@ def _mark(rooms: Rooms, width: int) -> csr_array:
 
     With one row per room and one column per (class, count), sums over rooms become matrix products.
     """
+    from scipy.sparse import csr_array  # only trainings come here
+
     rows, classes = np.nonzero(rooms)
     columns = classes * (width - 1) + rooms[rows, classes].astype(np.int64) - 1
     starts = np.searchsorted(rows, np.arange(len(rooms) + 1))
@@ -190,7 +194,7 @@ def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, F
     none = table[..., 0]
     beyond = (table[..., 1:] - none[..., None]).reshape(len(table), -1)
     log_joint = log_types + none.sum(axis=1) + marked @ beyond.T
-    log_room = logsumexp(log_joint, axis=1, keepdims=True)
+    log_room = log_sum_exp(log_joint, axis=1, keepdims=True)
     return np.exp(log_joint - log_room), log_room[:, 0]
 
 

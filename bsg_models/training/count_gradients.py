@@ -1,0 +1,120 @@
+"""Train a network of hidden counts in torch, by the functions that it answers with in NumPy."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import nn
+
+from bsg_data.arrays import Counts
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.observation.observation import Observation
+from bsg_models.belief.count_distribution import MIN_RATE
+from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.negative_binomial import log_negative_binomial
+from bsg_models.inputs.nodes import Nodes
+from bsg_models.zoo.layers import QUIET, Quiet
+from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.network import Network
+from bsg_models.zoo.networks import CountNetwork, Posterior
+from bsg_models.zoo.settings import DataConfig
+
+
+def as_network(model: BeliefModel) -> Network | None:
+    """Return a model in the form that gradients train; None for one that is fitted by counting."""
+    if isinstance(model, CountNetwork):
+        return CountGradients(model)
+    return model if isinstance(model, Network) else None
+
+
+class CountGradients(Network):
+    """A network of hidden counts whose weights are parameters of torch, drawn at random."""
+
+    def __init__(self, model: CountNetwork) -> None:
+        super().__init__(model.config, model.inputs)
+        self._model = copy.copy(model)
+        for name, weight in model.shapes.items():
+            values = torch.empty(weight.shape).uniform_(-weight.spread, weight.spread)
+            self._put(name, nn.Parameter(values + weight.value, requires_grad=weight.learned))
+        self.hold(**{name: one for name, one in model.state().items() if name not in model.shapes})
+
+    def _put(self, name: str, parameter: nn.Parameter) -> None:
+        """Register a parameter by a name with dots."""
+        place: nn.Module = self
+        *path, leaf = name.split(".")
+        for part in path:
+            if part not in place._modules:
+                place.add_module(part, nn.Module())
+            place = place.get_submodule(part)
+        place.register_parameter(leaf, parameter)
+
+    def fit(self, data: Dataset, choice: DataConfig) -> None:
+        """Set what the network starts from."""
+        self._model.load_state(self.state())
+        self._model.fit(data, choice)
+        self.load_state(self._model.state())
+
+    def nodes_of(self, seen: Observation, targets: Counts | None = None) -> Nodes:
+        """Return an observation as the tensors that the network reads."""
+        return self._model.nodes_of(seen, targets).to(torch.device("cpu"))
+
+    def forward(self, nodes: Nodes) -> Posterior:
+        """Return the posterior of the hidden counts; a training drops at random."""
+        noise = Noise() if self.training else QUIET
+        return self._model.forward(dict(self.named_parameters()), nodes, noise)
+
+    def loss(self, nodes: Nodes) -> torch.Tensor:
+        """Return the mean of −log P(hidden) over rooms and the classes that are known there."""
+        rooms = ~nodes.is_building
+        found: Posterior = self(nodes)
+        each: torch.Tensor = log_negative_binomial(
+            (nodes.y - nodes.x)[rooms].clamp(min=0),
+            found.mean[:, rooms].clamp(min=MIN_RATE),
+            found.dispersion[:, rooms],
+            [tilt[:, rooms] for tilt in found.tilts],
+        )
+        cells = torch.logsumexp(each + found.log_weight[:, rooms], dim=0)
+        cells = torch.where(nodes.known[rooms], cells, 0.0)
+        return -cells.sum() / max(self.cells_of(nodes), 1)  # a batch may have no rooms
+
+    def cells_of(self, nodes: Nodes) -> int:
+        """Return the number of known cells of rooms."""
+        return int(nodes.known[~nodes.is_building].sum())
+
+    def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
+        """Return the sum of the loss over rooms and classes, and the number of these cells."""
+        self.eval()
+        with torch.no_grad():
+            cells = self.cells_of(nodes)
+            return (self.loss(nodes).item() * cells if cells else 0.0), cells
+
+    def predict(self, seen: Observation) -> Expectation:
+        """Return the expectation that the network has now, as it will answer."""
+        self._model.load_state(self.state())
+        return self._model.predict(seen)
+
+
+@dataclass(frozen=True)
+class Noise(Quiet):
+    """What a training drops at random."""
+
+    def drop(
+        self, values: torch.Tensor, share: float, *, kept: Sequence[slice] = ()
+    ) -> torch.Tensor:
+        """Return values of which a share is 0 and the others scaled up, but for columns `kept`."""
+        dropped = nn.functional.dropout(values, share) if share else values
+        for columns in kept if share else ():
+            dropped[:, columns] = values[:, columns]
+        return dropped
+
+    def overlook(self, values: torch.Tensor, share: float) -> torch.Tensor:
+        """Return values of which a share is 0: a robot overlooks things, too."""
+        return values * (torch.rand_like(values) >= share)
+
+    def forget(self, rows: torch.Tensor, share: float) -> torch.Tensor:
+        """Return rows of which a share is 0."""
+        kept = torch.rand(len(rows), device=rows.device) >= share
+        return rows * kept[:, None]

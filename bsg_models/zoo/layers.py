@@ -1,0 +1,144 @@
+"""The layers of networks as functions: NumPy answers by them, and torch trains by the same ones.
+
+A network is its weights, a dictionary of arrays by name, and functions of them. `Weight` says the
+shape of an array and what a training starts from. Every function takes arrays of NumPy or tensors
+of torch, and returns the same kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bsg_models.arrays import Array, library_of
+
+Weights = Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Weight:
+    """An array that a network learns, or holds."""
+
+    shape: tuple[int, ...]
+    value: float = 0.0  # at the start
+    spread: float = 0.0  # half the width of the uniform distribution around it, at the start
+    learned: bool = True
+
+
+class Quiet:
+    """What is dropped of an answer: nothing. Trainings drop at random."""
+
+    def drop(self, values: Array, share: float, *, kept: Sequence[slice] = ()) -> Array:
+        """Return values of which a share is 0 and the others scaled up, but for columns `kept`."""
+        return values
+
+    def overlook(self, values: Array, share: float) -> Array:
+        """Return values of which a share is 0, without scaling."""
+        return values
+
+    def forget(self, rows: Array, share: float) -> Array:
+        """Return rows of which a share is 0."""
+        return rows
+
+
+QUIET = Quiet()
+
+
+def linear_weights(
+    name: str, width: int, out: int, *, bias: bool = True, zero: bool = False
+) -> dict[str, Weight]:
+    """Return the weights of `linear`, drawn as torch draws them."""
+    spread = 0.0 if zero else width**-0.5
+    weights = {f"{name}.weight": Weight((out, width), spread=spread)}
+    return weights | ({f"{name}.bias": Weight((out,), spread=spread)} if bias else {})
+
+
+def linear(weights: Weights, name: str, x: Array) -> Array:
+    """Return x Wᵀ + b, `[..., out]` of `[..., width]`."""
+    product = x @ weights[f"{name}.weight"].T
+    bias = weights.get(f"{name}.bias")
+    return product if bias is None else product + bias
+
+
+def norm_weights(name: str, width: int) -> dict[str, Weight]:
+    """Return the weights of `norm`."""
+    return {f"{name}.weight": Weight((width,), value=1.0), f"{name}.bias": Weight((width,))}
+
+
+def norm(weights: Weights, name: str, x: Array) -> Array:
+    """Return x with mean 0 and variance 1 over its last axis, scaled and shifted."""
+    centred = x - x.mean(axis=-1, keepdims=True)
+    scale = ((centred * centred).mean(axis=-1, keepdims=True) + 1e-5) ** -0.5
+    return centred * scale * weights[f"{name}.weight"] + weights[f"{name}.bias"]
+
+
+def silu(x: Array) -> Array:
+    """Return x · sigmoid(x)."""
+    return x * (0.5 * library_of(x).tanh(0.5 * x) + 0.5)
+
+
+def gelu(x: Array) -> Array:
+    """Return x · Φ(x), with Φ the distribution function of the standard normal."""
+    return 0.5 * x * (1 + _erf(x * 0.5**0.5))
+
+
+def _erf(x: Array) -> Array:
+    """Return the error function, to 2e-7 in NumPy (Abramowitz and Stegun, 7.1.26)."""
+    if not isinstance(x, np.ndarray):
+        return x.erf()
+    t = 1 / (1 + 0.3275911 * np.abs(x))
+    series = 0.254829592 + t * (
+        -0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))
+    )
+    return np.sign(x) * (1 - t * series * np.exp(-x * x))
+
+
+def logit(x: Array) -> Array:
+    """Return the log odds of probabilities above 0 and below 1."""
+    xp = library_of(x)
+    return xp.log(x) - xp.log1p(-x)
+
+
+def log_softmax(x: Array, *, axis: int) -> Array:
+    """Return x minus the logarithm of the sum of its exponentials over an axis."""
+    xp = library_of(x)
+    shifted = x - xp.amax(x, axis=axis, keepdims=True)
+    return shifted - xp.log(xp.exp(shifted).sum(axis=axis, keepdims=True))
+
+
+def attention_weights(name: str, width: int) -> dict[str, Weight]:
+    """Return the weights of `attend`, drawn as torch draws them."""
+    return {
+        f"{name}.in_proj_weight": Weight((3 * width, width), spread=(6 / (4 * width)) ** 0.5),
+        f"{name}.in_proj_bias": Weight((3 * width,)),
+        f"{name}.out_proj.weight": Weight((width, width), spread=width**-0.5),
+        f"{name}.out_proj.bias": Weight((width,)),
+    }
+
+
+def attend(
+    weights: Weights,
+    name: str,
+    x: Array,
+    *,
+    absent: Array,
+    heads: int,
+    dropout: float,
+    noise: Quiet = QUIET,
+) -> Array:
+    """Return what every node attends to in its own building, `[B, L, width]` of the same.
+
+    `absent` `[B, L]` marks places of a row without a node (Vaswani et al., 2017).
+    """
+    xp = library_of(x)
+    each = (x @ weights[f"{name}.in_proj_weight"].T + weights[f"{name}.in_proj_bias"]).reshape(
+        *x.shape[:2], 3, heads, -1
+    )
+    query, key, value = (each[:, :, part].swapaxes(1, 2) for part in range(3))
+    score = query @ key.swapaxes(-1, -2) * query.shape[-1] ** -0.5
+    score = xp.where(absent[:, None, None], -1e9, score)
+    share = noise.drop(xp.exp(log_softmax(score, axis=-1)), dropout)
+    attended = (share @ value).swapaxes(1, 2).reshape(x.shape)
+    return linear(weights, f"{name}.out_proj", attended)
