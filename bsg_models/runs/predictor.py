@@ -115,10 +115,14 @@ class Predictor:
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
+        return self._model.require_finite(lambda: self._answer(graph, seen, weigh_seen=weigh_seen))
+
+    def _answer(self, graph: PartialGraph, seen: Observation, *, weigh_seen: bool) -> Expectation:
+        """Return the expectation of what was seen, over the uncertain shares."""
         if weigh_seen:
-            graph = update_shares(graph, seen, expect=self._model.expect)
+            graph = update_shares(graph, seen, expect_rooms=self._model.expect_rooms)
         levels, weights = spread_shares(graph, seen)
-        expectation = _mix_levels(self._model.expect(levels), weights)
+        expectation = _mix_levels(self._model.predict(levels), weights)
         # The paper's model does not read the hidden share, and expects some in a searched room.
         left = expectation.hidden_counts.without(seen.cell_share == 0)
         return Expectation(expectation.inputs, left, expectation.totals)
@@ -139,7 +143,7 @@ class Predictor:
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
-        after = update_shares(graph, seen, expect=self._model.expect)
+        after = update_shares(graph, seen, expect_rooms=self._model.expect_rooms)
         return tuple(room.share for room in after.rooms)
 
     def _observe(self, graph: PartialGraph, withheld: Collection[int] | Bools) -> Observation:

@@ -24,7 +24,6 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.count_distribution import CountDistribution
-from bsg_models.belief.expectation import Expectation
 from bsg_models.inputs.share_levels import find_quantiles
 from bsg_models.special_functions import gauss_legendre, log_sum_exp
 
@@ -38,7 +37,7 @@ _CELLS = 1 << 22  # of a table of likelihoods
 
 
 def update_shares(
-    graph: PartialGraph, seen: Observation, *, expect: Callable[[Observation], Expectation]
+    graph: PartialGraph, seen: Observation, *, expect_rooms: Callable[[Observation, Ints], CountDistribution]
 ) -> PartialGraph:
     """Return a graph whose uncertain hidden shares are updated by what was seen.
 
@@ -49,7 +48,7 @@ def update_shares(
     Args:
         graph: what a robot knows of R rooms; certain shares stay.
         seen: the same as arrays. Withheld classes are no evidence.
-        expect: of a model.
+        expect_rooms: of a model.
     """
     unsure = np.array(
         [number for number, room in enumerate(graph.rooms, 1) if not room.share.is_certain],
@@ -58,7 +57,7 @@ def update_shares(
     if not len(unsure):
         return graph
     rooms = list(graph.rooms)
-    for numbers, true in _expect_forgotten(graph, seen, unsure, expect=expect):
+    for numbers, true in _expect_forgotten(graph, seen, unsure, expect_rooms=expect_rooms):
         beliefs = [rooms[number - 1].share for number in numbers]
         after = _weigh(beliefs, true, seen.inputs[numbers], withheld=seen.withheld[numbers])
         for number, mean, sd in zip(numbers.tolist(), *after.tolist(), strict=True):
@@ -75,7 +74,7 @@ def _expect_forgotten(
     seen: Observation,
     unsure: Ints,
     *,
-    expect: Callable[[Observation], Expectation],
+    expect_rooms: Callable[[Observation, Ints], CountDistribution],
 ) -> Iterator[tuple[Ints, CountDistribution]]:
     """Yield rooms, with what a model expects in each of them when nothing of it was seen."""
     number = len(unsure) if len(unsure) <= _ALONE else _GROUPS
@@ -85,8 +84,7 @@ def _expect_forgotten(
         some = groups[first : first + size]
         copies = stack([_forget(graph, seen, group) for group in some])
         nodes = [copy * len(seen.inputs) + group for copy, group in enumerate(some)]
-        true = expect(copies).hidden_counts.take(np.concatenate(nodes))
-        yield np.concatenate(some), true
+        yield np.concatenate(some), expect_rooms(copies, np.concatenate(nodes))
 
 
 def _weigh(

@@ -7,10 +7,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import ThreadpoolController
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
@@ -94,7 +96,7 @@ class BeliefModel(ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        return self._require_finite(lambda: self.predict(seen))
+        return self.require_finite(lambda: self.predict(seen))
 
     @abstractmethod
     def predict(self, seen: Observation) -> Expectation:
@@ -113,7 +115,7 @@ class BeliefModel(ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        return self._require_finite(lambda: self.predict_rooms(seen, rows, columns))
+        return self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
 
     def predict_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
@@ -121,8 +123,14 @@ class BeliefModel(ABC):
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
 
-    def _require_finite(self, ask: Callable[[], _Belief]) -> _Belief:
-        belief = ask()
+    def require_finite(self, ask: Callable[[], _Belief]) -> _Belief:
+        """Return an answer, computed on one thread, if it is finite.
+
+        Raises:
+            PredictionError: naming the checkpoint, if anything is not finite.
+        """
+        with one_thread():
+            belief = ask()
         if not belief.is_finite:
             raise PredictionError(
                 f"{self.origin or type(self).__name__}: the model's answer is not finite (NaN or "
@@ -154,18 +162,24 @@ def to_array(values: Any) -> Floats:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch compute on one thread, so that sums do not depend on the number of cores.
+    """Let NumPy, and torch if it is there, compute on one thread.
 
-    These networks are too small to gain from more threads. They become far slower if other programs
-    use the same cores, as on a robot, because each thread waits for the slowest.
+    So sums do not depend on the number of cores. These networks are too small to gain from more
+    threads. They become far slower if other programs use the same cores, as on a robot, because
+    each thread waits for the slowest.
     """
     torch = sys.modules.get("torch")
-    if torch is None:  # models that answer in NumPy
-        yield
-        return
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
+    threads = torch.get_num_threads() if torch else 1
+    with _find_libraries().limit(limits=1, user_api="blas"):
+        if threads > 1:
+            torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            if threads > 1:
+                torch.set_num_threads(threads)
+
+
+@cache
+def _find_libraries() -> ThreadpoolController:
+    return ThreadpoolController()

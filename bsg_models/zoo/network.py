@@ -17,7 +17,7 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.inputs.edges import list_edges
 from bsg_models.inputs.nodes import Nodes, to_nodes
-from bsg_models.zoo.model import BeliefModel, ModelInputs, State, one_thread
+from bsg_models.zoo.model import BeliefModel, ModelInputs, State
 from bsg_models.zoo.settings import ModelConfig
 
 _CPU = torch.device("cpu")
@@ -63,8 +63,8 @@ class Network(BeliefModel, nn.Module):
         return list_edges(seen, self.inputs.edges)
 
     def expect(self, seen: Observation) -> Expectation:
-        """Return the prediction, without gradients and on one thread, if it is finite."""
-        with torch.no_grad(), one_thread():
+        """Return the prediction, without gradients, if it is finite."""
+        with torch.no_grad():
             return super().expect(seen)
 
     @abstractmethod

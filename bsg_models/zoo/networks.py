@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Counts, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
@@ -159,19 +159,29 @@ class CountNetwork(CalibratedModel):
             )
         return np.zeros((len(seen.inputs), len(self.vocabulary)), dtype=np.int64)
 
-    def forward(self, weights: Weights, nodes: Nodes, noise: Quiet = QUIET) -> Posterior:
-        """Return the posterior of the hidden counts of N nodes and C classes."""
+    def forward(
+        self, weights: Weights, nodes: Nodes, noise: Quiet = QUIET, *, rows: Any = slice(None)
+    ) -> Posterior:
+        """Return the posterior of the hidden counts of N nodes, or some rows, and C classes."""
         nodes = self.features.forget(nodes, noise)
         features = self.features(weights, nodes, noise)
-        encoded = self.encode(weights, features, nodes, noise)
+        encoded = self.encode(weights, features, nodes, noise)[rows]
         sense = None
         if self.labels is not None:  # a room that was seen says more than its label
-            sense = self.labels(weights, nodes.evidence["labels"]) * nodes.hidden_share[:, None]
-        return self.head(weights, encoded, nodes, sense, noise)
+            sense = self.labels(weights, nodes.evidence["labels"][rows])
+            sense = sense * nodes.hidden_share[rows][:, None]
+        return self.head(weights, encoded, nodes.x[rows], nodes.share[rows], sense, noise)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the network gives."""
         return to_distribution(self.forward(self.weights, self.nodes_of(seen)))
+
+    def learned_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None
+    ) -> CountDistribution:
+        """Return the uncalibrated hidden counts of some rooms."""
+        found = to_distribution(self.forward(self.weights, self.nodes_of(seen), rows=rows))
+        return found if columns is None else found.take_classes(columns)
 
 
 def to_distribution(posterior: Posterior) -> CountDistribution:
@@ -203,11 +213,15 @@ class PriorHead:
         self,
         weights: Weights,
         encoded: Array,
-        nodes: Nodes,
+        seen: Array,
+        share: Array,
         sense: Array | None,
         noise: Quiet = QUIET,
     ) -> Posterior:
-        """Return the posterior of the hidden counts; `sense` `[N, C]` adds to the odds of any."""
+        """Return the posterior of the hidden counts, given what was seen and the share hidden.
+
+        `sense` adds to the log odds of any; all are `[N, C]`.
+        """
         xp = library_of(encoded)
 
         def read(name: str) -> Array:
@@ -218,7 +232,7 @@ class PriorHead:
         mean = xp.exp(read("mean").clip(-2 * _MOST, _MOST))
         shape = xp.exp(read("shape").clip(-_MOST, _MOST))
         log_weight = log_softmax(read("weight"), axis=0)
-        hidden = hidden_posterior(shape, shape / mean, nodes.x, nodes.share)
+        hidden = hidden_posterior(shape, shape / mean, seen, share)
         tilts = xp.zeros_like(mean)[None]
         if self.tilted:
             tilts = read("tilt").clip(-_MOST, _MOST).reshape(self.tilted, *mean.shape)
@@ -226,7 +240,7 @@ class PriorHead:
             return Posterior(*hidden, log_weight, [])
         if sense is not None:
             tilts = xp.concatenate([tilts[:1] - sense, tilts[1:]])
-        return Posterior(*hidden, log_weight, hidden_tilts(tilts, nodes.x))
+        return Posterior(*hidden, log_weight, hidden_tilts(tilts, seen))
 
 
 class _SAGEConfig(NetworkConfig):
