@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import minimum_spanning_tree, shortest_path
-from scipy.spatial.distance import cdist
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
@@ -18,8 +15,8 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.recipes import read_number
 from bsg_models.robot.words import find_room
 from bsg_models.search.catalogue import AnyPlanner
-from bsg_models.search.knowledge import Task
-from bsg_models.search.planners import next_room
+from bsg_models.search.knowledge import Task, Travel, find_ways, go_straight
+from bsg_models.search.planners import next_room_by
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
 Costs = Mapping[tuple[str, str], float]
@@ -31,8 +28,14 @@ class Ways:
     """The edges between rooms, and the cheapest ways over them; the building is node 0."""
 
     edges: Floats  # [1 + R, 1 + R] costs ≥ 0, ∞ without an edge
-    costs: Floats  # [1 + R, 1 + R] of the cheapest ways; ∞ if there is none
+    travel: Travel  # over the cheapest ways
     unit: Unit
+
+    @property
+    def costs(self) -> Floats:
+        """Costs of the cheapest ways, `[1 + R, 1 + R]`; ∞ if there is none."""
+        return np.asarray(self.travel.costs[0])
+
 
 
 def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
@@ -70,18 +73,16 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
         edges[one, other] = edges[other, one] = read_number(what, cost, most=math.inf)
     unit: Unit = "given" if costs else "m" if len(known) else "rooms"
     if not graph.adjacency and costs is None and np.isfinite(lines[1:, 1:]).all():
-        ways = np.where(np.eye(len(edges), dtype=bool), 0.0, edges)  # a straight line is cheapest
-        return Ways(edges, ways, unit)
-    source, target = np.nonzero(np.isfinite(edges))  # an edge may cost 0
-    listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
-    return Ways(edges, np.asarray(shortest_path(listed)), unit)
+        return Ways(edges, go_straight(edges[None]), unit)  # a straight line is cheapest
+    return Ways(edges, find_ways(edges[None]), unit)
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:
     """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
     nowhere = (np.nan, np.nan, np.nan)
     places = np.array([nowhere, *(_place_of(room) or nowhere for room in graph.rooms)])
-    lines = cdist(places, places)
+    squares = [(one[:, None] - one) ** 2 for one in places.T]
+    lines = np.sqrt(sum(squares))
     return np.where(np.isnan(lines), np.inf, lines)
 
 
@@ -100,10 +101,18 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
     last = np.max(lines, where=known, initial=0) + np.arange(1.0, lines.size + 1)
     weights = np.where(known, lines, last.reshape(lines.shape)) + 1
     weights[there] = 0.5  # an edge that is there comes first
-    tree = minimum_spanning_tree(np.triu(weights[1:, 1:], k=1))
-    for a, b in np.transpose(tree.nonzero()) + 1:
+    weights = np.triu(weights, k=1)
+    weights += weights.T
+    near, nearest = weights[1].copy(), np.ones(len(weights), dtype=np.int64)
+    near[[0, 1]] = np.inf
+    for _ in range(len(weights) - 2):  # Prim's: the tree grows by the room that is nearest to it
+        b = int(near.argmin())
+        a = nearest[b]
         if not there[a, b]:
             edges[a, b] = edges[b, a] = lines[a, b] if known[a, b] else 2 * usual
+        closer = (weights[b] < near) & np.isfinite(near)
+        near[closer], nearest[closer] = weights[b, closer], b
+        near[b] = np.inf
 
 
 def choose_destination(
@@ -128,8 +137,8 @@ def choose_destination(
     known = explored.copy()
     place, chosen = here, None
     while True:
-        beyond = next_room(
-            ways.edges, here=place, explored=known, presence=presence, task=task, planner=planner
+        beyond = next_room_by(
+            ways.travel, here=place, explored=known, presence=presence, task=task, planner=planner
         )
         if beyond is None:
             return chosen

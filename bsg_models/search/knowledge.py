@@ -7,8 +7,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import shortest_path
 
 from bsg_data.arrays import Bools, Floats, Ints
 
@@ -73,6 +71,7 @@ class Knowledge:
 
 
 _TOGETHER = 30  # nodes; with more, one graph at a time is faster
+_DENSE = 0.25  # share of the pairs with an edge, from which on edges need no list
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +106,17 @@ class Travel:
 
 def find_ways(edges: Floats) -> Travel:
     """Return the cheapest ways over edges `[E, N, N]`: costs ≥ 0 from row to column, ∞ for none."""
-    return _search_together(edges) if edges.shape[1] <= _TOGETHER else _search_each(edges)
+    if edges.shape[1] <= _TOGETHER:
+        return _search_together(edges)
+    found = [_search_edges(one) if _is_sparse(one) else _search_together(one[None]) for one in edges]
+    return Travel(*(np.concatenate([getattr(one, name) for one in found]) for name in _OF_GRAPHS))
+
+
+_OF_GRAPHS = ("costs", "steps")
+
+
+def _is_sparse(edges: Floats) -> bool:
+    return bool(np.isfinite(edges).mean() < _DENSE)
 
 
 def _search_together(edges: Floats) -> Travel:
@@ -122,18 +131,28 @@ def _search_together(edges: Floats) -> Travel:
     return Travel(costs, steps)
 
 
-def _search_each(edges: Floats) -> Travel:
-    """Return the cheapest ways in large graphs one by one, over their edges only."""
-    costs, steps = np.empty(edges.shape), np.empty(edges.shape, dtype=np.int16)
-    itself = np.arange(edges.shape[1])[:, None]
-    for number, one in enumerate(edges):
-        source, target = np.nonzero(np.isfinite(one))  # an edge may cost 0
-        # Backwards, the node before the last is the one after the first.
-        backwards = csr_array((one[source, target], (target, source)), shape=one.shape)
-        found, before = shortest_path(backwards, return_predecessors=True)
-        costs[number] = found.T
-        steps[number] = np.where(before.T < 0, itself, before.T)
-    return Travel(costs, steps)
+def _search_edges(edges: Floats) -> Travel:
+    """Return the cheapest ways in a large graph of few edges, by Bellman and Ford.
+
+    Each round lets every way begin with one more edge. A second node is only replaced by one that
+    makes the way cheaper, so ways over edges of cost 0 do not go round in circles.
+    """
+    source, target = np.nonzero(np.isfinite(edges) & ~np.eye(len(edges), dtype=bool))
+    length = edges[source, target][:, None]
+    groups = np.flatnonzero(np.diff(source, prepend=-1))  # first edge from each node
+    group = np.repeat(np.arange(len(groups)), np.diff(groups, append=len(source)))
+    straight = go_straight(np.full((1, *edges.shape), np.inf))
+    costs, steps = straight.costs[0], straight.steps[0]
+    while len(groups):
+        through = length + costs[target]  # [edges, N]
+        best = np.minimum.reduceat(through, groups)
+        better = best < costs[source[groups]]
+        if not better.any():
+            break
+        edge, end = np.nonzero((through == best[group]) & better[group])
+        costs[source[edge], end] = through[edge, end]
+        steps[source[edge], end] = target[edge]
+    return Travel(costs[None], steps[None])
 
 
 def go_straight(edges: Floats) -> Travel:

@@ -16,7 +16,7 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.spelling import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge, Task, find_ways
+from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
 from bsg_models.search.orders import choose_cover, choose_rooms
 
 _ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
@@ -139,15 +139,36 @@ def next_room(
         raise RecipeError(
             f"task {show_value(task)}: expected single or all", code="task-unknown", where="task"
         )
-    chosen = find_planner(planner)
+    return next_room_by(
+        find_ways(edges[None]),
+        here=here,
+        explored=np.asarray(explored, dtype=bool),
+        presence=presence,
+        share=share,
+        task=task,
+        planner=planner,
+    )
+
+
+def next_room_by(
+    travel: Travel,
+    *,
+    here: int,
+    explored: Bools,
+    presence: Floats,
+    share: Floats | None = None,
+    task: Task = "single",
+    planner: AnyPlanner = "expected-cost",
+) -> int | None:
+    """Return what `next_room` does, by ways that were found before, of one graph."""
+    chosen, nodes = find_planner(planner), len(explored)
     if chosen.reads == "truth":
         raise RecipeError(
             f"planner {planner!r} reads the truth, which no robot knows; use expected-cost instead",
             code="planner-reads-truth",
             where=planner,
         )
-    travel = find_ways(edges[None])
-    unexplored = ~np.asarray(explored, dtype=bool) & np.isfinite(travel.costs[0, here])
+    unexplored = ~explored & np.isfinite(travel.costs[0, here])
     unexplored[0] = False
     if not unexplored.any():
         return None
