@@ -11,25 +11,24 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import TextIOWrapper
-from multiprocessing import get_context, parent_process
 from pathlib import Path
 from threading import Thread, current_thread, main_thread
 from types import FrameType
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 from pydantic import ValidationError
-from tqdm import tqdm  # noqa: TID251 -- the command line is where bars belong
 
-from bsg_cli.cluster import connect
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
 from bsg_data.tables import is_obeyed, make_plain
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
 SECONDS_BETWEEN_LINES = 30.0  # of progress, if stderr is no terminal
@@ -127,6 +126,8 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
     if not sys.stderr.isatty():
         yield _tell_now_and_then(what, unit=unit)
         return
+    from tqdm import tqdm  # noqa: TID251 - the command line is where bars belong
+
     with tqdm(desc=what, unit=unit, file=sys.stderr, leave=False) as bar:
 
         def report(done: int, total: int, said: str = "") -> None:
@@ -150,6 +151,8 @@ def _tell_now_and_then(what: str, *, unit: str) -> Progress:
         told = now
         words = [f"{what}: {done:,} of {total:,} {unit}s"] + [said] * bool(said)
         if done > first[0]:
+            from tqdm import tqdm  # noqa: TID251
+
             left = (now - first[1]) / (done - first[0]) * (total - done)
             words.append(f"about {tqdm.format_interval(left)} left")
         print_note(", ".join(words))
@@ -177,12 +180,17 @@ def worker_pool(
         writes: files and folders that tasks write.
     """
     if workers.scheduler is not None:
+        from bsg_cli.cluster import connect
+
         with connect(workers.scheduler, reads=reads, writes=writes) as cluster:
             yield cluster
         return
     if workers.processes == 1:
         yield None
         return
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
     with (
         _importing_nothing_from_here(),
         ProcessPoolExecutor(
@@ -216,6 +224,8 @@ def _importing_nothing_from_here() -> Iterator[None]:
 
 def _end_with_parent() -> None:
     """End this worker when its parent is killed; otherwise it would wait for ever."""
+    from multiprocessing import parent_process
+
     parent = parent_process()
     if parent is None:
         return

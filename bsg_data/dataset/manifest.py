@@ -10,12 +10,11 @@ import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from bsg_data.dataset.kept_maps import ClassMapEntry
-from bsg_data.dataset.schema import FORMAT_VERSION, SPLIT_NAME
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
@@ -28,6 +27,9 @@ from bsg_data.scene.scene_graph import MeshCoverage
 from bsg_data.scene.spoken_names import Rule
 from bsg_data.sources.source import SkippedScene, Terms
 
+FORMAT_VERSION: Final = 3
+# The name of a split is part of the names of files, so no other is read from a file or written.
+SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
 MANIFEST = "dataset.json"
 CARD, CROISSANT = "README.md", "croissant.json"
 STAGED = ".staged"  # folder of what a command is about to add

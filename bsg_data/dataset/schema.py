@@ -6,17 +6,12 @@ metadata of a field has its meaning and its unit.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
 import pyarrow as pa
 
-FORMAT_VERSION: Final = 3
-
-# The name of a split is part of the names of files, so no other is read from a file or written.
-SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
 _NO_PLACE = "without geometry"
 
 

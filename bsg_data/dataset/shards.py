@@ -19,10 +19,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from bsg_data.dataset.manifest import FileEntry, Manifest, read_manifest
+from bsg_data.dataset.manifest import FORMAT_VERSION, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.schema import (
     EDGES,
-    FORMAT_VERSION,
     OBJECTS,
     ROOMS,
     SCENES,

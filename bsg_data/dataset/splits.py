@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow as pa
 
 from bsg_data.dataset.commit import name_by_content, revise
-from bsg_data.dataset.manifest import STAGED, Manifest, read_manifest
-from bsg_data.dataset.schema import SPLIT_NAME, SPLITS
+from bsg_data.dataset.manifest import SPLIT_NAME, STAGED, Manifest, read_manifest
+from bsg_data.dataset.schema import SPLITS
 from bsg_data.dataset.shards import read_table, write_parquet
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath

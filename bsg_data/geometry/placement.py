@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.geometry.semantic_mesh import MeshSurvey
 from bsg_data.scene.scene_graph import Box, Point, Room, SceneGraph, SceneObject
 from bsg_data.scene.surroundings import measure_footprint
+
+if TYPE_CHECKING:
+    from bsg_data.geometry.semantic_mesh import MeshSurvey
 
 STOREY_GAP = 1.0  # metres: floors of rooms that are nearer are on one storey,
 STOREY_SPAN = 2.0  # as long as none of them is higher than this above the lowest

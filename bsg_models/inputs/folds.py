@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import choose_vocabulary
 from bsg_data.errors import DatasetError
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 Split = Literal["train", "val", "test"]
 

@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Counts, Ints
-from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
@@ -45,7 +44,7 @@ class Nodes(_Arrays):
     """N nodes of interest of B buildings, C classes; a building's rows are its own, then rooms."""
 
     x: Array  # [N, C] counts that were seen
-    y: Array  # [N, C] true counts, `UNKNOWN` where there is none; [0, C] if not given
+    y: Array  # [N, C] true counts, below 0 where there is none; [0, C] if not given
     edges: Any  # [2, E] from and to, or the form that the network takes
     building: Array  # [N] number of each node's building
     first: Array  # [B] row of each building's own node
@@ -59,7 +58,7 @@ class Nodes(_Arrays):
     @property
     def known(self) -> Array:
         """Whether the true count is known, `[N, C]`: the source has a word for the class."""
-        return self.y != MaskedBuildings.UNKNOWN
+        return self.y >= 0
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,7 @@ from pydantic import Field, ValidationError
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.schema import FORMAT_VERSION
+from bsg_data.dataset.manifest import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.recipes import Record, name_fault
 from bsg_data.results import read_seal
@@ -40,6 +39,9 @@ from bsg_models.runs.run_folder import BEST, LAST
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.model import BeliefModel, State
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 
 class CheckpointHeader(Record):

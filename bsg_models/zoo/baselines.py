@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import poisson
@@ -16,6 +15,9 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 
 class _InputConfig(ModelConfig):

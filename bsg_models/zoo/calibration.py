@@ -13,17 +13,20 @@ and where it saw nothing it knows the average.
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.zoo.model import BeliefModel, ModelInputs, take_cells, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import ModelConfig
+
+if TYPE_CHECKING:
+    from bsg_data.observation.masked_buildings import MaskedBuildings
 
 _PRIOR = 10.0  # weight, in cells' log-likelihood, of the penalty for a line that is off by 1
 

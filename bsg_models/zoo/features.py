@@ -33,7 +33,6 @@ from bsg_models.zoo.layers import (
     linear_weights,
     logit,
 )
-from bsg_models.zoo.prior_table import read_prior_table
 from bsg_models.zoo.settings import ModelConfig
 
 _SILENT_ROOMS = 3.0  # without anything, added to the others: one room says little of the next
@@ -186,5 +185,7 @@ def tabulate_labels(classes: tuple[str, ...]) -> Floats:
 
     They are 0 for labels that it does not list.
     """
+    from bsg_models.zoo.prior_table import read_prior_table  # only trainings come here
+
     presence, weight = read_prior_table("", classes).list_types(classes)
     return np.where(weight[:, None] > 0, logit(presence) - logit(weight @ presence), 0.0)

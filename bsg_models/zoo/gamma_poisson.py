@@ -17,13 +17,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
 
 from bsg_data.arrays import Floats, Ints
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import negative_binomial
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
@@ -38,6 +37,9 @@ from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 Tally = tuple[Ints, Ints]  # distinct counts, rising, and the number of rooms with each
 

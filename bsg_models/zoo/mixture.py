@@ -28,14 +28,13 @@ class, f is that of the class.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
 from bsg_data.arrays import Floats, Ints
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
@@ -54,6 +53,9 @@ from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.room_types import MISSING, MOST, FittedTypes, Rooms, fit_types, tilted_means
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 _LEAST = 1e-9  # no type makes a class impossible
 _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms

@@ -8,20 +8,22 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from threadpoolctl import ThreadpoolController
 
 from bsg_data.arrays import Floats, Ints
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError, PredictionError
 from bsg_models.inputs.edges import EdgeSet
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 _Belief = TypeVar("_Belief", Expectation, CountDistribution)
 State = dict[str, npt.NDArray[Any]]  # all that a model has learned, by name

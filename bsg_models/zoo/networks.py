@@ -23,14 +23,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from bsg_data.arrays import Counts, Ints
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
 from bsg_models.arrays import Array, library_of
@@ -65,6 +64,9 @@ from bsg_models.zoo.layers import (
 )
 from bsg_models.zoo.model import ModelInputs, State, require_same_shapes
 from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, VARIED, WHATEVER, DataConfig
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 _MOST = 5.0  # limit of log m and |log r|: e^5 objects of a class in a room; log m ≥ −10
 

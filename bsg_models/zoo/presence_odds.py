@@ -20,13 +20,14 @@ slope is never below 0: a misleading score is ignored, not inverted.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from abc import abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import (
     MaskedBuildings,
     sample_masked,
@@ -44,6 +45,9 @@ from bsg_models.zoo.gamma_poisson import fit_gamma_prior, tally_rooms
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
+
+if TYPE_CHECKING:
+    from bsg_data.dataset.dataset import Dataset
 
 _DRAWS = 3  # masks of every training building
 _MOST_ODDS = 12.0  # limit of the log odds of a presence, beyond which nothing changes
