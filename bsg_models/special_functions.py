@@ -11,6 +11,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 
+_HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 _STIRLING = (1 / 12, -1 / 360, 1 / 1260, -1 / 1680, 1 / 1188)
 _SHIFT = 8  # from here on Stirling's series is exact to 1e-14
 _PANELS = 128  # of the integral of a Beta distribution
@@ -24,13 +25,11 @@ def log_gamma(values: Floats) -> Floats:
     for step in range(2, _SHIFT):
         rising = rising * (values + step)
     x = values + float(_SHIFT)
-    inverse, series = 1 / (x * x), 0.0
+    inverse = 1 / (x * x)
+    series = np.zeros_like(inverse)
     for factor in reversed(_STIRLING):
         series = series * inverse + factor
     return np.asarray((x - 0.5) * np.log(x) - x + _HALF_LOG_2PI + series / x - np.log(rising))
-
-
-_HALF_LOG_2PI = 0.5 * float(np.log(2 * np.pi))
 
 
 def log_sum_exp(values: Floats, *, axis: int, keepdims: bool = False) -> Floats:
@@ -39,7 +38,7 @@ def log_sum_exp(values: Floats, *, axis: int, keepdims: bool = False) -> Floats:
     most = np.where(np.isfinite(most), most, 0.0)
     with np.errstate(divide="ignore"):
         total = np.log(np.exp(values - most).sum(axis=axis, keepdims=True)) + most
-    return total if keepdims else total.squeeze(axis)
+    return np.asarray(total if keepdims else total.squeeze(axis))
 
 
 @cache
@@ -48,7 +47,7 @@ def gauss_legendre(number: int) -> tuple[Floats, Floats]:
     return np.polynomial.legendre.leggauss(number)
 
 
-def beta_quantiles(a: Floats, b: Floats, probabilities: Floats) -> Floats:
+def beta_quantiles(a: Floats, b: Floats, *, probabilities: Floats) -> Floats:
     """Return the quantiles `[K, R]` of R Beta distributions at K probabilities.
 
     Of y = logit(x) the density ∝ exp(a y) / (1 + exp(y))^(a + b) is smooth and has one peak. It is
@@ -68,7 +67,7 @@ def beta_quantiles(a: Floats, b: Floats, probabilities: Floats) -> Floats:
     def density(y: Floats) -> Floats:
         """Return the density relative to its peak, `[R, M, 4]` of the same."""
         over = np.logaddexp(0.0, y) - np.logaddexp(0.0, peak[..., None])
-        return np.exp(a * (y - peak[..., None]) - (a + b) * over)
+        return np.asarray(np.exp(a * (y - peak[..., None]) - (a + b) * over))
 
     t = np.linspace(-1, 1, _PANELS + 1)
     reach = np.where(t < 0, _BEYOND / a[:, 0], _BEYOND / b[:, 0]) + 7 * wide

@@ -57,8 +57,8 @@ def find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Flo
     quantiles = np.tile([belief.mean for belief in beliefs], (len(probabilities), 1))
     unsure = [room for room, belief in enumerate(beliefs) if not belief.is_certain]
     if unsure:
-        parameters = np.array([beliefs[room].beta for room in unsure])
-        different, which = np.unique(parameters, axis=0, return_inverse=True)
-        found = beta_quantiles(*different.T, probabilities)
-        quantiles[:, unsure] = found[:, which.ravel()]
+        parameters = [beliefs[room].beta for room in unsure]
+        different = {one: number for number, one in enumerate(dict.fromkeys(parameters))}
+        found = beta_quantiles(*np.array([*different]).T, probabilities=probabilities)
+        quantiles[:, unsure] = found[:, [different[one] for one in parameters]]
     return quantiles

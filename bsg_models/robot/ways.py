@@ -37,7 +37,6 @@ class Ways:
         return np.asarray(self.travel.costs[0])
 
 
-
 def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     """Return the costs of going from room to room.
 

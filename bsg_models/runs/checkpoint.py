@@ -128,7 +128,7 @@ def hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
     for name, tensor in sorted(tensors.items()):
         kind = json.dumps([name, f"torch.{tensor.dtype}", list(tensor.shape)])  # noqa: TID251
         digest.update(f"{kind}\n".encode())
-        digest.update(np.ascontiguousarray(tensor))
+        digest.update(np.ascontiguousarray(tensor).data)
     return digest.hexdigest()
 
 

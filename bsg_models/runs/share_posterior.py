@@ -37,7 +37,10 @@ _CELLS = 1 << 22  # of a table of likelihoods
 
 
 def update_shares(
-    graph: PartialGraph, seen: Observation, *, expect_rooms: Callable[[Observation, Ints], CountDistribution]
+    graph: PartialGraph,
+    seen: Observation,
+    *,
+    expect_rooms: Callable[[Observation, Ints], CountDistribution],
 ) -> PartialGraph:
     """Return a graph whose uncertain hidden shares are updated by what was seen.
 

@@ -108,7 +108,9 @@ def find_ways(edges: Floats) -> Travel:
     """Return the cheapest ways over edges `[E, N, N]`: costs ≥ 0 from row to column, ∞ for none."""
     if edges.shape[1] <= _TOGETHER:
         return _search_together(edges)
-    found = [_search_edges(one) if _is_sparse(one) else _search_together(one[None]) for one in edges]
+    found = [
+        _search_edges(one) if _is_sparse(one) else _search_together(one[None]) for one in edges
+    ]
     return Travel(*(np.concatenate([getattr(one, name) for one in found]) for name in _OF_GRAPHS))
 
 

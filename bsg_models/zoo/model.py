@@ -65,7 +65,7 @@ class BeliefModel(ABC):
         """Categories outside the classes that it reads, `[V]`; its observations need the same."""
         return self.inputs.vocabulary
 
-    def fit(self, data: Dataset, choice: DataConfig) -> None:
+    def fit(self, data: Dataset, choice: DataConfig) -> None:  # noqa: B027 - not all learn
         """Learn from the training buildings of a dataset, or set the start of a training."""
 
     def hold(self, **arrays: npt.ArrayLike) -> None:
@@ -146,7 +146,7 @@ def require_same_shapes(own: Mapping[str, Any], other: Mapping[str, Any]) -> Non
     for name in sorted(own.keys() | other.keys()):
         expected, found = (state[name].shape if name in state else "none" for state in (own, other))
         if expected != found:
-            raise CheckpointError(f"tensor {name}: expected {expected}, found {found}")
+            raise CheckpointError(f"tensor {name}: expected the shape {expected}, found {found}")
 
 
 def take_cells(
@@ -170,16 +170,17 @@ def one_thread() -> Iterator[None]:
     threads. They become far slower if other programs use the same cores, as on a robot, because
     each thread waits for the slowest.
     """
-    torch = sys.modules.get("torch")
-    threads = torch.get_num_threads() if torch else 1
+    torch: Any = sys.modules.get("torch")
     with _find_libraries().limit(limits=1, user_api="blas"):
-        if threads > 1:
-            torch.set_num_threads(1)
+        if torch is None:
+            yield
+            return
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)
         try:
             yield
         finally:
-            if threads > 1:
-                torch.set_num_threads(threads)
+            torch.set_num_threads(threads)
 
 
 @cache

@@ -129,7 +129,7 @@ class CountNetwork(CalibratedModel):
     def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
         """Take weights and calibration."""
         require_same_shapes(self.state(), state)
-        self.weights = {name: state[name] for name in self.weights}
+        self.weights = {name: np.asarray(state[name], np.float32) for name in self.weights}
         self.hold(**{name: state[name] for name in super().state()})
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:

@@ -20,10 +20,9 @@ slope is never below 0: a misleading score is ignored, not inverted.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from abc import abstractmethod
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 

@@ -72,7 +72,7 @@ def find_disclosed(path: Path, data: Dataset) -> Disclosure:
     faults = [*_per_scene_shapes(checkpoint, data, train), *_copied_rows(checkpoint, data)]
     return Disclosure(
         tensors=len(checkpoint.tensors),
-        numbers=sum(tensor.numel() for tensor in checkpoint.tensors.values()),
+        numbers=sum(tensor.size for tensor in checkpoint.tensors.values()),
         categories=len(checkpoint.header.vocabulary),
         least_scenes=least,
         scenes=len(data.scene_ids),
@@ -158,7 +158,7 @@ def _per_scene_shapes(checkpoint: Checkpoint, data: Dataset, train: Sequence[str
         vocabulary=header.vocabulary,
         members=header.members,
     )
-    shapes = {f"model.{name}": tensor.shape for name, tensor in new.state_dict().items()}
+    shapes = {f"model.{name}": tensor.shape for name, tensor in new.state().items()}
     sizes = {}
     for what, scenes in (("training ", train), ("", data.scene_ids)):
         nodes = sum(len(data.cells(scene)) for scene in scenes)
@@ -180,7 +180,7 @@ def _copied_rows(checkpoint: Checkpoint, data: Dataset) -> Iterator[str]:
     for name, tensor in checkpoint.tensors.items():
         if tensor.ndim < 2 or tensor.shape[-1] != cells.shape[1]:
             continue
-        rows = tensor.detach().double().reshape(-1, cells.shape[1]).numpy()
+        rows = tensor.astype(np.float64).reshape(-1, cells.shape[1])
         norms = np.linalg.norm(rows, axis=1, keepdims=True)
         rows = np.divide(rows, norms, out=np.zeros_like(rows), where=norms > 0)
         copied = int((rows @ told.T > _SAME).any(axis=1).sum()) if len(told) else 0

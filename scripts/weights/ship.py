@@ -161,7 +161,7 @@ def strip(run: Path, path: Path, masked: MaskedBuildings) -> None:
     """
     best = load_checkpoint(run / BEST)
     tensors = {
-        name: tensor.float() if tensor.is_floating_point() else tensor
+        name: tensor.astype(np.float32) if tensor.dtype.kind == "f" else tensor
         for name, tensor in best.state_of("model").items()
     }
     save_checkpoint(path, best.header, name_tensors("model", tensors))

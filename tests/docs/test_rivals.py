@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-import torch
 from conftest import REPOSITORY, tomllib
 from one_building import observe_building
 
@@ -57,11 +56,12 @@ def test_naive_bayes_is_bayes_rule() -> None:
     from bsg_rivals.naive_bayes import NaiveBayesConfig, NaiveBayesModel
 
     model = NaiveBayesModel(NaiveBayesConfig(temper=1.0), ModelInputs(classes=2))
-    model.prior.copy_(torch.tensor([0.5, 0.2]))
-    model.seen[0].copy_(torch.tensor([[0.1, 0.4], [0.3, 0.2]]))
-    model.seen[1].copy_(torch.tensor([[0.6, 0.4], [0.3, 0.9]]))
-    model.number.copy_(torch.tensor([3.0, 3.0]))
-    model.fraction.fill_(0.5)
+    model.hold(
+        prior=[0.5, 0.2],
+        seen=[[[0.1, 0.4], [0.3, 0.2]], [[0.6, 0.4], [0.3, 0.9]]],
+        number=[3.0, 3.0],
+        fraction=0.5,
+    )
     found = model.predict(observe_building([[1, 0], [1, 0], [0, 0]], hidden_share=[0.5, 0.5, 1.0]))
     there, absent = 0.5 * 0.6 * 0.7, 0.5 * 0.1 * 0.7  # class 0: saw class 0, not class 1
     assert found.presence[1, 0] == pytest.approx(there / (there + absent))
@@ -76,9 +76,11 @@ def test_conditional_is_the_mean_over_what_was_seen() -> None:
     from bsg_rivals.conditional import ConditionalConfig, ConditionalModel
 
     model = ConditionalModel(ConditionalConfig(observe="classes"), ModelInputs(classes=2))
-    model.presence.copy_(torch.tensor([[0.8, 0.1], [0.2, 0.5], [0.3, 0.3]]))
-    model.hidden.copy_(torch.tensor([[2.6, 0.2], [0.4, 1.0], [0.6, 0.6]]))
-    model.fraction.fill_(0.5)
+    model.hold(
+        presence=[[0.8, 0.1], [0.2, 0.5], [0.3, 0.3]],
+        hidden=[[2.6, 0.2], [0.4, 1.0], [0.6, 0.6]],
+        fraction=0.5,
+    )
     found = model.predict(observe_building([[9, 9], [2, 0], [1, 3], [0, 0]]))
     np.testing.assert_allclose(found.presence[1:], [[0.8, 0.1], [0.5, 0.3], [0.3, 0.3]])
     np.testing.assert_allclose(found.hidden[1:], [[2.6, 0.2], [1.5, 0.6], [0.6, 0.6]])
@@ -98,8 +100,7 @@ def test_pmi_is_the_mean_over_what_is_seen() -> None:
     # Bed and stove are listed and do not meet, which counts as one room; the bike is not listed.
     assert together.tolist() == [[10, 8, 1, 0], [8, 12, 1, 0], [1, 1, 5, 0], [0, 0, 0, 0]]
     model = Cooccurrence(CooccurrenceConfig(rule="pmi", smoothing=2.0), ModelInputs(classes=4))
-    model.together.copy_(torch.from_numpy(together))
-    model.rooms.fill_(rooms)
+    model.hold(together=together, rooms=rooms)
     found = model.score(observe_building([[1, 1, 0, 0]] * 2 + [[2, 0, 0, 1], [0, 0, 0, 5]]))
 
     def usual(number: int) -> float:
@@ -119,7 +120,7 @@ def test_the_score_of_word_vectors_is_of_the_other_names(pool: str, expected: fl
     from bsg_rivals.glove import Glove, GloveConfig
 
     model = Glove(GloveConfig(pool=pool), ModelInputs(classes=4))  # type: ignore[arg-type]
-    model.vectors[:, :2] = torch.tensor([[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [0.0, 0.0]])
+    model.vectors[:, :2] = [[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [0.0, 0.0]]
     found = model.score(observe_building([[0, 1, 1, 1]] * 2 + [[2, 0, 0, 1], [0, 0, 0, 0]]))
     assert found[1, 0] == pytest.approx(expected)
     assert np.isnan(found[2, 0])  # it alone is seen, of what has a vector

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
-import torch
 from disclosure import find_disclosed, measure_membership
 
 from bsg_data.arrays import Floats
@@ -23,7 +23,9 @@ from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import ModelConfig
 
 
-def change(path: Path, *, header: dict[str, Any] | None = None, **tensors: torch.Tensor) -> None:
+def change(
+    path: Path, *, header: dict[str, Any] | None = None, **tensors: npt.NDArray[Any]
+) -> None:
     """Write a checkpoint again, with other fields and more tensors."""
     old = load_checkpoint(path)
     save_checkpoint(path, old.header.model_copy(update=header or {}), {**old.tensors, **tensors})
@@ -41,8 +43,8 @@ def test_rows_of_buildings_are_found(dataset: Path, run: Path) -> None:
     room = data.cells(data.scene_ids[0])[1]
     change(
         path,
-        per_scene=torch.zeros(3, len(data.splits["train"])),
-        copied=torch.stack([torch.ones(45).double(), torch.tensor(room / 4)]),
+        per_scene=np.zeros((3, len(data.splits["train"]))),
+        copied=np.stack([np.ones(45), room / 4]),
     )
     faults = " ".join(find_disclosed(path, data).faults)
     assert "per_scene (3, 10) has a place for each of 10 training buildings" in faults

@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from click.testing import CliRunner
 from conftest import REPOSITORY
 from safetensors import safe_open
-from safetensors.numpy import load_file
-from safetensors.torch import save_file
+from safetensors.numpy import load_file, save_file
 
 from bsg_cli.belief import main
 from bsg_data.dataset.dataset import Dataset
@@ -97,7 +95,7 @@ def test_the_same_checkpoint_has_the_same_bytes(path: Path, tmp_path: Path) -> N
 def test_a_header_of_another_program_or_version_is_refused(
     path: Path, text: str, words: str
 ) -> None:
-    save_file({"x": torch.zeros(1)}, path, metadata={"bsg": text})
+    save_file({"x": np.zeros(1)}, path, metadata={"bsg": text})
     with pytest.raises(CheckpointError, match=words):
         load_checkpoint(path)
 

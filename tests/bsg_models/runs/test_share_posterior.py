@@ -11,12 +11,13 @@ from conftest import REPOSITORY
 from scipy.integrate import quad
 from scipy.stats import beta, poisson
 
+from bsg_data.arrays import Ints
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
+from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.count_distribution import poisson as poisson_counts
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.runs import share_posterior
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.share_posterior import EVIDENCE, update_shares
@@ -31,14 +32,13 @@ def believe_kitchen(share: ShareBelief) -> PartialGraph:
     return hide_of_room(OFFICE, KITCHEN, share)
 
 
-def expect_two_of_each(seen: Observation) -> Expectation:
+def expect_two_of_each(seen: Observation, rooms: Ints) -> CountDistribution:
     """Return a model that expects two hidden objects of every class where nothing was seen."""
     assert not seen.inputs[KITCHEN].any()
     assert seen.hidden_share[KITCHEN] == 1
     assert not seen.visited[KITCHEN]
     assert (seen.inputs[0] == seen.inputs[1:].sum(axis=0)).all()
-    means = np.full(seen.inputs.shape, 2.0)
-    return from_hidden_counts(seen.inputs.astype(float), poisson_counts(means))
+    return poisson_counts(np.full((len(rooms), seen.inputs.shape[1]), 2.0))
 
 
 @pytest.mark.parametrize("prior", [VAGUE, ShareBelief(0.8, 0.1)])
@@ -55,7 +55,8 @@ def test_the_posterior_by_hand(prior: ShareBelief) -> None:
         quad(weigh, 0, 1, args=(power,), points=[0.9, 0.97])[0] for power in range(3)
     )
     mean = first / total
-    found = update_shares(graph, graph.observation(), expect=expect_two_of_each).rooms[KITCHEN - 1]
+    after = update_shares(graph, graph.observation(), expect_rooms=expect_two_of_each)
+    found = after.rooms[KITCHEN - 1]
     assert found.hidden_share == pytest.approx(mean, abs=2e-3)
     assert found.hidden_share_sd == pytest.approx((second / total - mean**2) ** 0.5, abs=2e-3)
 
@@ -70,7 +71,7 @@ def test_a_certain_share_stays() -> None:
 
 def test_a_predictor_averages_over_the_posterior() -> None:
     graph = believe_kitchen(VAGUE)
-    after = update_shares(graph, graph.observation(), expect=expect_two_of_each)
+    after = update_shares(graph, graph.observation(), expect_rooms=expect_two_of_each)
     assert after.hidden_share == graph.share_with([r.hidden_share for r in after.rooms])
     assert after.objects == graph.objects
     posterior = hide_of_room(OFFICE, KITCHEN, PREDICTOR.believe_shares(graph)[KITCHEN - 1])

@@ -26,12 +26,12 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.evaluation.measurement import Fold, measure, read_truth
 from bsg_models.studies.comparison import WHOLE, EvaluationRequest, compare_runs
+from bsg_models.training.count_gradients import as_network
 from bsg_models.zoo.catalogue import UNTRAINED
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.gamma_poisson import tally_rooms
 from bsg_models.zoo.mixture import read_rooms
-from bsg_models.zoo.model import Network
 from bsg_models.zoo.room_types import MISSING, MOST, fit_types
 
 LABELS = [
@@ -129,13 +129,14 @@ def test_a_class_is_trained_where_it_can_be_named(merged: Path) -> None:
     masked = sample_masked(data, data.scene_ids, mask=MaskRecipe(strategy="rooms"), draw=0)
     for name in ("universal", "ceci-gcn"):
         model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
-        assert isinstance(model, Network)
-        model.eval()
-        nodes = model.nodes_of(masked.seen, masked.targets)
-        assert torch.isfinite(model.loss(nodes))
+        network = as_network(model)
+        assert network is not None
+        network.eval()
+        nodes = network.nodes_of(masked.seen, masked.targets)
+        assert torch.isfinite(network.loss(nodes))
         rooms = ~nodes.is_building
         known = masked.known[rooms.numpy()] if name == "universal" else masked.known
-        assert model.cells_of(nodes) == known.sum() < known.size
+        assert network.cells_of(nodes) == known.sum() < known.size
 
 
 def test_a_dataset_without_a_split_is_measured_whole(merged: Path) -> None:

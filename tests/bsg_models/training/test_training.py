@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-import torch
-from safetensors.torch import load_file
+from safetensors.numpy import load_file
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
@@ -29,6 +29,7 @@ from bsg_models.training.buildings import validation_buildings
 from bsg_models.training.learning_curve import read_metrics
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.model import State
 
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
 
@@ -43,12 +44,12 @@ def configure(*settings: str, name: str = "ceci-gcn") -> RunConfig:
     )
 
 
-def weights(path: Path) -> dict[str, torch.Tensor]:
+def weights(path: Path) -> State:
     return load_file(path)
 
 
-def same(a: dict[str, torch.Tensor], b: dict[str, torch.Tensor]) -> bool:
-    return a.keys() == b.keys() and all(torch.equal(a[name], b[name]) for name in a)
+def same(a: State, b: State) -> bool:
+    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
 
 
 def test_a_run_leaves_checkpoints_and_metrics(dataset: Path, tmp_path: Path) -> None:
@@ -209,7 +210,7 @@ def test_a_diverging_run_says_so_and_keeps_what_it_had(dataset: Path, tmp_path: 
     assert '"how":"failed"' in (run / LOG).read_text("utf-8").splitlines()[-1]
 
 
-def rewrite(path: Path, tensors: dict[str, torch.Tensor], **update: Any) -> None:
+def rewrite(path: Path, tensors: State, **update: Any) -> None:
     header = load_checkpoint(path).header.model_copy(update=update)
     save_checkpoint(path, CheckpointHeader.model_validate(header.model_dump()), tensors)
 

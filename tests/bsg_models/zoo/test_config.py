@@ -20,7 +20,6 @@ from bsg_models.zoo.config import (
     write_toml,
 )
 from bsg_models.zoo.ensemble import EnsembleConfig, can_resume, make_model, reads_categories
-from bsg_models.zoo.model import Network
 from bsg_models.zoo.settings import DataConfig, TrainingConfig
 
 COUNTING = {
@@ -111,7 +110,7 @@ def test_a_row_is_a_configuration_and_its_model(name: str) -> None:
     assert model.config == row.config
     assert (model.inputs.classes, model.inputs.edges) == (3, row.data.edges)
     assert model.vocabulary == (("tap", "wall") if reads_categories(config) else ())
-    assert isinstance(model, Network) == (name not in COUNTING | {"ensemble"})
+    assert model.by_gradient == (name not in COUNTING | {"ensemble"})
     assert can_resume(config) == (name not in COUNTING)
 
 

@@ -40,7 +40,7 @@ def fitted(name: str, dataset: Path) -> BeliefModel:
     config = find_config(name)
     model = new_model(config, data)
     model.fit(data, config.data)
-    return model.eval()
+    return model
 
 
 def test_input_and_doubled_by_hand(dataset: Path) -> None:
@@ -88,8 +88,7 @@ def test_a_class_that_never_occurs_has_a_weak_prior() -> None:
 def test_gamma_poisson_by_hand() -> None:
     """Prior Gamma(2, 1), 3 seen of a mask of one half: posterior Gamma(5, 1.5), hidden mean 5/3."""
     model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=1))
-    model.shape.fill_(2.0)
-    model.rate.fill_(1.0)
+    model.hold(shape=np.full_like(model.shape, 2.0), rate=np.ones_like(model.rate))
     found = model.predict(observe_building([[3.0], [3.0], [0.0]]))
     assert found.hidden[1, 0] == pytest.approx(0.5 * 5 / 1.5)
     assert found.hidden_counts.dispersions[0, 1, 0] == 5

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 from one_building import observe_building
 from scipy import stats
 
@@ -17,17 +16,19 @@ from bsg_models.zoo.room_types import FittedTypes, fit_types
 def two_types(*, temper: float = 1.0, building: bool = False, tilted: int = 0) -> RoomTypeMixture:
     config = MixtureConfig(types=2, temper=temper, building=building, tilted=tilted)
     model = RoomTypeMixture(config, ModelInputs(classes=2))
-    model.log_types.copy_(torch.log(torch.tensor([0.7, 0.3])))
-    model.means.copy_(torch.tensor([[4.0, 0.1], [0.2, 3.0]]))
-    model.dispersions.copy_(torch.tensor([[2.0, 1.0], [1.0, 5.0]]))
-    model.habits.fill_(2.0)
+    model.hold(
+        log_types=np.log([0.7, 0.3]),
+        means=[[4.0, 0.1], [0.2, 3.0]],
+        dispersions=[[2.0, 1.0], [1.0, 5.0]],
+        habits=[2.0, 2.0],
+    )
     return model
 
 
 def naive_posterior(model: RoomTypeMixture, seen: list[float], f: float) -> np.ndarray:
     weights = []
     for k in range(2):
-        weight = float(model.log_types[k].exp())
+        weight = float(np.exp(model.log_types[k]))
         for c in range(2):
             m, r = (1 - f) * float(model.means[k, c]), float(model.dispersions[k, c])
             weight *= stats.nbinom.pmf(seen[c], r, r / (r + m)) ** model.config.temper
@@ -53,16 +54,16 @@ def test_the_posterior_is_that_of_a_naive_loop(temper: float) -> None:
 def test_the_posterior_of_tilted_types_is_that_of_the_joint_written_out() -> None:
     """P(type, hidden | seen), from P(type) Π P(T | type) P(V | T) over all T."""
     model, f, seen = two_types(tilted=2), 0.375, [2, 0]
-    model.tilts.copy_(torch.tensor([[[0.5, 1.0], [-1.0, 0.2]], [[1.5, 0.0], [0.3, -0.7]]]))
+    model.hold(tilts=[[[0.5, 1.0], [-1.0, 0.2]], [[1.5, 0.0], [0.3, -0.7]]])
     counts, joint = np.arange(300), np.zeros((2, 2, 300))
     for k in range(2):
         for c in range(2):
             m, r = float(model.means[k, c]), float(model.dispersions[k, c])
             prior = stats.nbinom.pmf(counts, r, r / (r + m))
-            prior[:2] *= np.exp(model.tilts[:, k, c].numpy())
+            prior[:2] *= np.exp(model.tilts[:, k, c])
             joint[k, c] = prior / prior.sum() * stats.binom.pmf(seen[c], counts, 1 - f)
     evidence = joint.sum(axis=2)
-    weights = np.exp(model.log_types.numpy()) * evidence.prod(axis=1)
+    weights = np.exp(model.log_types) * evidence.prod(axis=1)
     weights /= weights.sum()
     found = model.predict(observe_building([seen, seen], hidden_share=f)).hidden_counts
     np.testing.assert_allclose(found.weights[:, 1, 0], weights)
@@ -105,7 +106,7 @@ def test_buildings_that_differ_have_habits_and_those_that_do_not_have_none() -> 
 def test_a_searched_room_hides_nothing_for_sure() -> None:
     """Its tilts are left out, so that the least rate of a likelihood is not multiplied by them."""
     model = two_types(tilted=2)
-    model.tilts.copy_(torch.tensor([[[-3.0, -3.0]] * 2, [[3.0, 3.0]] * 2]))
+    model.hold(tilts=[[[-3.0, -3.0]] * 2, [[3.0, 3.0]] * 2])
     found = model.predict(observe_building([[3, 1], [2, 1], [1, 0]], hidden_share=[0.25, 0.0, 0.5]))
     assert not found.presence[1].any()
     np.testing.assert_allclose(found.log_probability(np.zeros((3, 2)))[1], 0, atol=0.002)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import torch
 from one_building import observe_building, surround_rooms
@@ -14,20 +16,21 @@ from torch_geometric.nn import GCNConv
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.scene.room_label import list_room_labels
-from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.graphs import read_split
 from bsg_models.inputs.nodes import EVIDENCE, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.training.count_gradients import CountGradients, Noise
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, ShownDropout
+from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, tabulate_labels
 from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
 from bsg_models.zoo.gcn import CECIGCN, GCNConfig
-from bsg_models.zoo.model import ModelInputs, to_array
-from bsg_models.zoo.networks import CountNetwork, PriorHead
+from bsg_models.zoo.layers import QUIET, Weight, linear
+from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.networks import CountNetwork, PriorHead, to_distribution
 from bsg_models.zoo.prior_table import read_prior_table
 
 NETWORKS = [name for name in ZOO if isinstance(ZOO[name].config, NetworkConfig)]
@@ -39,44 +42,104 @@ def configure(name: str, *settings: str) -> RunConfig:
     return validate_config(tables, source="test")
 
 
+def weights_of(shapes: Mapping[str, Weight]) -> dict[str, npt.NDArray[np.float32]]:
+    """Return weights as a training starts from them, but for what is drawn at random."""
+    return {name: np.full(one.shape, one.value, np.float32) for name, one in shapes.items()}
+
+
+def shake(model: CountNetwork) -> CountNetwork:
+    """Give a network some weights, as if it were trained."""
+    rng = np.random.default_rng(0)
+    model.load_state(
+        {
+            name: one + rng.normal(0, 0.1, one.shape) * (name in model.weights)
+            for name, one in model.state().items()
+        }
+    )
+    return model
+
+
 def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
     """With mean m and shape r everywhere it is the Gamma-Poisson model of a = r, b = r / m."""
-    head = PriorHead(NetworkConfig(width=4, components=1), 2).eval()
-    head.start(torch.tensor([2.0, 0.5]))
-    tilts = torch.tensor([[0.5, -0.5], [1.0, 0.3]])
-    with torch.no_grad():
-        head.shape.bias.copy_(torch.log(torch.tensor([3.0, 0.7])))
-        head.tilt.bias.copy_(tilts.flatten())
+    head = PriorHead(NetworkConfig(width=4, components=1), 2)
+    weights, tilts = weights_of(head.weights), np.array([[0.5, -0.5], [1.0, 0.3]])
+    weights["head.mean.bias"] = np.log([2.0, 0.5])
+    weights["head.shape.bias"] = np.log([3.0, 0.7])
+    weights["head.tilt.bias"] = tilts.ravel()
     seen = observe_building(
         [[9, 1], [3, 0], [6, 1], [0, 0]],
         hidden_share=[0.5, 0.5, 0.2, 1.0],
         visited=[True, True, True, False],
     )
-    mean, dispersion, log_weight, found_tilts = head(torch.randn(4, 4), to_nodes(seen), None)
-    assert not log_weight.any()
+    encoded = np.random.default_rng(0).normal(size=(4, 4))
+    nodes = to_nodes(seen)
+    found = head(weights, encoded, nodes.x, nodes.share, None)
+    assert not found.log_weight.any()
     model = GammaPoissonModel(GammaPoissonConfig(tilted=2), ModelInputs(classes=2))
-    model.tilts.copy_(tilts)
-    model.shape.copy_(torch.tensor([3.0, 0.7]))
-    model.rate.copy_(torch.tensor([3.0 / 2.0, 0.7 / 0.5]))
+    model.hold(tilts=tilts, shape=[3.0, 0.7], rate=[3.0 / 2.0, 0.7 / 0.5])
     expected = model.predict(seen).hidden_counts
-    found = [to_array(part[0]) for part in (mean, dispersion)]
-    np.testing.assert_allclose(found[0][1:], expected.means[0, 1:], rtol=1e-5)
-    np.testing.assert_allclose(found[1][1:], expected.dispersions[0, 1:], rtol=1e-5)
+    np.testing.assert_allclose(found.mean[0, 1:], expected.means[0, 1:], rtol=1e-5)
+    np.testing.assert_allclose(found.dispersion[0, 1:], expected.dispersions[0, 1:], rtol=1e-5)
     assert expected.tilts is not None
-    for found_tilt, tilt in zip(found_tilts, expected.tilts[:, 0, 1:], strict=True):
-        np.testing.assert_allclose(to_array(found_tilt[0])[1:], tilt, rtol=1e-5)
-    assert found[0][3].tolist() == pytest.approx([2.0, 0.5])  # nothing seen: the prior
+    for found_tilt, tilt in zip(found.tilts, expected.tilts[:, 0, 1:], strict=True):
+        np.testing.assert_allclose(found_tilt[0, 1:], tilt, rtol=1e-5)
+    assert found.mean[0, 3].tolist() == pytest.approx([2.0, 0.5])  # nothing seen: the prior
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_numpy_answers_as_torch_trains(name: str, dataset: Path) -> None:
+    """The same functions, of arrays and of tensors, for buildings of several sizes."""
+    data = Dataset.open(dataset)
+    model = new_model(configure(name), data)
+    assert isinstance(model, CountNetwork)
+    seen = read_split(data, "train", vocabulary=model.vocabulary).seen
+    network = CountGradients(shake(model))
+    network.load_state(model.state())
+    with torch.no_grad():
+        trained = network(network.nodes_of(seen))
+    answered = model.forward(model.weights, model.nodes_of(seen))
+    for one in ("mean", "dispersion", "log_weight"):
+        np.testing.assert_allclose(
+            getattr(answered, one), getattr(trained, one), rtol=2e-5, atol=1e-5
+        )
+    np.testing.assert_allclose(answered.tilts, np.stack(trained.tilts), rtol=1e-5, atol=1e-5)
+
+
+def test_the_transformer_is_that_of_torch(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    model = new_model(configure("room-transformer", "model.dropout=0.0"), data)
+    assert isinstance(model, CountNetwork)
+    shake(model)
+    layer = torch.nn.TransformerEncoderLayer(
+        8, 4, 16, 0.0, activation="gelu", batch_first=True, norm_first=True
+    )
+    theirs = torch.nn.TransformerEncoder(layer, 2, enable_nested_tensor=False)
+    prefix = "layers."
+    theirs.load_state_dict(
+        {
+            name.removeprefix(prefix): torch.from_numpy(value)
+            for name, value in model.weights.items()
+            if name.startswith(prefix)
+        }
+    )
+    nodes = model.nodes_of(read_split(data, "train", vocabulary=model.vocabulary).seen)
+    features = model.features(model.weights, nodes)
+    entered = torch.from_numpy(nodes.edges.spread(linear(model.weights, "enter.1", features)))
+    with torch.no_grad():
+        dense = theirs(entered, src_key_padding_mask=torch.from_numpy(nodes.edges.absent))
+    expected = nodes.edges.gather(dense.numpy())
+    found = model.encode(model.weights, features, nodes, QUIET)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=2e-5)
 
 
 def test_the_loss_is_minus_the_log_probability_of_what_rooms_hide(dataset: Path) -> None:
     data = Dataset.open(dataset)
-    torch.manual_seed(0)
-    model = new_model(configure("ceci-sage"), data).eval()
+    model = new_model(configure("ceci-sage"), data)
     assert isinstance(model, CountNetwork)
-    for parameter in model.head.parameters():  # as if trained: no head is all zeros
-        torch.nn.init.normal_(parameter, std=0.1)
+    network = CountGradients(model)
+    network.load_state(shake(model).state())
     masked = read_split(data, "test", vocabulary=model.vocabulary)
-    found = model.loss(model.nodes_of(masked.seen, masked.targets)).item()
+    found = network.loss(network.nodes_of(masked.seen, masked.targets)).item()
     rooms = np.flatnonzero(~masked.seen.is_building)
     beliefs = model.predict_hidden_counts(masked.seen).take(rooms)
     expected = -beliefs.log_probability(masked.hidden[rooms].astype(float)).mean()
@@ -85,17 +148,16 @@ def test_the_loss_is_minus_the_log_probability_of_what_rooms_hide(dataset: Path)
 
 def test_dropout_leaves_what_is_told_of_the_mask() -> None:
     features = torch.ones(50, 8)
-    dropped = ShownDropout(0.5, [slice(2, 4), slice(4, 5)]).train()(features)
+    dropped = Noise().drop(features, 0.5, kept=[slice(2, 4), slice(4, 5)])
     assert (dropped[:, 2:5] == 1).all()
     assert set(dropped[:, [0, 1, 5, 6, 7]].unique().tolist()) == {0.0, 2.0}
-    assert torch.equal(ShownDropout(0.5, [slice(2, 5)]).eval()(features), features)
+    assert QUIET.drop(features, 0.5, kept=[slice(2, 5)]) is features
 
 
 def test_features_by_hand() -> None:
     """Building with three rooms, the last unvisited; one class, two other categories."""
-    features = NodeFeatures(NetworkConfig(embedding=2), 1, 2).eval()
-    with torch.no_grad():
-        features.embedding.weight.copy_(torch.tensor([[1.0, 0.0], [0.0, 10.0]]))
+    features = NodeFeatures(NetworkConfig(embedding=2), 1, 2)
+    weights = {"features.embedding.weight": np.array([[1.0, 0.0], [0.0, 10.0]])}
     seen = observe_building(
         [[3.0], [3.0], [0.0], [0.0]],
         hidden_share=[0.5, 0.5, 0.5, 1.0],
@@ -103,7 +165,7 @@ def test_features_by_hand() -> None:
         others=[[1.0, 5.0], [1.0, 0.0], [0.0, 5.0], [0.0, 0.0]],
         vocabulary=("tap", "wall"),
     )
-    found = features(to_nodes(seen)).detach().numpy()
+    found = features(weights, to_nodes(seen))
     assert found.shape == (4, features.width)
     log3, rooms = np.log(4.0), np.log(4.0)
     # log count, presence, log total | odds, visited | embedding | building's log count,
@@ -119,16 +181,16 @@ def test_features_by_hand() -> None:
 def test_training_forgets_evidence_of_rooms_and_never_of_buildings() -> None:
     around = surround_rooms([30] * 999, ["kitchen"] * 999, building_kind="shop", source="mp3d")
     seen = observe_building(np.ones((1000, 1)).tolist(), surroundings=around)
-    nodes = to_nodes(seen, reads=EVIDENCE)
+    nodes = to_nodes(seen, reads=EVIDENCE).to(torch.device("cpu"))
     features = NodeFeatures(NetworkConfig(reads=tuple(EVIDENCE), forget=0.4), 1, 0)
-    assert features.eval().forget(nodes) is nodes
-    told = features(nodes)
-    first = 3
+    told, first = features({}, nodes), 3
     torch.manual_seed(0)
-    trained = features.train().forget(nodes)
+    trained = features.forget(nodes, Noise())
+    quiet = features.forget(nodes, QUIET)
     for name, kind in EVIDENCE.items():
         columns = slice(first, first := first + kind.width)
         assert torch.equal(told[:, columns], nodes.evidence[name])
+        assert quiet.evidence[name] is nodes.evidence[name]
         kept = (trained.evidence[name] == nodes.evidence[name]).all(dim=1)
         assert kept[1:].float().mean() == pytest.approx(1 if kind.of_building else 0.6, abs=0.05)
         assert not trained.evidence[name][~kept].any()
@@ -138,32 +200,26 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
     """By hand: a bathroom's toilet in the shipped table, where the network knows nothing."""
     classes = ("toilet", "bed")
     sense = LabelPrior(2)
-    sense.read_table(classes)
+    known = {**weights_of(sense.weights), "labels.log_odds": tabulate_labels(classes)}
     presence, weight = read_prior_table("", classes).list_types(classes)
-    labels = torch.zeros(4, len(list_room_labels()))
+    labels = np.zeros((4, len(list_room_labels())))
     bathroom, infirmary = map(list_room_labels().index, ("bathroom", "infirmary"))
     labels[1, bathroom] = labels[2, infirmary] = 1.0
     usual = float(weight @ presence[:, 0])
     odds = presence[bathroom, 0] / (1 - presence[bathroom, 0]) / (usual / (1 - usual))
-    added = sense(labels).detach().exp().numpy()
+    added = np.exp(sense(known, labels))
     assert added[1] == pytest.approx([np.sqrt(odds), added[1, 1]], rel=1e-5)
     assert odds > 5
     assert added[1, 1] < 0.5
     assert (added[[0, 2, 3]] == 1).all(), "the table lists no infirmary; of others nothing is known"
-    head = PriorHead(NetworkConfig(width=4, components=1, tilted=0), 2).eval()
-    head.start(torch.tensor([1.0, 1.0]))
+    head = PriorHead(NetworkConfig(width=4, components=1, tilted=0), 2)
     seen = observe_building([[1, 0], [1, 0], [0, 0], [0, 0]], hidden_share=[0.5, 0.5, 1.0, 1.0])
-    posterior = [
-        head(torch.zeros(4, 4), to_nodes(seen), sense(one)) for one in (labels, 0 * labels)
-    ]
+    weights, nodes = weights_of(head.weights), to_nodes(seen)
     one, other = (
-        CountDistribution(
-            to_array(mean),
-            to_array(r),
-            to_array(log_weight.exp()),
-            np.stack([to_array(tilt) for tilt in tilts]),
+        to_distribution(
+            head(weights, np.zeros((4, 4)), nodes.x, nodes.share, sense(known, of_rooms))
         )
-        for mean, r, log_weight, tilts in posterior
+        for of_rooms in (labels, 0 * labels)
     )
     assert one.presence[1, 0] == pytest.approx(other.presence[1, 0])  # another one of what was seen
     changed = np.exp(other.log_odds_of_none - one.log_odds_of_none)
@@ -195,7 +251,7 @@ def test_a_stopped_network_resumes_to_the_same_weights(dataset: Path, tmp_path: 
     list(train_run(config, dataset, tmp_path / "stopped", resume=True))
     a, b = (load_checkpoint(tmp_path / name / LAST) for name in ("whole", "stopped"))
     assert a.header == b.header
-    assert all(torch.equal(t, b.tensors[name]) for name, t in a.tensors.items())
+    assert all(np.array_equal(t, b.tensors[name]) for name, t in a.tensors.items())
     longer = configure("ceci-sage", "training.epochs=9")
     with pytest.raises(TrainingError):  # its learning rate falls over all epochs
         list(train_run(longer, dataset, tmp_path / "whole", resume=True))
@@ -205,9 +261,9 @@ def test_categories_that_an_observation_lacks_are_unseen_and_others_are_refused(
     dataset: Path,
 ) -> None:
     data = Dataset.open(dataset)
-    model = new_model(configure("ceci-sage"), data).eval()
+    model = new_model(configure("ceci-sage"), data)
     assert isinstance(model, CountNetwork)
-    torch.nn.init.normal_(model.head.mean.weight, std=0.1)  # as if trained: it reads its features
+    shake(model)
     seen = read_split(data, "test", vocabulary=model.vocabulary).seen.take([0])
     nothing = replace(seen, others=np.zeros_like(seen.others))
     unasked = replace(seen, vocabulary=(), others=seen.others[:, :0])
@@ -225,7 +281,8 @@ def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
     model = new_model(configure("ceci-sage"), Dataset.open(dataset))
     assert isinstance(model, CountNetwork)
     alone = observe_building([[3] * 45])
-    loss = model.loss(model.nodes_of(alone, alone.inputs))
+    network = CountGradients(model)
+    loss = network.loss(network.nodes_of(alone, alone.inputs))
     assert loss.item() == 0
     loss.backward()  # type: ignore[no-untyped-call]
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from conftest import REPOSITORY
 from one_building import observe_building, surround_rooms
 from scipy import stats
@@ -162,15 +161,13 @@ class Told(PresenceOdds):
 
 def told(*, slope: float = 0.0) -> Told:
     model = Told(ModelConfig(family="told"), ModelInputs(classes=2))
-    model.odds.copy_(torch.from_numpy(ODDS))
-    model.rate.copy_(torch.from_numpy(RATE))
-    model.slope.fill_(slope)
+    model.hold(odds=ODDS, rate=RATE, slope=slope)
     return model
 
 
 def test_a_room_that_nobody_saw_has_the_prior_moved_by_its_score() -> None:
     model = told(slope=0.5)
-    model.centre.copy_(torch.tensor([0.4, 0.0]))
+    model.hold(centre=[0.4, 0.0])
     inputs = [[0, 0]] * 3
     found = model.predict(observe_building(inputs, hidden_share=1.0))
     np.testing.assert_allclose(found.presence[1], expit(ODDS + np.array([0.5 * 0.6, 0.5 * -2])))

@@ -28,7 +28,6 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-import torch
 from pydantic import Field
 
 from bsg_data.arrays import Floats
@@ -41,7 +40,7 @@ from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
@@ -63,9 +62,9 @@ class ConditionalModel(BeliefModel):
 
     # [C · levels + 1, C] P(an object of the column's class is hidden | the row's observation) and
     # mean number of hidden objects; the last row is over all rooms.
-    presence: torch.Tensor
-    hidden: torch.Tensor
-    fraction: torch.Tensor  # of the masks of the counting
+    presence: Floats
+    hidden: Floats
+    fraction: Floats  # of the masks of the counting
 
     config: ConditionalConfig
 
@@ -103,8 +102,8 @@ class ConditionalModel(BeliefModel):
         weights = np.hstack([observed, observed.sum(axis=1, keepdims=True) == 0])
         weights /= weights.sum(axis=1, keepdims=True)
         scale = seen.cell_share / float(self.fraction)
-        presence = 1 - (1 - weights @ to_array(self.presence)) ** scale
-        distribution = zero_inflated(presence, scale * (weights @ to_array(self.hidden)))
+        presence = 1 - (1 - weights @ self.presence) ** scale
+        distribution = zero_inflated(presence, scale * (weights @ self.hidden))
         return from_hidden_counts(inputs, sum_rooms(distribution, seen))
 
     def _observe(self, seen: Floats) -> Floats:

@@ -18,7 +18,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import torch
 from pydantic import Field
 
 from bsg_data.arrays import Floats
@@ -26,7 +25,7 @@ from bsg_data.errors import ClassMapError
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
 from bsg_models.zoo.settings import VARIED, ModelConfig
 
@@ -57,26 +56,24 @@ class Cooccurrence(PresenceOdds):
         rooms: in all.
     """
 
-    together: torch.Tensor
-    rooms: torch.Tensor
+    together: Floats
+    rooms: Floats
 
     config: CooccurrenceConfig
 
     def __init__(self, config: CooccurrenceConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         shape = (inputs.classes, inputs.classes)
-        self.register_buffer("together", torch.zeros(shape, dtype=torch.float64))
-        self.register_buffer("rooms", torch.ones((), dtype=torch.float64))
+        self.hold(together=np.zeros(shape), rooms=1.0)
 
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
         """Read the published table."""
         together, rooms = read_table(BEHAVIOR_TABLE, read_published(BEHAVIOR_TABLE), classes)
-        self.together.copy_(torch.from_numpy(together))
-        self.rooms.fill_(rooms)
+        self.hold(together=together, rooms=rooms)
 
     def score(self, seen: Observation) -> Floats:
         """Return the scores of the rule."""
-        together, rooms, s = to_array(self.together), float(self.rooms), self.config.smoothing
+        together, rooms, s = self.together, float(self.rooms), self.config.smoothing
         number = together.diagonal()
         usual = (number + s / 2) / (rooms + s)
         given = (together + s * usual) / (number + s)[:, None]  # P(column | row)

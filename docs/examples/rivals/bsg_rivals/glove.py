@@ -18,13 +18,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
-import torch
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.observation import Observation
 from bsg_models.errors import TrainingError
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
 from bsg_models.zoo.settings import VARIED, ModelConfig
 
@@ -51,22 +50,22 @@ class Glove(PresenceOdds):
             GloVe knows.
     """
 
-    vectors: torch.Tensor
+    vectors: Floats
 
     config: GloveConfig
 
     def __init__(self, config: GloveConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         shape = (inputs.classes, DIMENSIONS)
-        self.register_buffer("vectors", torch.zeros(shape, dtype=torch.float64))
+        self.hold(vectors=np.zeros(shape))
 
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
         """Read the vectors of the names."""
-        self.vectors.copy_(torch.from_numpy(read_vectors(classes)))
+        self.hold(vectors=read_vectors(classes))
 
     def score(self, seen: Observation) -> Floats:
         """Return the mean or highest cosine to the names of the other visible classes."""
-        vectors = to_array(self.vectors)
+        vectors = self.vectors
         known = np.linalg.norm(vectors, axis=1) > 0
         cosines = np.where(known & known[:, None], vectors @ vectors.T, np.nan)
         if self.config.pool == "mean":

@@ -11,16 +11,16 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import torch
 from pydantic import Field
 from scipy.special import expit, logit
 
+from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import zero_inflated
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import BeliefModel, ModelInputs, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 from bsg_rivals.conditional import stream_uniform
@@ -51,20 +51,22 @@ class NaiveBayesModel(BeliefModel):
         fraction: of the masks of the counting.
     """
 
-    prior: torch.Tensor
-    seen: torch.Tensor
-    number: torch.Tensor
-    fraction: torch.Tensor
+    prior: Floats
+    seen: Floats
+    number: Floats
+    fraction: Floats
 
     config: NaiveBayesConfig
 
     def __init__(self, config: NaiveBayesConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         classes = inputs.classes
-        self.register_buffer("prior", torch.full((classes,), 0.5, dtype=torch.float64))
-        self.register_buffer("seen", torch.full((2, classes, classes), 0.5, dtype=torch.float64))
-        self.register_buffer("number", torch.ones(classes, dtype=torch.float64))
-        self.register_buffer("fraction", torch.ones((), dtype=torch.float64))
+        self.hold(
+            prior=np.full(classes, 0.5),
+            seen=np.full((2, classes, classes), 0.5),
+            number=np.ones(classes),
+            fraction=1.0,
+        )
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Count on masks of the training rooms."""
@@ -81,26 +83,24 @@ class NaiveBayesModel(BeliefModel):
             both += of_room.T.astype(float) @ (objects > 0).astype(float)
         overall = ((seen / rooms)[:, None] * s + 0.5) / (s + 1)  # never 0 or 1
         outcomes = ((seen[:, None] - both, rooms - there), (both, there))
-        for row, (together, times) in enumerate(outcomes):
-            given = (together + (s + 1) * overall) / (times + s + 1)
-            self.seen[row].copy_(torch.from_numpy(given))
-        prior = (there + 0.5) / (rooms + 1)
-        number = (hidden + s) / (there + s)
-        self.prior.copy_(torch.from_numpy(prior))
-        self.number.copy_(torch.from_numpy(number))
-        self.fraction.fill_(choice.mask.fraction)
+        self.hold(
+            seen=[(both + (s + 1) * overall) / (times + s + 1) for both, times in outcomes],
+            prior=(there + 0.5) / (rooms + 1),
+            number=(hidden + s) / (there + s),
+            fraction=choice.mask.fraction,
+        )
 
     def predict(self, seen: Observation) -> Expectation:
         """Return Bayes' rule for every node."""
         inputs, share = seen.inputs.astype(np.float64), seen.cell_share
-        absent, present = to_array(self.seen)
+        absent, present = self.seen
         evidence = (inputs > 0) @ np.log(present / absent)
         evidence += ((inputs == 0) & (share < 1)) @ np.log((1 - present) / (1 - absent))
         evidence *= seen.looked_into[:, None]
-        odds = logit(to_array(self.prior)) + self.config.temper * evidence
+        odds = logit(self.prior) + self.config.temper * evidence
         scale = share / float(self.fraction)
         presence = 1 - expit(-odds) ** scale
-        distribution = zero_inflated(presence, presence * to_array(self.number))
+        distribution = zero_inflated(presence, presence * self.number)
         return from_hidden_counts(inputs, sum_rooms(distribution, seen))
 
 
