@@ -101,7 +101,7 @@ def name_tensors(part: str, state: Mapping[str, npt.NDArray[Any]]) -> State:
 
 def save_checkpoint(path: Path, header: CheckpointHeader, tensors: State) -> None:
     """Write a checkpoint to a temporary file and rename it."""
-    plain = {name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}
+    plain = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
     hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
     text = header.model_copy(update=hashed).model_dump_json()
     write_bytes(path, save(plain, metadata={"bsg": seal_header(text)}))
@@ -128,7 +128,7 @@ def hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
     for name, tensor in sorted(tensors.items()):
         kind = json.dumps([name, f"torch.{tensor.dtype}", list(tensor.shape)])  # noqa: TID251
         digest.update(f"{kind}\n".encode())
-        digest.update(np.ascontiguousarray(tensor).data)
+        digest.update(tensor.tobytes())
     return digest.hexdigest()
 
 
