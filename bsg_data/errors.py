@@ -92,6 +92,16 @@ class RecipeError(BSGError, ValueError):
     """
 
 
+EXTRA_OF = {  # package → the extra that brings it
+    "matplotlib": "figures",
+    "networkx": "train",
+    "pandas": "build",
+    "scipy": "build",
+    "torch": "train",
+    "torch_geometric": "train",
+}
+
+
 def ask_to_install(extra: str) -> str:
     """Return the command that installs an extra, as errors end.
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 from pydantic import ValidationError
 
-from bsg_data.errors import BSGError, RecipeError
+from bsg_data.errors import EXTRA_OF, BSGError, RecipeError, ask_to_install
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
 from bsg_data.tables import is_obeyed, make_plain
@@ -73,8 +73,8 @@ class Command(click.Command):
             print_note("asked to end" if asked else "interrupted")
             sys.exit(ENDED if asked else INTERRUPTED)
         except (BSGError, ValidationError, MemoryError, ModuleNotFoundError, OSError) as error:
-            if isinstance(error, ModuleNotFoundError) and "pip install" not in str(error):
-                raise  # no package of an extra
+            if isinstance(error, ModuleNotFoundError) and not _is_of_extra(error):
+                raise
             print_note(f"Error: {_describe_error(error)}")
             wrong = isinstance(error, RecipeError | ValidationError)  # a request refuses its values
             sys.exit(WRONG_USAGE if wrong else FAILED)
@@ -92,10 +92,17 @@ def _describe_error(error: Exception) -> str:
         return name_fault(error)
     if isinstance(error, MemoryError):
         return "not enough memory; free some, or give the command fewer --workers if it has any"
+    if isinstance(error, ModuleNotFoundError) and "pip install" not in str(error):
+        missing = str(error.name).partition(".")[0]
+        return f"{missing} is not installed; this needs it: {ask_to_install(EXTRA_OF[missing])}"
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror or error}"
     return str(error)
+
+
+def _is_of_extra(error: ModuleNotFoundError) -> bool:
+    return "pip install" in str(error) or str(error.name).partition(".")[0] in EXTRA_OF
 
 
 @contextmanager

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.observation.partial_graph import KnownRoom
@@ -169,10 +168,13 @@ def _choose_rooms(belief: BeliefGraph) -> list[int]:
 
 def _take_evenly(rooms: Sequence[int], shown: Sequence[int]) -> list[int]:
     """Return at most `MOST_OBJECTS` things of shown rooms: the first of each, then the second."""
-    things = pd.Series(rooms, dtype=np.int64)
-    things = things[things.isin(shown)]
-    order = things.groupby(things).cumcount().sort_values(kind="stable")
-    return sorted(order.index[:MOST_OBJECTS].tolist())
+    before: Counter[int] = Counter()  # things of each room
+    turns: list[tuple[int, int]] = []
+    for thing, room in enumerate(rooms):
+        if room in shown:
+            turns.append((before[room], thing))
+            before[room] += 1
+    return sorted(thing for _, thing in sorted(turns)[:MOST_OBJECTS])
 
 
 def _say_left_out(belief: BeliefGraph, rooms: int, objects: int, blind: int) -> str:
