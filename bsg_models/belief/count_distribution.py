@@ -1,5 +1,8 @@
 """Define the distribution of the hidden counts: a finite mixture per node and class.
 
+Means, presences and calibrations are also computed of tensors of torch, for files of other programs
+(`bsg_models.training.onnx_file`).
+
 The components are negative binomials. One suffices for most models; latent room types and ensembles
 need more. A component may be tilted: its tilts are log factors of its first counts
 (`bsg_models.belief.negative_binomial`).
@@ -15,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Counts, Floats
+from bsg_models.arrays import library_of
 from bsg_models.belief.negative_binomial import (
     POISSON,
     TINY,
@@ -49,29 +53,33 @@ class CountDistribution:
     tilts: Floats | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "dispersions", np.minimum(self.dispersions, POISSON))
+        object.__setattr__(self, "dispersions", self.dispersions.clip(max=POISSON))
 
     @cached_property
     def mean(self) -> Floats:
         """Expected hidden counts λ, `[N, C]`."""
-        return np.asarray((self.weights * self._moment(self.means, 1)).sum(axis=0))
+        mean: Floats = (self.weights * self._moment(self.means, 1)).sum(axis=0)
+        return mean
 
     @property
     def variance(self) -> Floats:
         """Variance of the hidden counts, `[N, C]`."""
         second = self._moment(self.means + self.means**2 * (1 + 1 / self.dispersions), 2)
-        return np.asarray((self.weights * second).sum(axis=0) - self.mean**2)
+        variance: Floats = (self.weights * second).sum(axis=0) - self.mean**2
+        return variance
 
     def _moment(self, untilted: Floats, power: int) -> Floats:
         """Return E(count^power) of every component, `[K, N, C]`, from that of the untilted one."""
         if self.tilts is None:
             return untilted
-        none = np.exp(log_none(self.means, self.dispersions))
+        xp = library_of(self.means)
+        none = xp.exp(log_none(self.means, self.dispersions))
         first = first_counts(len(self.tilts), none, self.means, self.dispersions)
-        moment = untilted.copy()
+        moment = untilted
         for count in range(1, len(first)):  # the tilt of count 0 adds nothing
-            moment += count**power * first[count] * np.expm1(self.tilts[count])
-        return np.asarray(np.maximum(moment, 0.0) * np.exp(-self._log_normaliser))
+            moment = moment + count**power * first[count] * xp.expm1(self.tilts[count])
+        tilted: Floats = moment.clip(min=0.0) * xp.exp(-self._log_normaliser)
+        return tilted
 
     @cached_property
     def _log_none(self) -> Floats:
@@ -95,17 +103,21 @@ class CountDistribution:
     @cached_property
     def presence(self) -> Floats:
         """P(at least one hidden object of the class), `[N, C]`."""
-        present = -np.expm1(np.minimum(self._log_none, 0.0))
+        xp = library_of(self.means)
+        present = -xp.expm1(self._log_none.clip(max=0.0))
         if len(present) > 1:
             present = self.weights * present  # weights sum to 1 up to rounding
         # A count that is never there stays exactly 0, whatever its tilts.
-        return np.where((self.means > 0).any(axis=0), present.sum(axis=0).clip(max=1.0), 0.0)
+        there = (self.means > 0).any(axis=0)
+        presence: Floats = xp.where(there, present.sum(axis=0).clip(max=1.0), 0.0)
+        return presence
 
     @property
     def log_odds_of_none(self) -> Floats:
         """Log P(0) − log P(at least one), `[N, C]`, clipped to ±20.7 (a presence of 1e-9)."""
-        none = np.clip(1 - self.presence, 1e-9, 1 - 1e-9)
-        return np.asarray(np.log(none) - np.log1p(-none))
+        xp, none = library_of(self.means), (1 - self.presence).clip(1e-9, 1 - 1e-9)
+        odds: Floats = xp.log(none) - xp.log1p(-none)
+        return odds
 
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
         """Return log P(hidden = counts), `[N, C]`; `floor` bounds the means before tilts."""
@@ -186,12 +198,13 @@ class CountDistribution:
         All probabilities above 0 keep their ratios, also between components: each component is
         weighted by what is left of it.
         """
-        tilts = np.zeros((1, *self.means.shape)) if self.tilts is None else self.tilts.copy()
-        tilts[0] += log_factor
+        xp = library_of(self.means)
+        tilts = xp.zeros_like(self.means)[None] if self.tilts is None else self.tilts
+        tilts = xp.concatenate([tilts[:1] + log_factor, tilts[1:]])
         weights = self.weights
         if len(weights) > 1:
-            gain = np.exp(self._log_none) * np.expm1(log_factor)
-            weights = weights * np.maximum(1 + gain, TINY)
+            gain = xp.exp(self._log_none) * xp.expm1(log_factor)
+            weights = weights * (1 + gain).clip(min=TINY)
             weights = weights / weights.sum(axis=0)
         return replace(self, tilts=tilts, weights=weights)
 

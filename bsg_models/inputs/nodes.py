@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.arrays import Counts, Ints
+from bsg_data.arrays import Counts
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
@@ -178,37 +178,39 @@ class Rows(_Arrays):
 
 def sum_buildings(values: Array, nodes: Nodes | Neighbours) -> Array:
     """Return the sum over the nodes of each building, `[B, W]` of `[N, W]`."""
+    if len(nodes.first) == 1:
+        return values.sum(axis=0, keepdims=True)
     if isinstance(values, np.ndarray):
         return np.add.reduceat(values, nodes.first)
     return add_rows(0 * values[nodes.first], nodes.building, values)
 
 
-def _encode_area(around: Surroundings) -> Singles:
-    """Return log(area / usual area), 0 if unknown, and whether it is known."""
-    area = _floats(np.nan_to_num(around.floor_area))
-    known = _floats(area > 0)
-    return np.stack([np.log(area.clip(min=1e-2) / _USUAL_AREA) * known, known], axis=1)
+def encode_area(area: Array) -> Array:
+    """Return log(area / usual area) of areas `[N]` in m², 0 if unknown, and whether it is known."""
+    xp, known = library_of(area), floats(area > 0)
+    return xp.stack([xp.log(area.clip(min=1e-2) / _USUAL_AREA) * known, known], axis=1)
 
 
-def _mark(index: Ints, width: int) -> Singles:
-    """Return a mark in the column of each index `[B]`, `[B, width]`; none for an unknown, −1."""
-    return _floats(_LOUD * (index[:, None] == np.arange(width)))
+def mark(index: Array, width: int) -> Array:
+    """Return a mark in the column of each index `[B]`, `[B, width]`; none for one below 0."""
+    columns = library_of(index).arange(width)
+    return floats(_LOUD * (index[:, None] == columns))
 
 
 # By the name in `NetworkConfig.reads`. A network forgets in this order: add new ones at the end.
 EVIDENCE = {
-    "size": _Encoding(2, _encode_area),
+    "size": _Encoding(2, lambda around: encode_area(_floats(np.nan_to_num(around.floor_area)))),
     "labels": _Encoding(len(list_room_labels()), lambda around: _floats(around.labels)),
     # A home is marked like an unknown kind, and HM3D like an unknown source: most robots are in
     # real homes, and a graph says neither.
     "kind": _Encoding(
         len(BUILDING_KINDS) - 1,
-        lambda around: _mark(around.building_kinds - 1, len(BUILDING_KINDS) - 1),
+        lambda around: mark(around.building_kinds - 1, len(BUILDING_KINDS) - 1),
         of_building=True,
     ),
     "source": _Encoding(
         len(KNOWN_SOURCES) - 1,
-        lambda around: _mark(around.sources - 1, len(KNOWN_SOURCES) - 1),
+        lambda around: mark(around.sources - 1, len(KNOWN_SOURCES) - 1),
         of_building=True,
     ),
 }

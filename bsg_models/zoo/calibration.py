@@ -19,6 +19,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.observation import Observation
+from bsg_models.arrays import library_of
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
 from bsg_models.zoo.model import BeliefModel, ModelInputs, take_cells, to_array
@@ -48,7 +49,7 @@ class CalibratedModel(BeliefModel):
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the calibrated expectation; a building hides what its rooms hide."""
-        calibrated = self._calibrate(self.predict_hidden_counts(seen), seen.cell_share)
+        calibrated = self.calibrate(self.predict_hidden_counts(seen), seen.cell_share)
         return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
 
     def predict_rooms(
@@ -58,7 +59,7 @@ class CalibratedModel(BeliefModel):
         share = seen.cell_share[rows]
         if columns is not None:
             share = np.take_along_axis(share, columns, axis=1)
-        return self._calibrate(self.learned_rooms(seen, rows, columns), share)
+        return self.calibrate(self.learned_rooms(seen, rows, columns), share)
 
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
@@ -66,8 +67,8 @@ class CalibratedModel(BeliefModel):
         """Return the uncalibrated hidden counts of some rooms."""
         return take_cells(self.predict_hidden_counts(seen), rows, columns)
 
-    def _calibrate(self, learned: CountDistribution, share: Floats) -> CountDistribution:
-        """Calibrate the counts of some cells `[N, A]`; `share` is hidden of each."""
+    def calibrate(self, learned: CountDistribution, share: Floats) -> CountDistribution:
+        """Return the calibrated counts of some cells `[N, A]`, of which a share is hidden."""
         calibrated = recalibrate(learned, to_array(self.calibration))
         lines = to_array(self.presence_calibration)
         if lines.any():
@@ -112,7 +113,8 @@ def _recalibrate_presence(
     distribution: CountDistribution, lines: Floats, *, looked_into: Bools
 ) -> CountDistribution:
     """Return the distribution under the `lines` `[2, 2]`, `looked_into` `[N, C]` or not."""
-    shift, slope = lines[np.where(looked_into, 0, 1)].transpose(2, 0, 1)
+    xp = library_of(looked_into)
+    shift, slope = (xp.where(looked_into, here, away) for here, away in lines.T.tolist())
     return distribution.with_none_likelier(shift + slope * distribution.log_odds_of_none)
 
 

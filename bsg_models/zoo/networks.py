@@ -32,7 +32,7 @@ from pydantic import Field, model_validator
 from bsg_data.arrays import Counts, Ints
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
-from bsg_models.arrays import Array, library_of
+from bsg_models.arrays import Array, doubles, library_of
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution
 from bsg_models.belief.negative_binomial import hidden_posterior, hidden_tilts
 from bsg_models.inputs.folds import scenes_of
@@ -187,13 +187,14 @@ class CountNetwork(CalibratedModel):
 
 
 def to_distribution(posterior: Posterior) -> CountDistribution:
-    """Return the distribution of a posterior in NumPy."""
-    weight = np.exp(posterior.log_weight.astype(np.float64))
+    """Return the distribution of a posterior, in double precision."""
+    xp = library_of(posterior.mean)
+    weight = xp.exp(doubles(posterior.log_weight))
     return CountDistribution(
-        posterior.mean.astype(np.float64),
-        posterior.dispersion.astype(np.float64),
+        doubles(posterior.mean),
+        doubles(posterior.dispersion),
         weight / weight.sum(axis=0),
-        np.stack(posterior.tilts).astype(np.float64) if posterior.tilts else None,
+        doubles(xp.stack(posterior.tilts)) if posterior.tilts else None,
     )
 
 
