@@ -118,23 +118,44 @@ class Neighbours(_Arrays):
     @classmethod
     def of(cls, seen: Observation, edges: Sequence[EdgeSet]) -> Neighbours:
         """Return the same neighbours as those of `list_edges`."""
-        rooms = np.diff(seen.starts)[seen.building] - 1
-        complete = ~seen.is_building & ("complete" in edges)
-        down = ~seen.is_building & ("down" in edges)
-        up = seen.is_building & ("up" in edges)
         adjacent = "adjacent" in edges and "complete" not in edges
-        pairs = list_edges(seen, ("adjacent",) if adjacent else ())
-        number = np.where(complete, rooms - 1, 0) + down + np.where(up, rooms, 0)
-        number += np.bincount(pairs[1], minlength=len(rooms))
-        weight = 1 / (number + _SILENT_NEIGHBOURS)
-        return cls(
+        return cls.weigh(
             building=seen.building,
             first=seen.starts[:-1],
+            is_building=seen.is_building,
+            rooms=np.diff(seen.starts)[seen.building] - 1,
+            pairs=list_edges(seen, ("adjacent",) if adjacent else ()),
+            edges=edges,
+        )
+
+    @classmethod
+    def weigh(
+        cls,
+        *,
+        building: Array,
+        first: Array,
+        is_building: Array,
+        rooms: Array,
+        pairs: Array,
+        edges: Sequence[EdgeSet],
+    ) -> Neighbours:
+        """Return the neighbours of nodes of buildings with some `rooms` each, `[N]`."""
+        xp = library_of(is_building)
+        complete = ~is_building & ("complete" in edges)
+        down = ~is_building & ("down" in edges)
+        up = is_building & ("up" in edges)
+        number = xp.where(complete, rooms - 1, 0) + xp.where(up, rooms, 0) + doubles(down)
+        if pairs.shape[1]:
+            number = add_rows(number, pairs[1], xp.ones_like(doubles(pairs[1])))
+        weight = 1 / (number + _SILENT_NEIGHBOURS)
+        return cls(
+            building=building,
+            first=first,
             of_rooms=(weight * (complete | up))[:, None],
             of_itself=(-weight * complete)[:, None],
             of_building=(weight * down)[:, None],
             pairs=pairs,
-            of_pairs=(weight[pairs[1]])[:, None],
+            of_pairs=weight[pairs[1]][:, None],
         )
 
     def mean(self, h: Array) -> Array:

@@ -122,6 +122,10 @@ class CountNetwork(CalibratedModel):
     def edges_of(self, seen: Observation) -> Any:
         """Return which nodes hear of which, in the form that the trunk reads."""
 
+    @abstractmethod
+    def edges_of_one(self, is_building: Array) -> Any:
+        """Return the same for the nodes `[N]` of one building, itself first, without doors."""
+
     def state(self) -> State:
         """Return weights and calibration."""
         return {**super().state(), **self.weights}
@@ -302,6 +306,19 @@ class _CECISAGE(CountNetwork):
         """Return the means' weights: no list of edges."""
         return Neighbours.of(seen, self.inputs.edges)
 
+    def edges_of_one(self, is_building: Array) -> Neighbours:
+        """Return the means' weights in one building."""
+        xp = library_of(is_building)
+        none = xp.zeros_like(is_building, dtype=xp.int64)
+        return Neighbours.weigh(
+            building=none,
+            first=none[:1],
+            is_building=is_building,
+            rooms=none + len(none) - 1,
+            pairs=xp.zeros((2, 0), dtype=xp.int64),
+            edges=self.inputs.edges,
+        )
+
 
 class _RoomTransformer(CountNetwork):
     """Pre-norm self-attention over rooms, which have no order (Vaswani et al., 2017)."""
@@ -346,6 +363,11 @@ class _RoomTransformer(CountNetwork):
     def edges_of(self, seen: Observation) -> Rows:
         """Return the places of nodes in rows of buildings: every room attends to every other."""
         return Rows.of(seen)
+
+    def edges_of_one(self, is_building: Array) -> Rows:
+        """Return the places in one building."""
+        number = library_of(is_building).arange(len(is_building))
+        return Rows(node=number[None], place=number, absent=(number < 0)[None])
 
 
 CECI_SAGE = ZooRow(_SAGEConfig(), _CECISAGE, data=CONNECTED, training=COUNTS)

@@ -1,0 +1,162 @@
+"""Write a network as an ONNX file, which programs in other languages ask without Python.
+
+The file answers for one building at a time, as the network does for certain hidden shares, with its
+calibration. docs/onnx.md says its inputs, outputs and metadata. It is written by torch's own
+exporter, from the functions by which the network answers and trains.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from bsg_data.errors import RecipeError
+from bsg_data.files import AnyPath, encode_json
+from bsg_data.results import refuse_file
+from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
+from bsg_models.inputs.nodes import EVIDENCE, Nodes, encode_area, mark
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.found_model import find_model
+from bsg_models.zoo.networks import CountNetwork, to_distribution
+
+_NODES = 5  # of the building that the exporter follows through the network; others have any number
+
+
+_OF_BUILDING = ("building_kind", "source")
+
+
+@dataclass(frozen=True, eq=False)
+class _Inputs:
+    """The inputs of the file: one building with N − 1 rooms, itself first."""
+
+    seen: torch.Tensor  # [N, C] objects that were seen
+    others: torch.Tensor  # [N, V] seen objects of the vocabulary, outside the classes
+    hidden_share: torch.Tensor  # [N]
+    visited: torch.Tensor  # [N] 1 or 0
+    withheld: torch.Tensor  # [N, C] 1 or 0
+    floor_area: torch.Tensor  # [N] m², 0 if unknown
+    labels: torch.Tensor  # [N, L] P(label), all 0 if unknown
+    building_kind: torch.Tensor  # [1] place in `BUILDING_KINDS`, −1 if unknown
+    source: torch.Tensor  # [1] place in `KNOWN_SOURCES`, −1 if unknown
+
+
+def export_onnx(model: AnyPath, path: AnyPath) -> None:
+    """Write a trained network to a file, which must not exist.
+
+    Args:
+        model: path of a run, or a name, as `find_model` takes it.
+        path: of the file, `.onnx`.
+
+    Raises:
+        CheckpointError: if there is no such model.
+        RecipeError: if it is no network of hidden counts, or reads which rooms connect.
+    """
+    found, path = find_model(model), Path(path)
+    refuse_file(path, force=False)
+    checkpoint = load_checkpoint(found.path)
+    network = restore_model(found.path, checkpoint)
+    if not isinstance(network, CountNetwork) or "adjacent" in network.inputs.edges:
+        raise RecipeError(
+            f"{found.name}: expected a network of hidden counts whose rooms see each other, such "
+            "as universal; models that count, and ensembles with them, answer in Python alone",
+            code="model-not-exportable",
+            where=found.name,
+        )
+    inputs, nodes = _make_inputs(network), torch.export.Dim("nodes", min=2)
+    program = torch.onnx.export(
+        _OneBuilding(network).eval(),
+        tuple(getattr(inputs, one.name) for one in fields(inputs)),
+        input_names=[one.name for one in fields(inputs)],
+        output_names=["expected", "presence"],
+        dynamic_shapes={
+            one.name: {0: nodes} if one.name not in _OF_BUILDING else {} for one in fields(inputs)
+        },
+        dynamo=True,
+        verbose=False,
+    )
+    assert program is not None
+    header = checkpoint.header
+    said = {
+        "classes": header.class_space.classes,
+        "class_space": str(header.class_space),
+        "vocabulary": header.vocabulary,
+        "labels": list_room_labels(),
+        "building_kinds": BUILDING_KINDS,
+        "sources": KNOWN_SOURCES,
+    }
+    program.model.metadata_props.update(
+        {name: encode_json(value) for name, value in said.items()}
+        | {"checkpoint": header.model_dump_json(), "name": found.name}
+    )
+    program.save(path)
+
+
+def _make_inputs(network: CountNetwork) -> _Inputs:
+    """Return inputs for the exporter to follow."""
+    classes, words = network.inputs.classes, len(network.vocabulary)
+    one = torch.ones(_NODES)
+    return _Inputs(
+        seen=torch.ones(_NODES, classes),
+        others=torch.ones(_NODES, words),
+        hidden_share=one / 2,
+        visited=one,
+        withheld=torch.zeros(_NODES, classes),
+        floor_area=one,
+        labels=torch.zeros(_NODES, len(list_room_labels())),
+        building_kind=torch.tensor([-1]),
+        source=torch.tensor([-1]),
+    )
+
+
+class _OneBuilding(nn.Module):
+    """A network as a function of the inputs of the file."""
+
+    def __init__(self, network: CountNetwork) -> None:
+        super().__init__()
+        self._network = network
+        self._weights = {name: torch.from_numpy(one) for name, one in network.weights.items()}
+
+    def forward(
+        self,
+        seen: torch.Tensor,
+        others: torch.Tensor,
+        hidden_share: torch.Tensor,
+        visited: torch.Tensor,
+        withheld: torch.Tensor,
+        floor_area: torch.Tensor,
+        labels: torch.Tensor,
+        building_kind: torch.Tensor,
+        source: torch.Tensor,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the expected hidden counts, and P(at least one), each `[N, C]`."""
+        share = torch.where(withheld > 0, 1.0, hidden_share[:, None])
+        building = torch.zeros_like(hidden_share, dtype=torch.int64)
+        is_building = torch.arange(len(seen)) == 0
+        told = {
+            "size": encode_area(floor_area),
+            "labels": labels,
+            "kind": mark(building_kind - 1, EVIDENCE["kind"].width)[building],
+            "source": mark(source - 1, EVIDENCE["source"].width)[building],
+        }
+        nodes = Nodes(
+            x=seen,
+            y=seen[:0],
+            edges=self._network.edges_of_one(is_building),
+            building=building,
+            first=torch.zeros(1, dtype=torch.int64),
+            is_building=is_building,
+            visited=visited > 0,
+            hidden_share=hidden_share,
+            share=share,
+            others=others,
+            evidence={name: told[name] for name in EVIDENCE if name in self._network.config.reads},
+        )
+        learned = to_distribution(self._network.forward(self._weights, nodes))
+        counts = self._network.calibrate(learned, share)  # type: ignore[arg-type]
+        mean, presence = torch.as_tensor(counts.mean)[1:], torch.as_tensor(counts.presence)[1:]
+        whole = mean.sum(dim=0, keepdim=True), 1 - (1 - presence).prod(dim=0, keepdim=True)
+        return torch.cat([whole[0], mean]).float(), torch.cat([whole[1], presence]).float()
