@@ -10,6 +10,7 @@ need more. A component may be tilted: its tilts are log factors of its first cou
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -189,8 +190,8 @@ class CountDistribution:
 
     def recalibrated(self, *, shift: float, slope: float, spread: float) -> CountDistribution:
         """Return it with untilted means e^shift · μ^slope and dispersions e^spread · r."""
-        means = np.exp(shift) * self.means**slope
-        return replace(self, means=means, dispersions=np.exp(spread) * self.dispersions)
+        means = math.exp(shift) * self.means**slope
+        return replace(self, means=means, dispersions=math.exp(spread) * self.dispersions)
 
     def with_none_likelier(self, log_factor: Floats) -> CountDistribution:
         """Return it with `log_factor` `[N, C]` added to log P(0) − log P(at least one).

@@ -66,7 +66,7 @@ def export_onnx(model: AnyPath, path: AnyPath) -> None:
             code="model-not-exportable",
             where=found.name,
         )
-    inputs, nodes = _make_inputs(network), torch.export.Dim("nodes", min=2)
+    inputs, nodes = _make_inputs(network), torch.export.Dim("nodes", min=3)
     program = torch.onnx.export(
         _OneBuilding(network).eval(),
         tuple(getattr(inputs, one.name) for one in fields(inputs)),
@@ -96,16 +96,15 @@ def export_onnx(model: AnyPath, path: AnyPath) -> None:
 
 
 def _make_inputs(network: CountNetwork) -> _Inputs:
-    """Return inputs for the exporter to follow."""
+    """Return inputs for the exporter to follow; it takes one tensor for one input."""
     classes, words = network.inputs.classes, len(network.vocabulary)
-    one = torch.ones(_NODES)
     return _Inputs(
         seen=torch.ones(_NODES, classes),
         others=torch.ones(_NODES, words),
-        hidden_share=one / 2,
-        visited=one,
+        hidden_share=torch.full((_NODES,), 0.5),
+        visited=torch.ones(_NODES),
         withheld=torch.zeros(_NODES, classes),
-        floor_area=one,
+        floor_area=torch.ones(_NODES),
         labels=torch.zeros(_NODES, len(list_room_labels())),
         building_kind=torch.tensor([-1]),
         source=torch.tensor([-1]),
@@ -135,7 +134,7 @@ class _OneBuilding(nn.Module):
         """Return the expected hidden counts, and P(at least one), each `[N, C]`."""
         share = torch.where(withheld > 0, 1.0, hidden_share[:, None])
         building = torch.zeros_like(hidden_share, dtype=torch.int64)
-        is_building = torch.arange(len(seen)) == 0
+        is_building = torch.arange(seen.shape[0]) == 0
         told = {
             "size": encode_area(floor_area),
             "labels": labels,

@@ -234,7 +234,7 @@ class PriorHead:
         def read(name: str) -> Array:
             """Return what a layer says of each component, `[K, N, C]`, or `[J · K, N, C]`."""
             said = linear(weights, f"head.{name}", noise.drop(encoded, self.dropout))
-            return said.reshape(len(said), -1, self.classes).swapaxes(0, 1)
+            return said.reshape(said.shape[0], -1, self.classes).swapaxes(0, 1)
 
         mean = xp.exp(read("mean").clip(-2 * _MOST, _MOST))
         shape = xp.exp(read("shape").clip(-_MOST, _MOST))
@@ -314,7 +314,7 @@ class _CECISAGE(CountNetwork):
             building=none,
             first=none[:1],
             is_building=is_building,
-            rooms=none + len(none) - 1,
+            rooms=none + (none.shape[0] - 1),
             pairs=xp.zeros((2, 0), dtype=xp.int64),
             edges=self.inputs.edges,
         )
@@ -366,7 +366,7 @@ class _RoomTransformer(CountNetwork):
 
     def edges_of_one(self, is_building: Array) -> Rows:
         """Return the places in one building."""
-        number = library_of(is_building).arange(len(is_building))
+        number = library_of(is_building).arange(is_building.shape[0])
         return Rows(node=number[None], place=number, absent=(number < 0)[None])
 
 
