@@ -116,3 +116,21 @@ def download(name: str) -> None:
     """
     path = bsg_models.download(name)
     print_text(f"{name} is in {path}; next: bsg-belief graph.json --model {name}")
+
+
+@main.command(cls=Command)
+@click.argument("name", metavar="NAME|FOLDER|HUB-ID", shell_complete=complete_model)
+@click.argument("file", metavar="FILE.onnx", type=PATH)
+def export(name: str, file: Path) -> None:
+    """Write a network for programs in other languages: ONNX, and its metadata as JSON beside it.
+
+    docs/onnx.md says its inputs and outputs. The extra `onnx` brings torch's exporter.
+
+    \b
+    Example:
+      bsg-models export universal universal.onnx
+    """
+    from bsg_models.training.onnx_file import export_onnx
+
+    beside = export_onnx(name, file)
+    print_text(f"written: {file}, {beside}")

@@ -7,14 +7,19 @@ exporter, from the functions by which the network answers and trains.
 
 from __future__ import annotations
 
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import nn
 
 from bsg_data.errors import RecipeError
-from bsg_data.files import AnyPath, encode_json
+from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.results import refuse_file
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
@@ -44,8 +49,8 @@ class _Inputs:
     source: torch.Tensor  # [1] place in `KNOWN_SOURCES`, −1 if unknown
 
 
-def export_onnx(model: AnyPath, path: AnyPath) -> None:
-    """Write a trained network to a file, which must not exist.
+def export_onnx(model: AnyPath, path: AnyPath) -> Path:
+    """Write a trained network to a file, and its metadata beside it as JSON; neither may exist.
 
     Args:
         model: path of a run, or a name, as `find_model` takes it.
@@ -54,9 +59,14 @@ def export_onnx(model: AnyPath, path: AnyPath) -> None:
     Raises:
         CheckpointError: if there is no such model.
         RecipeError: if it is no network of hidden counts, or reads which rooms connect.
+
+    Returns:
+        the path of the metadata: that of the file, with the suffix `.json`.
     """
     found, path = find_model(model), Path(path)
-    refuse_file(path, force=False)
+    beside = path.with_suffix(".json")
+    for one in (path, beside):
+        refuse_file(one, force=False)
     checkpoint = load_checkpoint(found.path)
     network = restore_model(found.path, checkpoint)
     if not isinstance(network, CountNetwork) or "adjacent" in network.inputs.edges:
@@ -67,20 +77,22 @@ def export_onnx(model: AnyPath, path: AnyPath) -> None:
             where=found.name,
         )
     inputs, nodes = _make_inputs(network), torch.export.Dim("nodes", min=3)
-    program = torch.onnx.export(
-        _OneBuilding(network).eval(),
-        tuple(getattr(inputs, one.name) for one in fields(inputs)),
-        input_names=[one.name for one in fields(inputs)],
-        output_names=["expected", "presence"],
-        dynamic_shapes={
-            one.name: {0: nodes} if one.name not in _OF_BUILDING else {} for one in fields(inputs)
-        },
-        dynamo=True,
-        verbose=False,
-    )
-    assert program is not None
+    with _said_nothing():
+        program: Any = torch.onnx.export(
+            _OneBuilding(network).eval(),
+            tuple(getattr(inputs, one.name) for one in fields(inputs)),
+            input_names=[one.name for one in fields(inputs)],
+            output_names=["expected", "presence"],
+            dynamic_shapes={
+                one.name: {0: nodes} if one.name not in _OF_BUILDING else {}
+                for one in fields(inputs)
+            },
+            dynamo=True,
+            verbose=False,
+        )
     header = checkpoint.header
     said = {
+        "name": found.name,
         "classes": header.class_space.classes,
         "class_space": str(header.class_space),
         "vocabulary": header.vocabulary,
@@ -89,10 +101,26 @@ def export_onnx(model: AnyPath, path: AnyPath) -> None:
         "sources": KNOWN_SOURCES,
     }
     program.model.metadata_props.update(
-        {name: encode_json(value) for name, value in said.items()}
-        | {"checkpoint": header.model_dump_json(), "name": found.name}
+        {key: encode_json(value) for key, value in said.items()}
+        | {"checkpoint": header.model_dump_json()}
     )
     program.save(path)
+    write_bytes(beside, (encode_json(said, indent=1) + "\n").encode())
+    return beside
+
+
+@contextmanager
+def _said_nothing() -> Iterator[None]:
+    """Keep torch's exporter from warning of what it calls itself, and of libraries it may use."""
+    log = logging.getLogger("torch.onnx")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)
 
 
 def _make_inputs(network: CountNetwork) -> _Inputs:
