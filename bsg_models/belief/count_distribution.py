@@ -74,7 +74,7 @@ class CountDistribution:
         if self.tilts is None:
             return untilted
         xp = library_of(self.means)
-        none = xp.exp(log_none(self.means, self.dispersions))
+        none = xp.exp(self._untilted_none)
         first = first_counts(len(self.tilts), none, self.means, self.dispersions)
         moment = untilted
         for count in range(1, len(first)):  # the tilt of count 0 adds nothing
@@ -85,13 +85,17 @@ class CountDistribution:
     @cached_property
     def _log_none(self) -> Floats:
         """Log P(0) of every component, `[K, N, C]`."""
-        none = log_none(self.means, self.dispersions)
+        none = self._untilted_none
         return none if self.tilts is None else none + self.tilts[0] - self._log_normaliser
+
+    @cached_property
+    def _untilted_none(self) -> Floats:
+        return log_none(self.means, self.dispersions)
 
     @cached_property
     def _log_normaliser(self) -> Floats:
         tilts = () if self.tilts is None else self.tilts
-        return log_normaliser(tilts, self.means, self.dispersions)
+        return log_normaliser(tilts, self.means, self.dispersions, none=self._untilted_none)
 
     @property
     def is_finite(self) -> bool:
@@ -211,6 +215,8 @@ class CountDistribution:
 
     def without(self, known: npt.NDArray[np.bool_]) -> CountDistribution:
         """Return the distribution with nothing hidden in the cells `known` `[N, C]`."""
+        if isinstance(known, np.ndarray) and not known.any():
+            return self
         tilts = None if self.tilts is None else self.tilts * ~known
         return replace(self, means=self.means * ~known, tilts=tilts)
 
@@ -264,6 +270,23 @@ def blend(
         for one, weight in zip(distributions, weights, strict=True)
     ]
     return _join(scaled, axis=-3)
+
+
+def blend_copies(distribution: CountDistribution, weights: Floats) -> CountDistribution:
+    """Return the mixture, by weights `[L]`, of L consecutive copies of N nodes."""
+
+    def fold(part: Floats) -> Floats:
+        apart = part.reshape(*part.shape[:-2], len(weights), -1, part.shape[-1])
+        return apart.reshape(*part.shape[:-3], -1, *apart.shape[-2:])
+
+    each = (
+        distribution.weights
+        * np.repeat(weights, len(distribution.means[0]) // len(weights))[:, None]
+    )
+    tilts = None if distribution.tilts is None else fold(distribution.tilts)
+    return CountDistribution(
+        fold(distribution.means), fold(distribution.dispersions), fold(each), tilts
+    )
 
 
 def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution:

@@ -17,7 +17,7 @@ from bsg_data.arrays import Floats
 from bsg_models.belief.count_distribution import (
     MIN_RATE,
     CountDistribution,
-    blend,
+    blend_copies,
     concatenate,
     poisson,
 )
@@ -93,12 +93,13 @@ def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expec
     return Expectation(inputs, distribution, inputs + distribution.mean)
 
 
-def mix(parts: Sequence[Expectation], weights: Sequence[float]) -> Expectation:
-    """Return the mixture of several expectations of the same nodes; the weights sum to 1."""
+def mix_copies(expectation: Expectation, weights: Floats) -> Expectation:
+    """Return the mixture, by weights `[L]`, of L consecutive copies of N nodes."""
+    totals = expectation.totals.reshape(len(weights), -1, expectation.totals.shape[1])
     return Expectation(
-        parts[0].inputs,
-        blend([part.hidden_counts for part in parts], weights),
-        np.asarray(sum(part.totals * weight for part, weight in zip(parts, weights, strict=True))),
+        expectation.inputs[: totals.shape[1]],
+        blend_copies(expectation.hidden_counts, weights),
+        np.tensordot(weights, totals, axes=1),
     )
 
 

@@ -66,16 +66,23 @@ def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> li
     return probabilities[:number]
 
 
-def log_normaliser(tilts: Any, mean: Array, dispersion: Array) -> Array:
-    """Return log Z of negative binomials; `tilts` are a of the counts 0..J−1, an array each."""
+def log_normaliser(
+    tilts: Any, mean: Array, dispersion: Array, *, none: Array | None = None
+) -> Array:
+    """Return log Z of negative binomials; `tilts` are a of the counts 0..J−1, an array each.
+
+    `none` is log P(0), if it is known.
+    """
     xp = library_of(mean)
-    none = log_none(mean, dispersion)
+    none = log_none(mean, dispersion) if none is None else none
     total = xp.ones_like(none)
-    for tilt in tilts[:1]:  # in a large building P(0) underflows, and its tilt overflows
-        total = total + xp.exp(none + tilt) * (tilt > _MOST_TILT)
+    if len(tilts) and (xp is not np or tilts[0].max(initial=0.0) > _MOST_TILT):
+        # In a large building P(0) underflows, and its tilt overflows.
+        total = total + xp.exp(none + tilts[0]) * (tilts[0] > _MOST_TILT)
+        tilts = [tilt * (tilt <= _MOST_TILT) for tilt in tilts]
     first = first_counts(len(tilts), xp.exp(none), mean, dispersion)
     for probability, tilt in zip(first, tilts, strict=True):
-        total = total + probability * xp.expm1(tilt * (tilt <= _MOST_TILT))
+        total = total + probability * xp.expm1(tilt)
     normaliser: Array = xp.log(total.clip(TINY))
     return normaliser
 

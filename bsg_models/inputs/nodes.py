@@ -151,23 +151,23 @@ class Neighbours(_Arrays):
         return cls(
             building=building,
             first=first,
-            of_rooms=(weight * (complete | up))[:, None],
-            of_itself=(-weight * complete)[:, None],
-            of_building=(weight * down)[:, None],
+            of_rooms=floats(weight * (complete | up))[:, None],
+            of_itself=floats(-weight * complete)[:, None],
+            of_building=floats(weight * down)[:, None],
             pairs=pairs,
-            of_pairs=weight[pairs[1]][:, None],
+            of_pairs=floats(weight[pairs[1]])[:, None],
         )
 
-    def mean(self, h: Array) -> Array:
-        """Return the shrunk mean of every node's neighbours, `[N, W]` of `[N, W]`."""
-        own = doubles(h)  # so that the difference of two large sums is exact
-        buildings = own[self.first]
-        rooms = sum_buildings(own, self) - buildings
-        mean = self.of_rooms * rooms[self.building] + self.of_itself * own
-        mean = mean + self.of_building * buildings[self.building]
+    def mean(self, h: Array, rows: Any = slice(None)) -> Array:
+        """Return the shrunk mean of the neighbours of every node, or some, `[N, W]` of `[N, W]`."""
+        buildings = h[self.first]
+        rooms = floats(sum_buildings(h, self, exactly=True) - buildings)[self.building][rows]
+        mean = self.of_rooms[rows] * rooms + self.of_itself[rows] * h[rows]
+        mean = mean + self.of_building[rows] * buildings[self.building][rows]
         if self.pairs.shape[1]:
-            mean = add_rows(mean, self.pairs[1], self.of_pairs * own[self.pairs[0]])
-        return floats(mean)
+            heard = add_rows(0 * h, self.pairs[1], self.of_pairs * h[self.pairs[0]])
+            mean = mean + heard[rows]
+        return mean
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -197,13 +197,17 @@ class Rows(_Arrays):
         return rows.reshape(-1, rows.shape[-1])[self.place]
 
 
-def sum_buildings(values: Array, nodes: Nodes | Neighbours) -> Array:
-    """Return the sum over the nodes of each building, `[B, W]` of `[N, W]`."""
-    if len(nodes.first) == 1:
-        return values.sum(axis=0, keepdims=True)
-    if isinstance(values, np.ndarray):
-        return np.add.reduceat(values, nodes.first)
-    return add_rows(0 * values[nodes.first], nodes.building, values)
+def sum_buildings(values: Array, nodes: Nodes | Neighbours, *, exactly: bool = False) -> Array:
+    """Return the sum over the nodes of each building, `[B, W]` of `[N, W]`.
+
+    `exactly` adds in double precision: of a sum over many rooms, one room is taken away.
+    """
+    if not isinstance(values, np.ndarray):
+        values = values.double() if exactly else values
+        if len(nodes.first) == 1:
+            return values.sum(axis=0, keepdims=True)
+        return add_rows(0 * values[nodes.first], nodes.building, values)
+    return np.add.reduceat(values, nodes.first, dtype=np.float64 if exactly else None)
 
 
 def encode_area(area: Array) -> Array:

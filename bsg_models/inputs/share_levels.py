@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -59,6 +60,14 @@ def find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Flo
     if unsure:
         parameters = [beliefs[room].beta for room in unsure]
         different = {one: number for number, one in enumerate(dict.fromkeys(parameters))}
-        found = beta_quantiles(*np.array([*different]).T, probabilities=probabilities)
+        found = _find_each(tuple(different), tuple(probabilities.tolist()))
         quantiles[:, unsure] = found[:, [different[one] for one in parameters]]
     return quantiles
+
+
+@lru_cache(maxsize=32)
+def _find_each(
+    parameters: tuple[tuple[float, float], ...], probabilities: tuple[float, ...]
+) -> Floats:
+    """Return the quantiles of some Beta distributions; most rooms begin with the same one."""
+    return beta_quantiles(*np.array(parameters).T, probabilities=np.array(probabilities))

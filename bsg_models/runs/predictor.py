@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
-import numpy as np
-
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Bools
 from bsg_data.errors import ClassMapError, MismatchError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
@@ -24,7 +22,7 @@ from bsg_data.scene.class_map import (
     parse_own_map,
     published_maps,
 )
-from bsg_models.belief.expectation import Expectation, mix
+from bsg_models.belief.expectation import Expectation, mix_copies
 from bsg_models.errors import CheckpointError
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restore_model
@@ -120,9 +118,11 @@ class Predictor:
     def _answer(self, graph: PartialGraph, seen: Observation, *, weigh_seen: bool) -> Expectation:
         """Return the expectation of what was seen, over the uncertain shares."""
         if weigh_seen:
-            graph = update_shares(graph, seen, expect_rooms=self._model.expect_rooms)
+            graph = update_shares(graph, seen, expect_rooms=self._model.predict_rooms)
         levels, weights = spread_shares(graph, seen)
-        expectation = _mix_levels(self._model.predict(levels), weights)
+        expectation = self._model.predict(levels)
+        if len(weights) > 1:
+            expectation = mix_copies(expectation, weights)
         # The paper's model does not read the hidden share, and expects some in a searched room.
         left = expectation.hidden_counts.without(seen.cell_share == 0)
         return Expectation(expectation.inputs, left, expectation.totals)
@@ -155,14 +155,6 @@ class Predictor:
                 "read_robot_graph(path, class_map=predictor.class_map)"
             )
         return graph.observation(vocabulary=self._model.vocabulary, withheld=withheld)
-
-
-def _mix_levels(expectation: Expectation, weights: Floats) -> Expectation:
-    """Return the mixture, by weights `[K]`, of K consecutive copies of N nodes."""
-    if len(weights) == 1:
-        return expectation
-    copies = np.split(np.arange(len(expectation.inputs)), len(weights))
-    return mix([expectation.take(rows) for rows in copies], weights.tolist())
 
 
 def choose_class_map(path: Path, header: CheckpointHeader) -> ClassMap:

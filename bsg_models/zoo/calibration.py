@@ -53,7 +53,7 @@ class CalibratedModel(BeliefModel):
         return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
 
     def predict_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None
+        self, seen: Observation, rows: Ints, columns: Ints | None = None
     ) -> CountDistribution:
         """Return the hidden counts of some rooms, without computing other cells."""
         share = seen.cell_share[rows]

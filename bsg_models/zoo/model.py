@@ -120,7 +120,7 @@ class BeliefModel(ABC):
         return self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
 
     def predict_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None
+        self, seen: Observation, rows: Ints, columns: Ints | None = None
     ) -> CountDistribution:
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)

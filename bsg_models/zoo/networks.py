@@ -115,8 +115,10 @@ class CountNetwork(CalibratedModel):
         """Return the weights of the trunk."""
 
     @abstractmethod
-    def encode(self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet) -> Array:
-        """Return the trunk's encoding of features `[N, F]`: `[N, width]`."""
+    def encode(
+        self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet, rows: Any
+    ) -> Array:
+        """Return the trunk's encoding of features `[N, F]`, of some rows: `[N, width]`."""
 
     @abstractmethod
     def edges_of(self, seen: Observation) -> Any:
@@ -171,7 +173,7 @@ class CountNetwork(CalibratedModel):
         """Return the posterior of the hidden counts of N nodes, or some rows, and C classes."""
         nodes = self.features.forget(nodes, noise)
         features = self.features(weights, nodes, noise)
-        encoded = self.encode(weights, features, nodes, noise)[rows]
+        encoded = self.encode(weights, features, nodes, noise, rows)
         sense = None
         if self.labels is not None:  # a room that was seen says more than its label
             sense = self.labels(weights, nodes.evidence["labels"][rows])
@@ -269,10 +271,15 @@ class _RoomTransformerConfig(NetworkConfig):
         return self
 
 
-def convolve(weights: Weights, name: str, x: Array, neighbours: Neighbours) -> Array:
-    """Return W₁ (mean of the neighbours) + W₂ x, `[N, width]`, by the names that PyG gives them."""
-    mean = neighbours.mean(x)
-    return linear(weights, f"{name}.lin_l", mean) + linear(weights, f"{name}.lin_r", x)
+def convolve(
+    weights: Weights, name: str, x: Array, neighbours: Neighbours, rows: Any = slice(None)
+) -> Array:
+    """Return W₁ (mean of the neighbours) + W₂ x of all nodes, or some rows, `[N, width]`.
+
+    The names of the weights are PyG's.
+    """
+    mean = neighbours.mean(x, rows)
+    return linear(weights, f"{name}.lin_l", mean) + linear(weights, f"{name}.lin_r", x[rows])
 
 
 class _CECISAGE(CountNetwork):
@@ -292,14 +299,17 @@ class _CECISAGE(CountNetwork):
             weights |= norm_weights(f"norms.{number}", width)
         return weights
 
-    def encode(self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet) -> Array:
-        """Return every node's features after all rounds."""
+    def encode(
+        self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet, rows: Any
+    ) -> Array:
+        """Return the nodes' features after all rounds."""
         dropout = self.config.dropout
         shown = noise.drop(features, dropout / 2, kept=self.features.kept)
         h = silu(linear(weights, "enter.1", shown))
         for number in range(self.config.depth):
-            heard = convolve(weights, f"convolutions.{number}", h, nodes.edges)
-            h = h + noise.drop(silu(norm(weights, f"norms.{number}", heard)), dropout)
+            taken = rows if number == self.config.depth - 1 else slice(None)
+            heard = convolve(weights, f"convolutions.{number}", h, nodes.edges, taken)
+            h = h[taken] + noise.drop(silu(norm(weights, f"norms.{number}", heard)), dropout)
         return h
 
     def edges_of(self, seen: Observation) -> Neighbours:
@@ -337,18 +347,20 @@ class _RoomTransformer(CountNetwork):
             weights |= norm_weights(f"{layer}.norm1", width) | norm_weights(f"{layer}.norm2", width)
         return weights
 
-    def encode(self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet) -> Array:
-        """Return every node's features after attention within its building."""
-        dropout, rows = self.config.dropout, nodes.edges
+    def encode(
+        self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet, rows: Any
+    ) -> Array:
+        """Return the nodes' features after attention within their building."""
+        dropout, places = self.config.dropout, nodes.edges
         shown = noise.drop(features, dropout / 2, kept=self.features.kept)
-        h = rows.spread(linear(weights, "enter.1", shown))
+        h = places.spread(linear(weights, "enter.1", shown))
         for number in range(self.config.depth):
             layer = f"layers.layers.{number}"
             heard = attend(
                 weights,
                 f"{layer}.self_attn",
                 norm(weights, f"{layer}.norm1", h),
-                absent=rows.absent,
+                absent=places.absent,
                 heads=self.config.heads,
                 dropout=dropout,
                 noise=noise,
@@ -358,7 +370,7 @@ class _RoomTransformer(CountNetwork):
             h = h + noise.drop(
                 linear(weights, f"{layer}.linear2", noise.drop(inner, dropout)), dropout
             )
-        return rows.gather(h)
+        return places.gather(h)[rows]
 
     def edges_of(self, seen: Observation) -> Rows:
         """Return the places of nodes in rows of buildings: every room attends to every other."""

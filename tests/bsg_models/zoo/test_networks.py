@@ -128,7 +128,7 @@ def test_the_transformer_is_that_of_torch(dataset: Path) -> None:
     with torch.no_grad():
         dense = theirs(entered, src_key_padding_mask=torch.from_numpy(nodes.edges.absent))
     expected = nodes.edges.gather(dense.numpy())
-    found = model.encode(model.weights, features, nodes, QUIET)
+    found = model.encode(model.weights, features, nodes, QUIET, slice(None))
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=2e-5)
 
 
