@@ -33,7 +33,7 @@ _MOST = 1 - 1e-6  # at share 1 nothing could have been seen
 _ALONE = 64  # uncertain rooms up to which each is forgotten alone
 _GROUPS = 16  # groups in which more rooms are forgotten
 _NODES = 1 << 14  # in copies of a building, in one call of the model
-_CELLS = 1 << 22  # of a table of likelihoods
+_CELLS = 1 << 15  # of a table of likelihoods, so that it stays in a fast cache
 
 
 def update_shares(
