@@ -95,8 +95,8 @@ class RecipeError(BSGError, ValueError):
 EXTRA_OF = {  # package → the extra that brings it
     "matplotlib": "figures",
     "networkx": "train",
-    "pandas": "build",
-    "scipy": "build",
+    "pandas": "train",
+    "scipy": "meshes",
     "torch": "train",
     "torch_geometric": "train",
 }

@@ -5,11 +5,13 @@ All counts are added up part by part, so memory holds one part of a table at a t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-import pandas as pd
+import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.dataset.manifest import Manifest, read_manifest
@@ -19,6 +21,7 @@ from bsg_data.files import PLAIN_TEXT, AnyPath, write_figure
 from bsg_data.results import refuse_file
 from bsg_data.scene.class_map import ClassMap, Role
 
+Row = dict[str, Any]
 _ROLES = list(get_args(Role))
 _MARK = "belief-scene-graphs: frequencies"  # in the figure: marks it as written by this program
 _HEAD = 4096  # bytes in which the mark is, in PNG and SVG
@@ -26,60 +29,61 @@ _HEAD = 4096  # bytes in which the mark is, in PNG and SVG
 
 def _stream_objects(
     dataset: AnyPath, columns: list[str], class_map: ClassMap | None
-) -> Iterator[pd.DataFrame]:
+) -> Iterator[pa.Table]:
     """Yield the objects part by part; with a map, `columns` are what it says of their names."""
     read = ["scene_id", "room_index", *(columns if class_map is None else ["raw_category"])]
     for table in stream_table(Path(dataset), "objects", columns=read):
-        objects = table.to_pandas(use_threads=False)
         if class_map is not None:
-            names = objects["raw_category"]
-            known = {name: class_map.classify(name) for name in names.unique()}
+            names = pc.dictionary_encode(table["raw_category"].combine_chunks())
+            known = [class_map.classify(name) for name in names.dictionary.to_pylist()]
             for column in columns:
-                objects[column] = names.map({n: getattr(k, column) for n, k in known.items()})
-        yield objects
+                said = pa.array([getattr(one, column) for one in known])
+                table = table.append_column(column, said.take(names.indices))
+        yield table
 
 
-def count_classes(dataset: AnyPath, class_map: ClassMap | None = None) -> pd.DataFrame:
+def _count(table: pa.Table, keys: list[str]) -> Iterator[tuple[Any, ...]]:
+    """Yield each combination of values of some columns, and how many rows have it."""
+    counts = table.select(keys).group_by(keys).aggregate([([], "count_all")])
+    yield from zip(*(counts[key].to_pylist() for key in (*keys, "count_all")), strict=True)
+
+
+def count_classes(dataset: AnyPath, class_map: ClassMap | None = None) -> list[Row]:
     """Return one row per class, in the order of its class space.
 
-    Columns: `class`; `instances`; `rooms` and `buildings` with at least one instance; `doubles`,
-    the rooms with two or more.
+    Each has its `class`; `instances`; `rooms` and `buildings` with at least one instance;
+    `doubles`, the rooms with two or more.
 
     Args:
         dataset: folder of the dataset.
         class_map: map to look up every object in; None: the classes that the dataset stores.
     """
     classes = (class_map or read_manifest(dataset).class_space).classes
-    counts = [
-        _count_part(objects) for objects in _stream_objects(dataset, ["class_index"], class_map)
+    total = np.zeros((4, len(classes)), dtype=np.int64)
+    for objects in _stream_objects(dataset, ["class_index"], class_map):
+        objects = objects.filter(pc.is_valid(objects["class_index"]))
+        for index, _, room, number in _count(objects, ["class_index", "scene_id", "room_index"]):
+            in_room = room > 0
+            total[:, index] += (number, in_room, 0, in_room and number > 1)
+        buildings = objects.group_by("class_index").aggregate([("scene_id", "count_distinct")])
+        total[2, buildings["class_index"].to_numpy()] += buildings[-1].to_numpy()
+    names = ("instances", "rooms", "buildings", "doubles")
+    return [
+        {"class": name, **dict(zip(names, row, strict=True))}
+        for name, row in zip(classes, total.T.tolist(), strict=True)
     ]
-    total = pd.concat(counts).groupby(level=0).sum()
-    total = total.reindex(range(len(classes)), fill_value=0).astype("int64")
-    total.insert(0, "class", classes)
-    return total
 
 
-def _count_part(objects: pd.DataFrame) -> pd.DataFrame:
-    objects = objects[objects["class_index"].notna()]
-    in_rooms = objects[objects["room_index"] > 0]
-    rooms = in_rooms.groupby(["class_index", "scene_id", "room_index"]).size()
-    by_class = objects.groupby("class_index")["scene_id"]
-    counts = {
-        "instances": by_class.size(),
-        "rooms": rooms.groupby("class_index").size(),
-        "buildings": by_class.nunique(),
-        "doubles": (rooms >= 2).groupby("class_index").sum(),
-    }
-    return pd.DataFrame(counts).fillna(0)
-
-
-def count_frequencies(dataset: AnyPath) -> pd.DataFrame:
+def count_frequencies(dataset: AnyPath) -> list[Row]:
     """Return one row per class, most frequent first.
 
-    Columns: `class`; `instances`; `rooms` and `scenes` with at least one instance.
+    Each has its `class`; `instances`; `rooms` and `scenes` with at least one instance.
     """
-    frame = count_classes(dataset).rename(columns={"buildings": "scenes"}).drop(columns="doubles")
-    return frame.sort_values(["instances", "class"], ascending=[False, True], ignore_index=True)
+    rows = [
+        {"class": r["class"], **{k: r[k] for k in ("instances", "rooms")}, "scenes": r["buildings"]}
+        for r in count_classes(dataset)
+    ]
+    return sorted(rows, key=lambda row: (-row["instances"], row["class"]))
 
 
 def measure_coverage(
@@ -104,28 +108,28 @@ def measure_coverage(
         - `share_of_named`: as `share`, but without the nameless objects
         - `most_left_out`: category → objects of the most frequent left-out names
     """
-    parts = _stream_objects(dataset, ["role", "category"], class_map)
-    counts = pd.concat([part.groupby(["role", "category"], dropna=False).size() for part in parts])
-    counts = counts.groupby(level=[0, 1], dropna=False).sum()
-    roles = counts.groupby(level=0).sum().reindex(_ROLES, fill_value=0)
-    number = {role.replace("-", "_"): int(roles[role]) for role in _ROLES}
+    roles, left_out = Counter[str](), Counter[str]()
+    for objects in _stream_objects(dataset, ["role", "category"], class_map):
+        for role, category, times in _count(objects, ["role", "category"]):
+            roles[role] += times
+            left_out[category] += times * (role == "left-out")
+    number = {role.replace("-", "_"): roles[role] for role in _ROLES}
     order = ("classified", "structure", "nameless", "unmapped", "left_out")
     things = sum(number.values()) - number["structure"]
-    left_out = counts[counts.index.get_level_values(0) == "left-out"].droplevel(0)
-    left_out = left_out.sort_index().sort_values(ascending=False, kind="stable")
+    most_left_out = sorted((-times, name) for name, times in left_out.items() if times)[:most]
     return {
         "objects": sum(number.values()),
         **{role: number[role] for role in order},
         "share": number["classified"] / max(1, things),
         "share_of_named": number["classified"] / max(1, things - number["nameless"]),
-        "most_left_out": left_out[:most].to_dict(),
+        "most_left_out": {name: -times for times, name in most_left_out},
     }
 
 
-def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> pd.DataFrame:
+def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> list[Row]:
     """Return one row per source, most buildings first.
 
-    Columns:
+    Each has:
 
     - `source`, `buildings`, `rooms`, `objects`
     - the objects of each role (`classified`, `left-out`, `structure`, `nameless`, `unmapped`),
@@ -139,33 +143,38 @@ def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> pd.D
     manifest = manifest or read_manifest(dataset)
     columns = ["scene_id", "source", "num_rooms", "num_objects", "has_geometry"]
     scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest)
-    scenes = scenes.to_pandas(use_threads=False)
-    source_of = scenes.set_index("scene_id")["source"]
-    frame = scenes.groupby("source").agg(
-        buildings=("scene_id", "size"),
-        rooms=("num_rooms", "sum"),
-        objects=("num_objects", "sum"),
-        placed=("has_geometry", "sum"),
-    )
-    kinds = pd.concat(
-        objects.groupby([objects["scene_id"].map(source_of), "role", "class_index"], dropna=False)
-        .size()
-        .rename_axis(["source", "role", "class_index"])
-        for objects in _stream_objects(dataset, ["role", "class_index"], None)
-    )
-    roles = kinds.groupby(["source", "role"]).sum().unstack(fill_value=0)
-    frame = frame.join(roles.reindex(columns=_ROLES, fill_value=0))
-    frame["classes"] = kinds.reset_index().groupby("source")["class_index"].nunique()
-    adjacent = (
-        table.filter(pc.equal(table["kind"], "adjacent"))["scene_id"].to_pandas()
-        for table in stream_table(dataset, "edges", columns=["scene_id", "kind"], manifest=manifest)
-    )
-    frame["connections"] = pd.concat(adjacent).map(source_of).value_counts()
-    frame = frame.fillna(0).astype("int64")
-    frame["share"] = frame["classified"] / (frame["objects"] - frame["structure"]).clip(lower=1)
-    order = ["source", "buildings", "rooms", "objects", *_ROLES]
-    shown: pd.DataFrame = frame.reset_index()[[*order, "classes", "placed", "connections", "share"]]
-    return shown.sort_values(["buildings", "source"], ascending=[False, True], ignore_index=True)
+    ids, names = scenes["scene_id"].combine_chunks(), scenes["source"].combine_chunks()
+    found: dict[str, Counter[str]] = {}
+    for scene in scenes.to_pylist():
+        row = found.setdefault(scene["source"], Counter())
+        row.update(
+            buildings=1,
+            rooms=scene["num_rooms"],
+            objects=scene["num_objects"],
+            placed=int(scene["has_geometry"]),
+        )
+    classes = {source: set[int]() for source in found}
+    for objects in _stream_objects(dataset, ["role", "class_index"], None):
+        sources = names.take(pc.index_in(objects["scene_id"].combine_chunks(), value_set=ids))
+        objects = objects.append_column("source", sources)
+        for source, role, index, times in _count(objects, ["source", "role", "class_index"]):
+            found[source][role] += times
+            classes[source] |= {index} - {None}
+    for table in stream_table(dataset, "edges", columns=["scene_id", "kind"], manifest=manifest):
+        adjacent = table.filter(pc.equal(table["kind"], "adjacent"))["scene_id"].combine_chunks()
+        for source in names.take(pc.index_in(adjacent, value_set=ids)).to_pylist():
+            found[source]["connections"] += 1
+    rows = [
+        {
+            "source": source,
+            **{name: row[name] for name in ("buildings", "rooms", "objects", *_ROLES)},
+            "classes": len(classes[source]),
+            **{name: row[name] for name in ("placed", "connections")},
+            "share": row["classified"] / max(row["objects"] - row["structure"], 1),
+        }
+        for source, row in found.items()
+    ]
+    return sorted(rows, key=lambda row: (-row["buildings"], row["source"]))
 
 
 def refuse_figure(path: AnyPath, *, force: bool) -> None:
@@ -187,7 +196,7 @@ def refuse_figure(path: AnyPath, *, force: bool) -> None:
                 )
 
 
-def plot_frequencies(frame: pd.DataFrame, path: AnyPath, *, title: str) -> None:
+def plot_frequencies(rows: Sequence[Mapping[str, Any]], path: AnyPath, *, title: str) -> None:
     """Plot the instances and the rooms of every class as bars, into an image file.
 
     Raises:
@@ -201,11 +210,12 @@ def plot_frequencies(frame: pd.DataFrame, path: AnyPath, *, title: str) -> None:
     except ImportError as error:
         raise BSGError(f"a figure needs matplotlib: {ask_to_install('figures')}") from error
     with rc_context(PLAIN_TEXT):
-        figure = Figure(figsize=(9, 0.22 * len(frame) + 1.2), layout="constrained")
+        figure = Figure(figsize=(9, 0.22 * len(rows) + 1.2), layout="constrained")
         FigureCanvasAgg(figure)
         left, right = figure.subplots(1, 2, sharey=True)
+        names = [row["class"] for row in rows]
         for axes, column, colour in ((left, "instances", "#FF8000"), (right, "rooms", "#9702FA")):
-            bars = axes.barh(frame["class"], frame[column], color=colour, height=0.75)
+            bars = axes.barh(names, [row[column] for row in rows], color=colour, height=0.75)
             axes.bar_label(bars, fontsize=7, padding=2)
             axes.set_xlabel(column)
             axes.margins(x=0.12, y=0.01)

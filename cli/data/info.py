@@ -33,16 +33,15 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
     manifest = bsg_data.read_manifest(dataset)
     if figure is not None:
         extend.refuse_figure(figure, force=force)
-    frame = extend.count_frequencies(dataset)
-    classes = frame.to_dict(orient="records")
+    classes = extend.count_frequencies(dataset)
     sizes = bsg_data.read_splits(dataset, manifest=manifest) if manifest.split else {}
     splits = {name: len(ids) for name, ids in sizes.items()}
     hashes = extend.hash_splits(bsg_data.Dataset.open(dataset)) if manifest.pairs else {}
     if figure is not None:
-        extend.plot_frequencies(frame, figure, title=format_totals(manifest))
+        extend.plot_frequencies(classes, figure, title=format_totals(manifest))
     if as_json:
         summary = manifest.model_dump(mode="json", exclude={"files"})
-        sources = extend.count_sources(dataset, manifest=manifest).to_dict(orient="records")
+        sources = extend.count_sources(dataset, manifest=manifest)
         more = {"splits": splits, "by_source": sources, "masks_sha256": hashes, "classes": classes}
         print_json(summary | more)
         return
@@ -57,7 +56,7 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
         print_text("pairs: none yet (bsg-data pairs)")
     else:
         print_text(f"pairs: {recipe.draws} draws of {recipe.mask}\n{format_hashes(hashes)}")
-    most = max(1, int(frame["instances"].max()))
+    most = max(1, *(row["instances"] for row in classes))
     rows = [(*row.values(), _bar(row["instances"] / most)) for row in classes]
     print_text("\n" + format_text(rows, header=("class", "instances", "rooms", "scenes", "")))
     if figure is not None:

@@ -185,11 +185,11 @@ def _map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> N
     for one in maps:
         coverages[one.version] = extend.measure_coverage(dataset, one)
         del coverages[one.version]["most_left_out"]
-        frames[one.version] = extend.count_classes(dataset, one).set_index("class")
+        frames[one.version] = {row.pop("class"): row for row in extend.count_classes(dataset, one)}
     if as_json:
         print_json(
             {
-                name: {"coverage": coverage, "classes": frames[name].to_dict(orient="index")}
+                name: {"coverage": coverage, "classes": frames[name]}
                 for name, coverage in coverages.items()
             }
         )
@@ -202,11 +202,13 @@ def _map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> N
         *(f"{what} {name}" for what in ("rooms", "two or more") for name in frames),
     )
     columns = [
-        frame[column] for column in ("instances", "rooms", "doubles") for frame in frames.values()
+        {name: row[column] for name, row in frame.items()}
+        for column in ("instances", "rooms", "doubles")
+        for frame in frames.values()
     ]
     cells = [
         (name, *(f"{column[name]:,}" if name in column else "-" for column in columns))
-        for name in sorted({name for frame in frames.values() for name in frame.index})
+        for name in sorted({name for frame in frames.values() for name in frame})
     ]
     print_text("\n" + format_text(cells, header=header))
 

@@ -48,7 +48,7 @@ def format_sources(dataset: Path) -> str:
     }
     rows = [
         (row["source"], *(f"{row[name]:{'.1%' if name == 'share' else ','}}" for name in shown))
-        for row in extend.count_sources(dataset).to_dict(orient="records")
+        for row in extend.count_sources(dataset)
     ]
     return format_text(rows, header=("source", *shown.values()), numeric=("classes",))
 
