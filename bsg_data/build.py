@@ -38,12 +38,14 @@ from bsg_data.dataset.manifest import (
 )
 from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import (
+    EXTRA_OF,
     BSGError,
     DatasetError,
     RecipeError,
     SourceChangedError,
     SourceError,
     UnmappedNameError,
+    ask_to_install,
     find_io_error,
 )
 from bsg_data.executors import run_all
@@ -401,6 +403,14 @@ def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
             why = f"cannot be read ({error.strerror or error})"
             raise SourceError(f"{ref.location}: {why}") from error
         raise
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in EXTRA_OF:
+            raise
+        raise BSGError(
+            f"{scene} has a mesh, which needs {error.name}: {ask_to_install('meshes')}",
+            code="library-missing",
+            where=ref.location,
+        ) from error
     except Exception as error:
         raise RuntimeError(
             f"the source {source.kind!r} has a bug: {scene} raised {error!r}"

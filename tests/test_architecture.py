@@ -131,6 +131,28 @@ def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library(
     assert done.returncode == 0, done.stderr
 
 
+def test_an_answer_imports_nothing_heavy() -> None:
+    """By every shipped model, in Python and as a command: what builds and trains stays aside."""
+    graph = str(REPOSITORY / "docs" / "home.json")
+    code = (
+        "import sys\n"
+        "heavy = ('matplotlib', 'networkx', 'pandas', 'PIL', 'pyarrow', 'scipy', 'shapely',\n"
+        "         'torch', 'torch_geometric', 'trimesh')\n"
+        "sys.modules.update(dict.fromkeys(heavy))\n"  # any import of these raises now
+        "import bsg_models\n"
+        "for name in bsg_models.shipped_names():\n"
+        f"    bsg_models.open_graph({graph!r}, model=name).where('microwave', here='hall')\n"
+        "from bsg_cli.belief import main\n"
+        f"sys.argv[1:] = [{graph!r}, '--find', 'microwave', '--from', 'living']\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("go first to kitchen\n")
+
+
 @pytest.mark.parametrize("room", ["bsg_data", "bsg_data.extend", "bsg_models"])
 def test_public_names_are_sorted_and_exist(room: str) -> None:
     package = importlib.import_module(room)

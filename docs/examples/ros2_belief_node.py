@@ -3,7 +3,7 @@
     python3 ros2_belief_node.py --ros-args -p graph:=home.json
 
 It needs `rclpy`, `std_msgs` and `vision_msgs` of ROS 2 Humble or later, and `belief-scene-graphs`
-with the extra `models`. docs/robot-software.md says how to install it beside them.
+without extras. docs/robot-software.md says how to install it beside them.
 
 Topics that it hears:
     ~/detections  vision_msgs/Detection3DArray   objects that were seen, each with an id
