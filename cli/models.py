@@ -122,9 +122,9 @@ def download(name: str) -> None:
 @click.argument("name", metavar="NAME|FOLDER|HUB-ID", shell_complete=complete_model)
 @click.argument("file", metavar="FILE.onnx", type=PATH)
 def export(name: str, file: Path) -> None:
-    """Write a network for programs in other languages: ONNX, and its metadata as JSON beside it.
+    """Write a network as ONNX, for programs in other languages.
 
-    docs/onnx.md says its inputs and outputs. The extra `onnx` brings torch's exporter.
+    Its classes and words lie beside it as JSON; docs/onnx.md says its inputs and outputs.
 
     \b
     Example:
