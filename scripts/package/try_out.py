@@ -2,9 +2,9 @@
 
     python scripts/package/try_out.py --out dist --python python3.12
 
-Without extras, `bsg-data` has to work, and every other command has to name the extra that it needs.
-With them, the commands of `make demo` have to run; this is tried on the wheel alone, for `build`
-makes the wheel from the source archive. It prints the seconds and the size of each installation.
+Without extras, `bsg-data` and all that asks have to work, and every other command has to name the
+extra that it needs; what an answer takes is measured (`ask.py`). With extras, the commands of
+`make demo` have to run; this is tried on the wheel alone, for `build` makes the wheel from the source archive. It prints the seconds and the size of each installation.
 
 Both files get into the folder when both were tried. Files of other versions stay there.
 """
@@ -14,6 +14,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import resource
 import shlex
 import shutil
 import subprocess
@@ -27,13 +28,18 @@ import click
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 NAME = "belief_scene_graphs"
-NEED_MODELS = (
+ASKS = (
+    "bsg-belief home.json --find microwave --from living",
+    "bsg-belief home.json --find microwave --from living",
+    "bsg-belief home.json --html home.html --hydra home.dsg.json --tables tables",
+    "bsg-models show universal",
+)
+NEED_MORE = (
     "bsg-train --config mixture --data dataset --out run",
-    "bsg-evaluate run --data dataset",
-    "bsg-belief home.json",
+    "bsg-evaluate universal --data dataset",
     "bsg-search --data dataset",
     "bsg-leaderboard --data dataset --out board",
-    "bsg-models show universal",
+    "bsg-models export universal universal.onnx",
 )
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
 
@@ -41,7 +47,7 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
 @click.command(help=__doc__, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Where files go.")
 @click.option("--python", default=sys.executable, help="Python of the fresh environments.")
-@click.option("--extras", default="models", show_default=True, help="Extras of the whole program.")
+@click.option("--extras", default="train", show_default=True, help="Extras of the whole program.")
 @click.option("--constraint", type=click.Path(path_type=Path), help="Versions, as pip takes them.")
 def main(out: Path, python: str, extras: str, constraint: Path | None) -> None:
     """Build, install, run."""
@@ -69,6 +75,7 @@ def try_file(path: Path, python: str, extras: str, constraint: Path | None) -> N
         folder = Path(name)
         environment = Environment(folder / "venv", python, constraint)
         environment.install(f"{path}")
+        environment.try_asking(folder)
         environment.try_data(folder)
         if path.suffix == ".whl":
             environment.install(f"{path}[{extras}]")
@@ -94,6 +101,15 @@ class Environment:
         took = time.monotonic() - begun
         print(f"pip install {Path(requirement).name}: {took:.0f} s, {size / 1e6:,.0f} MB in all")
 
+    def try_asking(self, folder: Path) -> None:
+        """Ask by every way that needs no extra, and print what it took."""
+        (folder / "home.json").write_bytes((REPOSITORY / "docs/home.json").read_bytes())
+        for line in ASKS:
+            before = measure_processor()
+            self._run(line, folder)
+            print(f"| `{line}`, processor | {measure_processor() - before:.2f} s |")
+        print(self._run(f"python {REPOSITORY / 'scripts/package/ask.py'} home.json", folder).stdout)
+
     def try_data(self, folder: Path) -> None:
         """Run `bsg-data`, and have the other commands say what they lack."""
         for line in (
@@ -104,8 +120,7 @@ class Environment:
             "bsg-data check dataset",
         ):
             self._run(line, folder)
-        (folder / "home.json").write_bytes((REPOSITORY / "docs/home.json").read_bytes())
-        for line in NEED_MODELS:
+        for line in NEED_MORE:
             done = self._run(line, folder, fails=True)
             if (
                 "pip install './belief-scene-graphs[" not in done.stderr
@@ -141,6 +156,12 @@ class Environment:
         if (done.returncode == 0) == fails:
             raise click.ClickException(f"{line}: exit code {done.returncode}\n{done.stderr}")
         return done
+
+
+def measure_processor() -> float:
+    """Return the seconds of processor that the programs took that were run so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def demo_lines() -> Iterator[str]:
