@@ -4,7 +4,8 @@
 
 Without extras, `bsg-data` and all that asks have to work, and every other command has to name the
 extra that it needs; what an answer takes is measured (`ask.py`). With extras, the commands of
-`make demo` have to run; this is tried on the wheel alone, for `build` makes the wheel from the source archive. It prints the seconds and the size of each installation.
+`make demo` have to run; this is tried on the wheel alone, for `build` makes the wheel from the
+source archive. It prints the seconds and the size of each installation.
 
 Both files get into the folder when both were tried. Files of other versions stay there.
 """
