@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from numbers import Real
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -250,11 +251,17 @@ def check_report(seen: _Report) -> _Report:
     said = {one.name: getattr(seen, one.name) for one in fields(seen)}
     said["id"] = said.pop("name")
     try:
-        return TypeAdapter(type(seen)).validate_python(said)
+        checked: _Report = _adapter_of(type(seen)).validate_python(said)
+        return checked
     except ValidationError as error:
         where = f"{'room' if isinstance(seen, KnownRoom) else 'object'} {show_value(seen.name)}"
         message = f"{where}: {name_fault(error)}"
         raise RecipeError(message, code="report-impossible", where=where) from error
+
+
+@cache
+def _adapter_of(kind: type[Any]) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
 
 
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:

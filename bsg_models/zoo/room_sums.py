@@ -23,14 +23,15 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     has one. A building without rooms hides f / (1 − f) of what was seen of it. Objects of the null
     region, which are in no room, count as all seen; HM3D's public scenes have none with a class.
     """
-    inputs, building, count = seen.inputs, seen.building, len(seen)
-    sums = np.zeros((2, count, inputs.shape[1]))
-    rooms = np.flatnonzero(~seen.is_building)
-    of_rooms = distribution.take(rooms)
-    for total, values in zip(sums, (of_rooms.mean, of_rooms.variance), strict=True):
-        np.add.at(total, building[rooms], values)
-    alone = np.bincount(building[rooms], minlength=count) == 0
-    first = seen.starts[:-1]
+    inputs = seen.inputs
+    is_room, first = ~seen.is_building[:, None], seen.starts[:-1]
+    sums = np.stack(
+        [
+            np.add.reduceat(values * is_room, first)
+            for values in (distribution.mean, distribution.variance)
+        ]
+    )
+    alone = np.diff(seen.starts) == 1
     share = seen.hidden_share.astype(np.float64)[first][alone, None]
     sums[:, alone] = inputs[first][alone] * share / np.maximum(1 - share, 1e-6)
     mean, excess = sums[0], sums[1] - sums[0]  # excess of the variance over a Poisson's
@@ -41,8 +42,8 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     means[:, first], dispersions[:, first] = mean, dispersion
     tilts = None if distribution.tilts is None else distribution.tilts.copy()
     if tilts is not None:
-        log_none = np.zeros(mean.shape)
-        np.add.at(log_none, building[rooms], np.log1p(-of_rooms.presence.clip(max=1 - 1e-12)))
+        none = np.log1p(-distribution.presence.clip(max=1 - 1e-12))
+        log_none = np.add.reduceat(none * is_room, first)
         log_none[alone] = 0.0
         means[:, first], tilts[:, :, first] = mean, 0.0
         some = -np.expm1(log_none) > _LEAST
