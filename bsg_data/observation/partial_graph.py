@@ -251,7 +251,7 @@ def check_report(seen: _Report) -> _Report:
     said = {one.name: getattr(seen, one.name) for one in fields(seen)}
     said["id"] = said.pop("name")
     try:
-        checked: _Report = _adapter_of(type(seen)).validate_python(said)
+        checked: _Report = _adapter_of(is_room=isinstance(seen, KnownRoom)).validate_python(said)
         return checked
     except ValidationError as error:
         where = f"{'room' if isinstance(seen, KnownRoom) else 'object'} {show_value(seen.name)}"
@@ -260,8 +260,8 @@ def check_report(seen: _Report) -> _Report:
 
 
 @cache
-def _adapter_of(kind: type[Any]) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
+def _adapter_of(*, is_room: bool) -> TypeAdapter[Any]:
+    return TypeAdapter(KnownRoom if is_room else SeenObject)
 
 
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
