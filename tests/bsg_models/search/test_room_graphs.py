@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.connections import Connections
@@ -143,3 +145,24 @@ def test_a_large_graph_has_the_ways_of_its_parts() -> None:
     np.testing.assert_allclose(among.costs[:, :20, :20], alone.costs, rtol=1e-14)
     np.testing.assert_array_equal(among.steps[:, :20, :20], alone.steps)
     assert np.isinf(among.costs[:, :20, 20:]).all()
+
+
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.6])
+def test_ways_in_large_graphs_are_scipys(share: float) -> None:
+    """Of few edges and of many, some of cost 0; the second nodes lead to the end at that cost."""
+    rng = np.random.default_rng(0)
+    edges = rng.integers(0, 9, (2, 60, 60)).astype(float)
+    edges[rng.random(edges.shape) > share] = np.inf
+    travel = find_ways(edges)
+    for one, costs, steps in zip(edges, travel.costs, travel.steps, strict=True):
+        source, target = np.nonzero(np.isfinite(one))
+        listed = csr_array((one[source, target], (source, target)), shape=one.shape)
+        np.testing.assert_allclose(costs, shortest_path(listed))
+        for start, end in rng.integers(0, 60, (100, 2)):
+            place, cost, taken = int(start), 0.0, 0
+            while place != end and np.isfinite(costs[start, end]):
+                after = int(steps[place, end])
+                place, cost, taken = after, cost + one[place, after], taken + 1
+                assert taken <= 60
+            assert place == end or np.isinf(costs[start, end])
+            assert cost == (costs[start, end] if place == end else 0)
