@@ -157,11 +157,11 @@ def _look_around(nodes: Nodes, shown: Array, looked_for: Array) -> list[Array]:
     visited = floats(nodes.visited & ~nodes.is_building)[:, None] * looked_for
     others = sum_buildings(visited, nodes)[building] - visited
     siblings = sum_buildings(shown * visited, nodes)[building] - shown * visited
-    rooms = sum_buildings(floats(~nodes.is_building)[:, None], nodes)[building]
+    rooms = sum_buildings(floats(~nodes.is_building)[:, None], nodes)
     return [
-        xp.log1p(nodes.x[nodes.first][building]),
+        xp.log1p(nodes.x[nodes.first])[building],
         siblings / (others + _SILENT_ROOMS),
-        xp.log1p(rooms),
+        xp.log1p(rooms)[building],
         floats(nodes.is_building)[:, None],
     ]
 
