@@ -24,13 +24,13 @@ from bsg_models.arrays import library_of
 from bsg_models.belief.negative_binomial import (
     POISSON,
     TINY,
-    first_counts,
     hidden_posterior,
     hidden_tilts,
     log_beyond_none,
     log_negative_binomial,
     log_none,
     log_normaliser,
+    tilt_gains,
 )
 from bsg_models.special_functions import log_sum_exp
 
@@ -74,29 +74,35 @@ class CountDistribution:
         """Return E(count^power) of every component, `[K, N, C]`, from that of the untilted one."""
         if self.tilts is None:
             return untilted
-        xp = library_of(self.means)
-        none = xp.exp(self._untilted_none)
-        first = first_counts(len(self.tilts), none, self.means, self.dispersions)
         moment = untilted
-        for count in range(1, len(first)):  # the tilt of count 0 adds nothing
-            moment = moment + count**power * first[count] * xp.expm1(self.tilts[count])
-        tilted: Floats = moment.clip(min=0.0) * xp.exp(-self._log_normaliser)
+        for count, gain in enumerate(self._gains[1:], 1):  # the tilt of count 0 adds nothing
+            moment = moment + count**power * gain
+        tilted: Floats = moment.clip(min=0.0) / self._normaliser
         return tilted
 
     @cached_property
     def _log_none(self) -> Floats:
         """Log P(0) of every component, `[K, N, C]`."""
         none = self._untilted_none
-        return none if self.tilts is None else none + self.tilts[0] - self._log_normaliser
+        if self.tilts is None:
+            return none
+        log_none: Floats = none + self.tilts[0] - library_of(none).log(self._normaliser)
+        return log_none
 
     @cached_property
     def _untilted_none(self) -> Floats:
         return log_none(self.means, self.dispersions)
 
     @cached_property
-    def _log_normaliser(self) -> Floats:
+    def _gains(self) -> list[Floats]:
+        """What tilts add to the probabilities of the first counts, each `[K, N, C]`."""
         tilts = () if self.tilts is None else self.tilts
-        return log_normaliser(tilts, self.means, self.dispersions, none=self._untilted_none)
+        return tilt_gains(tilts, self.means, self.dispersions, none=self._untilted_none)
+
+    @cached_property
+    def _normaliser(self) -> Floats:
+        total: Floats = (1 + sum(self._gains)).clip(min=TINY)  # type: ignore[union-attr]
+        return total
 
     @property
     def is_finite(self) -> bool:
@@ -154,9 +160,8 @@ class CountDistribution:
         if self.tilts is not None:
             none = log_none(means, r)
             weights = weights * np.exp(-log_normaliser(self.tilts, means, r, none=none))
-            first = first_counts(len(self.tilts), np.exp(none), means, r)
-            for count, (probability, tilt) in enumerate(zip(first, self.tilts, strict=True)):
-                each += share**count * (probability * np.expm1(tilt))
+            for count, gain in enumerate(tilt_gains(self.tilts, means, r, none=none)):
+                each += share**count * gain
         told: Floats = np.log(np.maximum((each * weights).sum(axis=1), TINY))
         node, column = np.nonzero(seen)
         some = self._each(lambda part: _take_cells(part, node, column))

@@ -30,19 +30,26 @@ class Expectation:
     Attributes:
         inputs: `[N, C]` histograms of what was seen, E′ × O′.
         hidden_counts: distribution of the hidden counts.
-        totals: `[N, C]` predicted whole histograms before `input ≤ total` is imposed: E″ × O″ as
-            the paper measures it.
+        said_totals: `[N, C]` whole histograms, of a model that predicts those.
     """
 
     inputs: Floats
     hidden_counts: CountDistribution
-    totals: Floats
+    said_totals: Floats | None = None
 
     @property
     def is_finite(self) -> bool:
         """Whether all values are finite; a dispersion may be infinite, which is a Poisson."""
-        finite = np.isfinite(self.inputs).all() and np.isfinite(self.totals).all()
-        return bool(finite) and self.hidden_counts.is_finite
+        said = self.inputs if self.said_totals is None else self.said_totals
+        return bool(np.isfinite(said).all()) and self.hidden_counts.is_finite
+
+    @property
+    def totals(self) -> Floats:
+        """Predicted whole histograms before `input ≤ total` is imposed, `[N, C]`.
+
+        E″ × O″ as the paper measures it.
+        """
+        return self.expected if self.said_totals is None else self.said_totals
 
     @cached_property
     def hidden(self) -> Floats:
@@ -80,7 +87,8 @@ class Expectation:
 
     def take(self, rows: npt.NDArray[np.integer]) -> Expectation:
         """Return the expectation of some nodes, `rows` `[M]`."""
-        return Expectation(self.inputs[rows], self.hidden_counts.take(rows), self.totals[rows])
+        said = None if self.said_totals is None else self.said_totals[rows]
+        return Expectation(self.inputs[rows], self.hidden_counts.take(rows), said)
 
 
 def from_totals(inputs: Floats, totals: Floats) -> Expectation:
@@ -90,17 +98,16 @@ def from_totals(inputs: Floats, totals: Floats) -> Expectation:
 
 def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expectation:
     """Return the expectation of a model that predicts the hidden counts."""
-    return Expectation(inputs, distribution, inputs + distribution.mean)
+    return Expectation(inputs, distribution)
 
 
 def mix_copies(expectation: Expectation, weights: Floats) -> Expectation:
     """Return the mixture, by weights `[L]`, of L consecutive copies of N nodes."""
-    totals = expectation.totals.reshape(len(weights), -1, expectation.totals.shape[1])
-    return Expectation(
-        expectation.inputs[: totals.shape[1]],
-        blend_copies(expectation.hidden_counts, weights),
-        np.tensordot(weights, totals, axes=1),
-    )
+    nodes, said = len(expectation.inputs) // len(weights), expectation.said_totals
+    if said is not None:
+        said = np.tensordot(weights, said.reshape(len(weights), nodes, -1), axes=1)
+    counts = blend_copies(expectation.hidden_counts, weights)
+    return Expectation(expectation.inputs[:nodes], counts, said)
 
 
 def join(parts: Sequence[Expectation]) -> Expectation:

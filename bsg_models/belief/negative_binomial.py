@@ -66,24 +66,34 @@ def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> li
     return probabilities[:number]
 
 
-def log_normaliser(
+def tilt_gains(
     tilts: Any, mean: Array, dispersion: Array, *, none: Array | None = None
-) -> Array:
-    """Return log Z of negative binomials; `tilts` are a of the counts 0..J−1, an array each.
+) -> list[Array]:
+    """Return what tilts add to P(0), …, P(J − 1) before these are normalised.
 
-    `none` is log P(0), if it is known.
+    It is NB(t) (exp(a_t) − 1); `tilts` are a of the counts 0..J−1, an array each. `none` is log
+    P(0), if it is known.
     """
     xp = library_of(mean)
     none = log_none(mean, dispersion) if none is None else none
-    total = xp.ones_like(none)
-    if len(tilts) and (xp is not np or tilts[0].max(initial=0.0) > _MOST_TILT):
-        # In a large building P(0) underflows, and its tilt overflows.
-        total = total + xp.exp(none + tilts[0]) * (tilts[0] > _MOST_TILT)
-        tilts = [tilt * (tilt <= _MOST_TILT) for tilt in tilts]
     first = first_counts(len(tilts), xp.exp(none), mean, dispersion)
-    for probability, tilt in zip(first, tilts, strict=True):
-        total = total + probability * xp.expm1(tilt)
-    normaliser: Array = xp.log(total.clip(TINY))
+    if xp is np and not any((tilt > _MOST_TILT).any() for tilt in tilts[:1]):
+        return [one * xp.expm1(tilt) for one, tilt in zip(first, tilts, strict=True)]
+    gains = [
+        one * xp.expm1(tilt * (tilt <= _MOST_TILT)) for one, tilt in zip(first, tilts, strict=True)
+    ]
+    if gains:  # in a large building P(0) underflows, and its tilt overflows
+        gains[0] = gains[0] + xp.exp(none + tilts[0]) * (tilts[0] > _MOST_TILT)
+    return gains
+
+
+def log_normaliser(
+    tilts: Any, mean: Array, dispersion: Array, *, none: Array | None = None
+) -> Array:
+    """Return log Z of negative binomials; arguments as of `tilt_gains`."""
+    gains = tilt_gains(tilts, mean, dispersion, none=none)
+    total = 1 + sum(gains) if gains else library_of(mean).ones_like(mean * dispersion)
+    normaliser: Array = library_of(mean).log(total.clip(TINY))
     return normaliser
 
 
