@@ -21,7 +21,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.observation import Observation, stack
+from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.special_functions import beta_quantiles, gauss_legendre
 
@@ -46,11 +46,12 @@ def spread_shares(
     if all(belief.is_certain for belief in beliefs):
         return seen, np.ones(1)
     nodes, weights = gauss_legendre(levels)
-    copies = []
-    for shares in find_quantiles(beliefs, (1 + nodes) / 2):
-        told = np.array([graph.share_with(shares.tolist()), *shares], dtype=np.float32)
-        copies.append(replace(seen, hidden_share=told))
-    return stack(copies), weights / 2
+    told = [
+        [graph.share_with(shares), *shares]
+        for shares in find_quantiles(beliefs, (1 + nodes) / 2).tolist()
+    ]
+    copies = seen.take(np.zeros(levels, dtype=np.int64))
+    return replace(copies, hidden_share=np.array(told, dtype=np.float32).ravel()), weights / 2
 
 
 def find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Floats:

@@ -21,7 +21,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.observation import Observation, stack
+from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.inputs.share_levels import find_quantiles
@@ -85,7 +85,7 @@ def _expect_forgotten(
     size = max(1, _NODES // len(seen.inputs))
     for first in range(0, number, size):
         some = groups[first : first + size]
-        copies = stack([_forget(graph, seen, group) for group in some])
+        copies = _forget(graph, seen, some)
         nodes = [copy * len(seen.inputs) + group for copy, group in enumerate(some)]
         yield np.concatenate(some), expect_rooms(copies, np.concatenate(nodes))
 
@@ -115,15 +115,21 @@ def _weigh(
     return np.stack([mean, np.sqrt((posterior * (shares - mean) ** 2).sum(axis=0))])
 
 
-def _forget(graph: PartialGraph, seen: Observation, rooms: Ints) -> Observation:
-    """Return an observation in which some rooms are forgotten: nothing seen, everything hidden."""
-    inputs, others, told = seen.inputs.copy(), seen.others.copy(), seen.hidden_share.copy()
-    for counts in (inputs, others):
-        counts[0] -= counts[rooms].sum(axis=0)
-        counts[rooms] = 0
+def _forget(graph: PartialGraph, seen: Observation, groups: Sequence[Ints]) -> Observation:
+    """Return a copy of an observation for each group of rooms, in which these are forgotten.
+
+    Nothing of them was seen, everything is hidden.
+    """
+    copies = seen.take(np.zeros(len(groups), dtype=np.int64))
     shares = np.array([room.hidden_share for room in graph.rooms])
-    shares[rooms - 1] = 1.0
-    told[0], told[rooms] = graph.share_with(shares.tolist()), 1.0
-    visited = seen.visited.copy()
-    visited[rooms] = False
-    return replace(seen, inputs=inputs, others=others, hidden_share=told, visited=visited)
+    for first, group in zip(copies.starts.tolist(), groups, strict=False):
+        rooms = first + group
+        for counts in (copies.inputs, copies.others):
+            counts[first] -= counts[rooms].sum(axis=0)
+            counts[rooms] = 0
+        told = shares.copy()
+        told[group - 1] = 1.0
+        copies.hidden_share[first] = graph.share_with(told.tolist())
+        copies.hidden_share[rooms] = 1.0
+        copies.visited[rooms] = False
+    return copies
