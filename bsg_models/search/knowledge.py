@@ -134,26 +134,28 @@ def _search_together(edges: Floats) -> Travel:
 
 
 def _search_edges(edges: Floats) -> Travel:
-    """Return the cheapest ways in a large graph of few edges, by Bellman and Ford.
+    """Return the cheapest ways in a large graph of few edges, by labels that are corrected.
 
-    Each round lets every way begin with one more edge. A second node is only replaced by one that
-    makes the way cheaper, so ways over edges of cost 0 do not go round in circles.
+    Each round puts one more edge before the ways that became cheaper in the last one. A second node
+    is only replaced by one that makes the way cheaper, so ways over edges of cost 0 do not go round
+    in circles.
     """
-    source, target = np.nonzero(np.isfinite(edges) & ~np.eye(len(edges), dtype=bool))
-    length = edges[source, target][:, None]
-    groups = np.flatnonzero(np.diff(source, prepend=-1))  # first edge from each node
-    group = np.repeat(np.arange(len(groups)), np.diff(groups, append=len(source)))
     straight = go_straight(np.full((1, *edges.shape), np.inf))
     costs, steps = straight.costs[0], straight.steps[0]
-    while len(groups):
-        through = length + costs[target]  # [edges, N]
-        best = np.minimum.reduceat(through, groups)
-        better = best < costs[source[groups]]
-        if not better.any():
-            break
-        edge, end = np.nonzero((through == best[group]) & better[group])
-        costs[source[edge], end] = through[edge, end]
-        steps[source[edge], end] = target[edge]
+    target, source = np.nonzero(np.isfinite(edges.T) & ~np.eye(len(edges), dtype=bool))
+    length, starts = edges[source, target], np.searchsorted(target, np.arange(len(edges) + 1))
+    place = end = np.arange(len(edges))  # every node knows the way to itself
+    while len(place):
+        number = np.diff(starts)[place]
+        first = np.repeat(starts[place] - np.cumsum(number) + number, number)
+        edge, end = first + np.arange(len(first)), np.repeat(end, number)
+        cost, place = length[edge] + costs[target[edge], end], source[edge]
+        better = np.flatnonzero(cost < costs[place, end])
+        order = better[np.lexsort((cost[better], end[better], place[better]))]
+        ways = place[order] * len(edges) + end[order]
+        best = order[np.diff(ways, prepend=-1) > 0]  # the cheapest of each way
+        edge, place, end = edge[best], place[best], end[best]
+        costs[place, end], steps[place, end] = cost[best], target[edge]
     return Travel(costs[None], steps[None])
 
 
