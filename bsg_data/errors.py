@@ -95,6 +95,8 @@ class RecipeError(BSGError, ValueError):
 EXTRA_OF = {  # package → the extra that brings it
     "matplotlib": "figures",
     "networkx": "train",
+    "onnx": "onnx",
+    "onnxscript": "onnx",
     "pandas": "train",
     "scipy": "meshes",
     "torch": "train",

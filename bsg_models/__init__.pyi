@@ -77,6 +77,7 @@ from .studies.search_report import SearchReport, report_search
 from .studies.search_request import SearchRequest, StudyRecipe, choose_default_run
 from .studies.search_study import Study, study_search
 from .training.learning_curve import EpochReport
+from .training.onnx_file import export_onnx
 from .training.ranks import leads_training
 from .training.training import train_run
 from .zoo.catalogue import BASELINES, ZOO
@@ -155,6 +156,7 @@ __all__ = [
     "describe_model",
     "download",
     "explain",
+    "export_onnx",
     "find_config",
     "find_model",
     "headline_rows",

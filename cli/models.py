@@ -130,7 +130,5 @@ def export(name: str, file: Path) -> None:
     Example:
       bsg-models export universal universal.onnx
     """
-    from bsg_models.training.onnx_file import export_onnx
-
-    beside = export_onnx(name, file)
+    beside = bsg_models.export_onnx(name, file)
     print_text(f"written: {file}, {beside}")

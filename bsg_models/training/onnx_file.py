@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import onnxscript  # noqa: F401 - by which torch exports: a missing one is named before any work
 import torch
 from torch import nn
 
