@@ -70,10 +70,6 @@ class Knowledge:
         return np.asarray(1 - np.where(self.unexplored, 1 - self.any_presence, 1.0).prod(axis=1))
 
 
-_TOGETHER = 30  # nodes; with more, one graph at a time is faster
-_DENSE = 0.25  # share of the pairs with an edge, from which on edges need no list
-
-
 @dataclass(frozen=True, eq=False)
 class Travel:
     """Ways between the nodes of E graphs of N nodes.
@@ -105,58 +101,17 @@ class Travel:
 
 
 def find_ways(edges: Floats) -> Travel:
-    """Return the cheapest ways over edges `[E, N, N]`: costs ≥ 0 from row to column, ∞ for none."""
-    if edges.shape[1] <= _TOGETHER:
-        return _search_together(edges)
-    found = [
-        _search_edges(one) if _is_sparse(one) else _search_together(one[None]) for one in edges
-    ]
-    return Travel(*(np.concatenate([getattr(one, name) for one in found]) for name in _OF_GRAPHS))
+    """Return the cheapest ways over edges `[E, N, N]`: costs ≥ 0 from row to column, ∞ for none.
 
-
-_OF_GRAPHS = ("costs", "steps")
-
-
-def _is_sparse(edges: Floats) -> bool:
-    return bool(np.isfinite(edges).mean() < _DENSE)
-
-
-def _search_together(edges: Floats) -> Travel:
-    """Return the cheapest ways in many small graphs at once, by Floyd and Warshall."""
-    straight = go_straight(edges)
-    costs, steps = straight.costs, straight.steps
-    for k in range(edges.shape[1]):
-        through = costs[:, :, k, None] + costs[:, None, k]
-        better = through < costs
-        costs = np.where(better, through, costs)
-        steps = np.where(better, steps[:, :, k, None], steps)
-    return Travel(costs, steps)
-
-
-def _search_edges(edges: Floats) -> Travel:
-    """Return the cheapest ways in a large graph of few edges, by labels that are corrected.
-
-    Each round puts one more edge before the ways that became cheaper in the last one. A second node
-    is only replaced by one that makes the way cheaper, so ways over edges of cost 0 do not go round
-    in circles.
+    This is the method of Floyd and Warshall, in all graphs at once: its time depends only on E, N.
     """
-    straight = go_straight(np.full((1, *edges.shape), np.inf))
-    costs, steps = straight.costs[0], straight.steps[0]
-    target, source = np.nonzero(np.isfinite(edges.T) & ~np.eye(len(edges), dtype=bool))
-    length, starts = edges[source, target], np.searchsorted(target, np.arange(len(edges) + 1))
-    place = end = np.arange(len(edges))  # every node knows the way to itself
-    while len(place):
-        number = np.diff(starts)[place]
-        first = np.repeat(starts[place] - np.cumsum(number) + number, number)
-        edge, end = first + np.arange(len(first)), np.repeat(end, number)
-        cost, place = length[edge] + costs[target[edge], end], source[edge]
-        better = np.flatnonzero(cost < costs[place, end])
-        order = better[np.lexsort((cost[better], end[better], place[better]))]
-        ways = place[order] * len(edges) + end[order]
-        best = order[np.diff(ways, prepend=-1) > 0]  # the cheapest of each way
-        edge, place, end = edge[best], place[best], end[best]
-        costs[place, end], steps[place, end] = cost[best], target[edge]
-    return Travel(costs[None], steps[None])
+    travel = go_straight(edges)
+    for k in range(edges.shape[1]):
+        through = travel.costs[:, :, k, None] + travel.costs[:, None, k]
+        better = through < travel.costs
+        np.copyto(travel.costs, through, where=better)
+        np.copyto(travel.steps, travel.steps[:, :, k, None], where=better)
+    return travel
 
 
 def go_straight(edges: Floats) -> Travel:
