@@ -32,12 +32,11 @@ class RegistryChoice(click.Choice[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the name, or refuse it and list the nearest and all known names."""
-        self.choices = self._registry.names()  # a package may have come since the import
         try:
             self._registry.require([value])
         except RecipeError as error:
             self.fail(str(error), param, ctx)
-        return super().convert(value, param, ctx)
+        return value
 
 
 def require_datasets(
