@@ -36,7 +36,7 @@ class RegistryChoice(click.Choice[str]):
             self._registry.require([value])
         except RecipeError as error:
             self.fail(str(error), param, ctx)
-        return value
+        return str(value)
 
 
 def require_datasets(
