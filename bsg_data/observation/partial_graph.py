@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cache
+from functools import cache, lru_cache
 from numbers import Real
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -129,9 +129,10 @@ class KnownRoom:
         Raises:
             RecipeError: if mean and standard deviation do not fit together.
         """
-        return ShareBelief(self.hidden_share, self.hidden_share_sd)
+        return _believe_share(self.hidden_share, self.hidden_share_sd)
 
 
+_believe_share = lru_cache(ShareBelief)  # every answer asks again, and most rooms share a belief
 _Report = TypeVar("_Report", KnownRoom, SeenObject)
 
 

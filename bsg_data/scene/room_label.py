@@ -131,6 +131,11 @@ def _name_nearest(word: str) -> str:
     return f"unknown (nearest: {', '.join(near)})" if near else "unknown"
 
 
+@cache
+def _place_labels() -> dict[str, int]:
+    return {label: place for place, label in enumerate(list_room_labels())}
+
+
 def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     """Return a type as a distribution over the labels `[L]`; all 0 if it says nothing.
 
@@ -139,8 +144,7 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     Raises:
         RecipeError: as `check_room_type`.
     """
-    known = check_room_type(said)
-    places = {label: place for place, label in enumerate(list_room_labels())}
+    known, places = check_room_type(said), _place_labels()
     row = np.zeros(len(places))
     for label, share in ({known: 1.0} if isinstance(known, str) else known or {}).items():
         if (read := known_label(label)) in places:

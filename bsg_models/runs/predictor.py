@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cached_property
 from pathlib import Path
 
 from bsg_data.arrays import Bools
@@ -63,7 +64,7 @@ class Predictor:
         self.name = found.name if found.kind == "shipped" else self._header.config.name
         self.classes = self.class_space.classes
 
-    @property
+    @cached_property
     def is_free(self) -> bool:
         """Whether it is a shipped model that everybody may use for anything, as its card says."""
         sha256, shipped = hash_file(self._path), read_seal(weights_folder()) or {}

@@ -30,8 +30,7 @@ from bsg_models.special_functions import gauss_legendre, log_sum_exp
 EVIDENCE = 0.5  # τ
 _LEVELS = 32
 _MOST = 1 - 1e-6  # at share 1 nothing could have been seen
-_ALONE = 64  # uncertain rooms up to which each is forgotten alone
-_GROUPS = 16  # groups in which more rooms are forgotten
+_GROUPS = 16  # groups in which uncertain rooms are forgotten; up to 16 rooms are forgotten alone
 _NODES = 1 << 14  # in copies of a building, in one call of the model
 _CELLS = 1 << 15  # of a table of likelihoods, so that it stays in a fast cache
 
@@ -44,7 +43,7 @@ def update_shares(
 ) -> PartialGraph:
     """Return a graph whose uncertain hidden shares are updated by what was seen.
 
-    The model is asked about a copy of the building in which the room is forgotten. Beyond 64
+    The model is asked about a copy of the building in which the room is forgotten. Beyond sixteen
     uncertain rooms, sixteen groups of rooms are forgotten in turn, because one copy per room would
     take time and memory that grow with the square of the rooms.
 
@@ -80,7 +79,7 @@ def _expect_forgotten(
     expect_rooms: Callable[[Observation, Ints], CountDistribution],
 ) -> Iterator[tuple[Ints, CountDistribution]]:
     """Yield rooms, with what a model expects in each of them when nothing of it was seen."""
-    number = len(unsure) if len(unsure) <= _ALONE else _GROUPS
+    number = min(len(unsure), _GROUPS)
     groups = [unsure[first::number] for first in range(number)]
     size = max(1, _NODES // len(seen.inputs))
     for first in range(0, number, size):

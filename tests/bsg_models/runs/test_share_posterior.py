@@ -132,9 +132,9 @@ def furnish(rooms: int) -> PartialGraph:
 def test_groups_of_rooms_tell_what_single_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
     """To about what eight levels are off by: .001 of a presence in the mean, .02 at most."""
     graph = furnish(66)
-    monkeypatch.setattr(share_posterior, "_ALONE", 66)
+    monkeypatch.setattr(share_posterior, "_GROUPS", 66)
     alone = PREDICTOR.believe_shares(graph), PREDICTOR(graph).presence
-    monkeypatch.setattr(share_posterior, "_ALONE", 64)
+    monkeypatch.undo()
     groups = PREDICTOR.believe_shares(graph), PREDICTOR(graph).presence
     means = [[share.mean for share in shares] for shares in (alone[0], groups[0])]
     assert means[0] != means[1]
