@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any
 
 import bsg_models
 from bsg_cli.terminal import print_json, print_note, print_text
@@ -19,25 +20,13 @@ def find_things(
 
     JSON has room ids; text has labels as well.
     """
+    if as_json:
+        print_json(describe_things(seen, things, here=here))
+        return
     meanings = [seen.understand(thing) for thing in things]
     answers = [seen.where(thing, here=here) for thing in things]
     first = seen.next_room(things, here=here)
     unit = None if here is None else seen.ways().unit
-    if as_json:
-        facts = [
-            {
-                "thing": meaning.word,
-                "class": meaning.class_name,
-                "how": meaning.how,
-                "model": seen.asked(meaning.word),
-                "anywhere": seen.anywhere(meaning.word),
-                "places": list(map(asdict, places)),
-            }
-            for meaning, places in zip(meanings, answers, strict=True)
-        ]
-        together = {"go_first": first, "cost_unit": unit}
-        print_json({**facts[0], **together} if len(facts) == 1 else {"things": facts, **together})
-        return
     for meaning, places in zip(meanings, answers, strict=True):
         _print_places(seen, meaning, places, unit)
         if len(things) > 1:
@@ -46,6 +35,32 @@ def find_things(
         print_text("no room is left to search")
     else:
         print_text(f"go first to {_name(next(p for p in answers[0] if p.room == first))}")
+
+
+def describe_things(
+    seen: bsg_models.SeenBuilding, things: Sequence[str], *, here: str | None
+) -> dict[str, Any]:
+    """Return where things probably are, and where to go first, as JSON has it."""
+    facts = [describe_thing(seen, seen.understand(thing), here) for thing in things]
+    together = {
+        "go_first": seen.next_room(things, here=here),
+        "cost_unit": None if here is None else seen.ways().unit,
+    }
+    return {**(facts[0] if len(facts) == 1 else {"things": facts}), **together}
+
+
+def describe_thing(
+    seen: bsg_models.SeenBuilding, meaning: bsg_models.Meaning, here: str | None
+) -> dict[str, Any]:
+    """Return in which rooms a thing probably is, as JSON has it."""
+    return {
+        "thing": meaning.word,
+        "class": meaning.class_name,
+        "how": meaning.how,
+        "model": seen.asked(meaning.word),
+        "anywhere": seen.anywhere(meaning.word),
+        "places": list(map(asdict, seen.where(meaning.word, here=here))),
+    }
 
 
 def _print_places(

@@ -19,18 +19,22 @@ gives its class. By default the hidden share is 1 for a room that was not visite
 (`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
 `floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
 docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
+
+The simplest map is read, too: room → the things that were seen there.
+
+    {"kitchen": ["sink", "stove"], "hall": []}
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
@@ -50,7 +54,7 @@ from bsg_data.observation.partial_graph import (
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.room_label import explain_room_type
+from bsg_data.scene.room_label import explain_room_type, label_of
 from bsg_data.scene.surroundings import area_of, check_building_kind
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
@@ -136,6 +140,7 @@ class _Graph(Record):
     detector: Annotated[dict[Text, Text | None] | None, BeforeValidator(_list_words)] = None
 
 
+_SIMPLEST = TypeAdapter(Annotated[dict[Id, tuple[Text, ...]], Field(max_length=MAX_ROBOT_ROOMS)])
 _KEYS = {
     "": tuple(_Graph.model_fields),
     "rooms": ROOM_WORDS,
@@ -173,7 +178,7 @@ def parse_robot_graph(
     """
     by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
     try:
-        return _assemble(_Graph.model_validate(_find_partial(said)), by)
+        return _assemble(_Graph.model_validate(_find_partial(said, path)), by)
     except ValidationError as error:
         why = _explain(error, said)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
@@ -181,8 +186,8 @@ def parse_robot_graph(
         raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
 
 
-def _find_partial(said: Any) -> Any:
-    """Return a document of a robot's graph, or the one that a belief graph holds."""
+def _find_partial(said: Any, path: Path) -> Any:
+    """Return the document of a robot's graph: this one, what a belief graph holds, or spelt out."""
     if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
         said = said.get("partial")
         if said is None:
@@ -195,7 +200,27 @@ def _find_partial(said: Any) -> Any:
             "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
             f"found {show_value(said)}"
         )
+    if said and not said.keys() & set(_KEYS[""]):
+        return _spell_out(_SIMPLEST.validate_python(said), path)
     return said
+
+
+def _spell_out(things: Mapping[str, Sequence[str]], path: Path) -> dict[str, Any]:
+    """Return the simplest map as a document.
+
+    A room's name is also its kind, if it is a room label. A room without things was not entered.
+    """
+    objects, times = [], Counter[str]()
+    for room, seen in things.items():
+        for thing in seen:
+            times[thing] += 1
+            objects.append({"id": f"{thing} {times[thing]}", "room": room, "category": thing})
+    rooms = [
+        {"id": room, "visited": bool(seen), "room_type": label_of("any", room)}
+        for room, seen in things.items()
+    ]
+    scene_id = path.name.partition(".")[0] or path.name
+    return {"scene_id": scene_id, "rooms": rooms, "objects": objects}
 
 
 def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
@@ -283,7 +308,8 @@ def _explain(error: ValidationError, said: Any) -> str:
         wrong, known = str(path.pop()), _KEYS[str(first) if entry else ""]
         hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
-    return ": ".join(filter(None, (entry, ".".join(map(str, path)), what)))
+    place = ".".join(str(one)[:SHOWN] for one in path)
+    return ": ".join(filter(None, (entry, place, what)))
 
 
 def _name_entry(entries: Any, kind: str, number: int) -> str:

@@ -83,19 +83,30 @@ def open_graph_file(
     """Read a robot's graph as `read_graph` does, and keep its source."""
     named = Path("standard input") if path == Path("-") else path
     document = _read_document(path, named)
+    return parse_graph(document, path=named, labels=labels, class_map=class_map)
+
+
+def parse_graph(
+    document: Any,
+    *,
+    path: Path,
+    labels: AnyPath | None = None,
+    class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
+) -> GraphFile:
+    """Read a robot's graph in a document of JSON; errors name the path."""
     if is_dsg(document):
         space = None if labels is None else load_label_space(labels)
-        dsg = parse_dsg(document, path=named)
-        said = {"scene_id": _name_scene(document, named), **_describe(dsg, space, named)}
-        graph = parse_robot_graph(said, path=named, class_map=class_map)
+        dsg = parse_dsg(document, path=path)
+        said = {"scene_id": _name_scene(document, path), **_describe(dsg, space, path)}
+        graph = parse_robot_graph(said, path=path, class_map=class_map)
         return GraphFile(path, graph, document, tuple(_note(dsg, space)))
     if labels is not None:
         raise RecipeError(
-            f"labels are for Hydra's graphs, and {named} is not one",
+            f"labels are for Hydra's graphs, and {path} is not one",
             code="labels-unused",
-            where=named,
+            where=path,
         )
-    return GraphFile(path, parse_robot_graph(document, path=named, class_map=class_map))
+    return GraphFile(path, parse_robot_graph(document, path=path, class_map=class_map))
 
 
 def _read_document(path: Path, named: Path) -> Any:

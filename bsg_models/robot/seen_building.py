@@ -34,16 +34,13 @@ from bsg_data.observation.partial_graph import (
     reclassify,
     see_object,
 )
-from bsg_data.observation.robot_json import (
-    list_unmapped,
-    parse_robot_graph,
-)
+from bsg_data.observation.robot_json import list_unmapped
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, list_class_maps, load_class_map
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.graph_file import GraphFile, open_graph_file
+from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import read_nouns
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
@@ -87,7 +84,7 @@ _Answer: TypeAlias = tuple[list[tuple[str, ...]], Floats, Floats]
 def open_graph(
     graph: AnyPath | Mapping[str, Any],
     *,
-    model: AnyPath = DEFAULT_MODEL,
+    model: Predictor | AnyPath = DEFAULT_MODEL,
     labels: AnyPath | None = None,
     hidden_share: float | None = None,
     hidden_shares: Mapping[str, float] = MappingProxyType({}),
@@ -97,7 +94,7 @@ def open_graph(
     Args:
         graph: file of a robot's graph, in this project's JSON or Spark-DSG's; `-` for standard
             input; or the document itself, as `json.loads` returns it.
-        model: path of a run, or a name, as `find_model` takes it.
+        model: a `Predictor`, or what it takes.
         labels: label space of a Hydra graph, as `load_label_space` takes it.
         hidden_share: share of the objects of every room that was not seen; None takes it from the
             graph.
@@ -109,11 +106,11 @@ def open_graph(
         RecipeError: if a share is not 0 to 1 or names an unknown room.
     """
     if isinstance(graph, Mapping):
-        file = GraphFile(Path("graph"), parse_robot_graph(dict(graph), path=Path("graph")))
+        file = parse_graph(dict(graph), path=Path("graph"), labels=labels)
     else:
         file = open_graph_file(Path(graph), labels=labels)
     known = set_hidden_shares(file.graph, every=hidden_share, rooms=hidden_shares)
-    predictor = Predictor(model)
+    predictor = model if isinstance(model, Predictor) else Predictor(model)
     return SeenBuilding(reclassify(known, predictor.class_map), predictor, notes=file.notes)
 
 

@@ -159,6 +159,44 @@ def test_a_fault_of_a_graph_is_at_its_place(said: Any, place: str) -> None:
     assert str(caught.value).startswith(f"x: {place}")
 
 
+def test_the_simplest_map_says_what_its_document_says() -> None:
+    """A room with things was entered, its name is its kind if that is a label; [] is not entered."""
+    simple = {"kitchen_2": ["sink", "chair", "chair"], "R7": ["sink"], "hall": []}
+    full = {
+        "scene_id": "home",
+        "rooms": [
+            {"id": "kitchen_2", "room_type": "kitchen"},
+            {"id": "R7"},
+            {"id": "hall", "visited": False, "room_type": "corridor"},
+        ],
+        "objects": [
+            {"id": "sink 1", "room": "kitchen_2", "category": "sink"},
+            {"id": "chair 1", "room": "kitchen_2", "category": "chair"},
+            {"id": "chair 2", "room": "kitchen_2", "category": "chair"},
+            {"id": "sink 2", "room": "R7", "category": "sink"},
+        ],
+    }
+    path = Path("home.json")
+    assert parse_robot_graph(simple, path=path) == parse_robot_graph(full, path=path)
+
+
+@pytest.mark.parametrize(
+    ("said", "place"),
+    [
+        ({"kitchen": "sink"}, "kitchen: expected a JSON list"),
+        ({"kitchen": ["sink"], "hall": ["lamp", 5]}, "hall.1: Input should be a valid string"),
+        ({"": []}, ".[key]: String should have at least 1 character"),
+        ({"x" * 10_000: []}, f"{'x' * 80}.[key]: String should have at most 500 characters"),
+        ({"kitchen": ["sink"], "scene_id": "home"}, "'kitchen' is no key"),
+        ({}, "scene_id: Field required"),
+    ],
+)
+def test_a_fault_of_the_simplest_map_is_at_its_place(said: Any, place: str) -> None:
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+        parse_robot_graph(said, path=Path("x"))
+    assert str(caught.value).startswith(f"x: {place}")
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [
