@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import click
 
-from bsg_cli import belief, data, evaluate, leaderboard, models, search, train
+from bsg_cli import belief, data, evaluate, leaderboard, models, search, serve, train
 
 COMMANDS: Mapping[str, click.Command] = MappingProxyType(
     {
@@ -17,6 +17,7 @@ COMMANDS: Mapping[str, click.Command] = MappingProxyType(
         "bsg-leaderboard": leaderboard.main,
         "bsg-belief": belief.main,
         "bsg-search": search.main,
+        "bsg-serve": serve.main,
         "bsg-models": models.main,
     }
 )

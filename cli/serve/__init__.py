@@ -1,0 +1,67 @@
+"""`bsg-serve`: answer questions about robots' maps, for agents (MCP) and over HTTP."""
+
+from __future__ import annotations
+
+import socket
+
+import click
+
+import bsg_models
+from bsg_cli.options import model_option
+from bsg_cli.terminal import Command, print_note
+from bsg_data.errors import ask_to_install
+
+_EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 -- addresses that are no names
+
+
+@click.command("bsg-serve", cls=Command)
+@model_option("The model that answers: a shipped one, or a trained run.  [default: universal]")
+@click.option("--stdio", is_flag=True, help="Speak MCP on stdin and stdout; an agent starts this.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8000,
+    show_default=True,
+    help="Port to listen on; 0 for any that is free.",
+)
+@click.option(
+    "--allow-host",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="With --host: a name by which others reach this machine. Repeat it for several.",
+)
+def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str, ...]) -> None:
+    """Answer questions about robots' maps, for agents (MCP) and over HTTP.
+
+    A question brings its map, and nothing is stored. MCP is at /mcp, the description of HTTP at
+    /openapi.json. Only this machine is listened to, unless --host says otherwise; there are no
+    passwords. docs/mcp.md and docs/http.md show how to ask. It runs until Ctrl-C or SIGTERM.
+
+    \b
+    Example:
+      bsg-serve
+      bsg-serve --stdio
+      bsg-serve --host 0.0.0.0 --allow-host robot.local
+    """
+    try:
+        from bsg_cli.serve.http import listen
+        from bsg_cli.serve.tools import make_server
+    except ModuleNotFoundError as error:
+        if str(error.name).startswith("bsg_"):
+            raise
+        raise ModuleNotFoundError(
+            f"bsg-serve needs {error.name}: {ask_to_install('serve')}", name=error.name
+        ) from error
+    from bsg_cli.serve.questions import Service
+
+    service = Service(bsg_models.DEFAULT_MODEL if model is None else model)
+    if stdio:
+        make_server(service).run("stdio")
+        return
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.create_server((host, port), family=family, backlog=2048) as door:
+        shown = f"[{host}]" if ":" in host else host
+        print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
+        listen(service, door, hosts=(*(() if host in _EVERYWHERE else (shown,)), *names))

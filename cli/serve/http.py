@@ -1,0 +1,112 @@
+"""The door for everybody else: HTTP with an OpenAPI description; MCP is beside it, at /mcp."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Sequence
+from contextlib import AbstractAsyncContextManager
+from importlib.metadata import version
+
+import uvicorn
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from mcp.server.mcpserver import MCPServer
+from mcp.server.transport_security import TransportSecuritySettings
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.responses import JSONResponse
+from starlette.routing import Route
+
+from bsg_cli.serve.bounds import MOST_BYTES, MOST_CONNECTIONS, Bounds, Fault, refuse
+from bsg_cli.serve.questions import Contents, Expect, Find, Found, Service
+from bsg_cli.serve.tools import make_server
+from bsg_data.errors import BSGError
+
+_LOCAL = ("localhost", "127.0.0.1", "[::1]")
+_FAULTS = {
+    400: "not JSON, or another Host",
+    408: "the question came too slowly",
+    413: "the question is too large",
+    415: "not application/json",
+    422: "the map or the question is faulty; `error` says where",
+    503: "too many questions at a time, or the answer took too long",
+}
+
+
+def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
+    """Return the application; `hosts` are names besides this machine's own that may be in Host."""
+    server = make_server(service)
+    mcp = _mcp_route(server, (*_LOCAL, *hosts))
+
+    def lifespan(_: FastAPI) -> AbstractAsyncContextManager[None]:
+        return server.session_manager.run()
+
+    app = FastAPI(
+        title="Belief Scene Graphs",
+        summary="Where things probably are in a building that a robot has partly seen.",
+        version=version("belief-scene-graphs"),
+        docs_url=None,  # its page loads scripts from elsewhere
+        redoc_url=None,
+        lifespan=lifespan,
+        responses={code: {"model": Fault, "description": what} for code, what in _FAULTS.items()},
+    )
+    app.router.routes.append(mcp)
+    app.add_middleware(Bounds)
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*_LOCAL, *hosts], www_redirect=False)
+    app.exception_handler(BSGError)(_explain)
+    app.exception_handler(RequestValidationError)(_explain_question)
+
+    @app.post("/find")
+    async def find(asked: Find) -> Found:
+        """Say in which rooms things probably are, and which room to search first."""
+        return await service.find(asked)
+
+    @app.post("/expect")
+    async def expect(asked: Expect) -> Contents:
+        """Say what rooms probably hold that was not seen yet, of one room or of all."""
+        return await service.expect(asked)
+
+    return app
+
+
+def _mcp_route(server: MCPServer, hosts: Sequence[str]) -> Route:
+    """Return the route of MCP: every POST is answered alone, without sessions or streams."""
+    names = [name for host in hosts for name in (host, f"{host}:*")]
+    safe = TransportSecuritySettings(
+        allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names]
+    )
+    made = server.streamable_http_app(
+        json_response=True,
+        stateless_http=True,
+        max_request_body_size=MOST_BYTES,
+        transport_security=safe,
+    )
+    return Route("/mcp", made, methods=["POST"])
+
+
+async def _explain(_: Request, error: Exception) -> JSONResponse:
+    return refuse(
+        422, str(error), code=getattr(error, "code", ""), where=getattr(error, "where", "")
+    )
+
+
+async def _explain_question(_: Request, error: Exception) -> JSONResponse:
+    fault = error.errors()[0]  # type: ignore[attr-defined]
+    where = ".".join(map(str, fault["loc"][1:])) or "the question"
+    said = str(fault["msg"]).removeprefix("Value error, ")
+    return refuse(422, f"{where}: {said}", code="question-malformed", where=where)
+
+
+def listen(service: Service, door: socket.socket, *, hosts: Sequence[str] = ()) -> None:
+    """Serve until the process is asked to end."""
+    config = uvicorn.Config(
+        make_app(service, hosts=hosts),
+        http="h11",
+        ws="none",
+        log_level="warning",
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        limit_concurrency=MOST_CONNECTIONS,
+        timeout_graceful_shutdown=5,
+    )
+    uvicorn.Server(config).run(sockets=[door])

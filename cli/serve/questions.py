@@ -1,0 +1,182 @@
+"""What the service is asked, and what it answers. A question brings its map; nothing is kept."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BeforeValidator, Field
+
+import bsg_data
+import bsg_models
+from bsg_cli.find import describe_thing
+from bsg_data.files import AnyPath
+from bsg_data.observation.partial_graph import Id, Text
+from bsg_data.recipes import Record
+
+MOST_ROOMS = 500  # of a map
+MOST_THINGS = 20  # of a question
+THREADS = 4  # questions that are answered at a time
+
+Map = Annotated[
+    dict[str, Any],
+    Field(
+        description="What was seen of the building. Simplest: room -> list of things seen there, "
+        "[] for a room not entered. Or a partial graph (docs/belief.md), or a Spark-DSG graph.",
+        examples=[{"living room": ["sofa", "tv"], "kitchen": ["sink"], "hall": []}],
+    ),
+]
+Things = Annotated[
+    tuple[Text, ...],
+    BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
+    Field(min_length=1, max_length=MOST_THINGS, description="What to look for, in any words."),
+]
+Here = Annotated[
+    Id | None,
+    Field(description="The room where the robot is, by id or label; ways are measured from it."),
+]
+Room = Annotated[Id | None, Field(description="One room, by id or label; null for all rooms.")]
+Most = Annotated[int, Field(ge=1, le=1000, description="Classes of a room, the likeliest first.")]
+Labels = Annotated[
+    Literal["mpcat40", "ade20k"] | None,
+    Field(description="Label space of a Spark-DSG graph that does not name its labels."),
+]
+
+
+class Find(Record):
+    """Where things probably are."""
+
+    map: Map
+    things: Things
+    here: Here = None
+    labels: Labels = None
+
+
+class Expect(Record):
+    """What rooms probably hold that was not seen."""
+
+    map: Map
+    room: Room = None
+    most: Most = 10
+    labels: Labels = None
+
+
+class Thing(Record):
+    """Where one thing probably is."""
+
+    thing: str
+    class_name: Annotated[str, Field(alias="class", description="The class that answers for it.")]
+    how: Annotated[str, Field(description="Why this class; empty if the thing is its name.")]
+    model: str
+    anywhere: Annotated[float, Field(description="P(at least one is in the building).")]
+    places: Annotated[
+        tuple[bsg_models.Place, ...],
+        Field(
+            description="Rooms, the likeliest first: `probability` of at least one, `unseen` of at "
+            "least one that was not seen, `expected` number of these, `seen` ids, `cost` of the "
+            "way. `room` is null for things that were seen in no room."
+        ),
+    ]
+
+
+class Found(Record):
+    """Where things probably are, and the room to go to first."""
+
+    things: tuple[Thing, ...]
+    go_first: Annotated[str | None, Field(description="Room to search first; null: none is left.")]
+    cost_unit: Annotated[str | None, Field(description="Unit of `cost`: m, or rooms.")]
+    notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
+
+
+class Content(Record):
+    """What a room probably holds that was not seen."""
+
+    room: Annotated[str, Field(description="Its id; or the name that was asked for.")]
+    label: str | None
+    expected: Annotated[
+        tuple[bsg_models.ExpectedClass, ...],
+        Field(
+            description="`probability` of at least one that was not seen, `expected` number of "
+            "these, number `seen`."
+        ),
+    ]
+
+
+class Contents(Record):
+    """What rooms probably hold that was not seen."""
+
+    rooms: tuple[Content, ...]
+    model: str
+    notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
+
+
+_Asked = TypeVar("_Asked", Find, Expect)
+_Answer = TypeVar("_Answer")
+
+
+class Service:
+    """Answers questions, a few at a time; the others wait."""
+
+    def __init__(self, model: AnyPath = bsg_models.DEFAULT_MODEL) -> None:
+        """Load the model.
+
+        Raises:
+            CheckpointError: if there is no such model.
+        """
+        self._predictor = bsg_models.Predictor(model)
+        self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="answer")
+
+    async def find(self, asked: Find) -> Found:
+        """Return where things probably are.
+
+        Raises:
+            BSGError: if the map is malformed, or a name means nothing.
+        """
+        return await self._run(_find, asked)
+
+    async def expect(self, asked: Expect) -> Contents:
+        """Return what rooms probably hold.
+
+        Raises:
+            BSGError: if the map is malformed, or there is no such room.
+        """
+        return await self._run(_expect, asked)
+
+    async def _run(
+        self, answer: Callable[[bsg_models.SeenBuilding, _Asked], _Answer], asked: _Asked
+    ) -> _Answer:
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._threads, lambda: answer(self._open(asked), asked))
+
+    def _open(self, asked: Find | Expect) -> bsg_models.SeenBuilding:
+        seen = bsg_models.open_graph(asked.map, model=self._predictor, labels=asked.labels)
+        if len(seen.rooms) > MOST_ROOMS:
+            raise bsg_data.RecipeError(
+                f"graph: expected at most {MOST_ROOMS} rooms, found {len(seen.rooms):,}; ask about "
+                "a part of the building",
+                code="rooms-too-many",
+                where="graph",
+            )
+        return seen
+
+
+def _find(seen: bsg_models.SeenBuilding, asked: Find) -> Found:
+    facts = [describe_thing(seen, seen.understand(one), asked.here) for one in asked.things]
+    return Found(
+        things=tuple(map(Thing.model_validate, facts)),
+        go_first=seen.next_room(asked.things, here=asked.here),
+        cost_unit=None if asked.here is None else seen.ways().unit,
+        notes=seen.notes,
+    )
+
+
+def _expect(seen: bsg_models.SeenBuilding, asked: Expect) -> Contents:
+    known = {room.name: room.label for room in seen.graph.rooms}
+    rooms = known if asked.room is None else (asked.room,)
+    contents = [
+        Content(room=room, label=known.get(room), expected=seen.expected(room)[: asked.most])
+        for room in rooms
+    ]
+    return Contents(rooms=tuple(contents), model=seen.model, notes=seen.notes)
