@@ -128,13 +128,12 @@ def test_the_ten_lines_run_and_print_what_they_say(
 def test_the_examples_of_a_graph_of_hydra_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The commands and the lines of docs/belief.md, beside docs/dsg.json."""
+    """The commands and the lines of docs/hydra.md, beside docs/dsg.json."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "dsg.json", tmp_path)
-    text = (DOCS / "belief.md").read_text("utf-8")
-    part = text.split("## A graph of Hydra")[1].split("\n## ")[0]
+    part = (DOCS / "hydra.md").read_text("utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", part, re.DOTALL)
-    run_block("belief.md", block)
+    run_block("hydra.md", block)
     first = Path("annotated.json").read_bytes()
     lines = re.findall(r"^(bsg-belief .*--hydra .*)$", part, re.MULTILINE)
     for line in (f"{line} --force" for line in lines):

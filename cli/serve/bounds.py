@@ -11,7 +11,7 @@ from bsg_data.inputs.bounds import MIB
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record
 
-MOST_BYTES = 16 * MIB  # of a question
+MOST_BYTES = 8 * MIB  # of a question
 MOST_HELD = 256 * MIB  # of all questions at a time
 MOST_CONNECTIONS = 2000
 SECONDS_TO_ASK, SECONDS_TO_ANSWER = 30.0, 60.0
@@ -53,7 +53,7 @@ class Bounds:
 
     async def _read(self, scope: Scope, receive: Receive, body: bytearray) -> Response | None:
         """Read the body; a fault is told once all has come, for then a client listens."""
-        fault, more = _check_kind(scope), True
+        fault, more = _check_headers(Headers(scope=scope), scope["method"]), True
         with anyio.move_on_after(SECONDS_TO_ASK) as timer:
             while more:
                 message = await receive()
@@ -70,8 +70,7 @@ class Bounds:
 
     def _check_size(self, asked: int, piece: int) -> Response | None:
         if asked > MOST_BYTES:
-            said = f"expected at most {MOST_BYTES:,} bytes; ask without meshes, or about a part"
-            return refuse(413, said, code="question-too-large")
+            return _refuse_size()
         if self._held + piece > MOST_HELD:
             return refuse(503, "too many large questions at a time; ask again", code="busy")
         return None
@@ -101,13 +100,18 @@ class Bounds:
         return refuse(503, said, code="answer-late")
 
 
-def _check_kind(scope: Scope) -> Response | None:
-    """Refuse what a page in a browser may send elsewhere without asking."""
-    kind = Headers(scope=scope).get("content-type", "").partition(";")[0].strip().lower()
-    if scope["method"] == "POST" and kind != "application/json":
+def _check_headers(headers: Headers, method: str) -> Response | None:
+    """Refuse what is too large, and what a page in a browser may send elsewhere without asking."""
+    kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+    if method == "POST" and kind != "application/json":
         said = f"expected the header Content-Type: application/json, found {kind[:80] or 'none'}"
         return refuse(415, said, code="content-type")
-    return None
+    return _refuse_size() if int(headers.get("content-length", 0)) > MOST_BYTES else None
+
+
+def _refuse_size() -> Response:
+    said = f"expected at most {MOST_BYTES:,} bytes; ask without meshes, or about a part"
+    return refuse(413, said, code="question-too-large")
 
 
 def _check_json(body: bytearray) -> Response | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Sequence
-from contextlib import AbstractAsyncContextManager
 from importlib.metadata import version
 
 import uvicorn
@@ -36,17 +35,13 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
     """Return the application; `hosts` are names besides this machine's own that may be in Host."""
     server = make_server(service)
     mcp = _mcp_route(server, (*_LOCAL, *hosts))
-
-    def lifespan(_: FastAPI) -> AbstractAsyncContextManager[None]:
-        return server.session_manager.run()
-
     app = FastAPI(
         title="Belief Scene Graphs",
         summary="Where things probably are in a building that a robot has partly seen.",
         version=version("belief-scene-graphs"),
         docs_url=None,  # its page loads scripts from elsewhere
         redoc_url=None,
-        lifespan=lifespan,
+        lifespan=lambda _: server.session_manager.run(),
         responses={code: {"model": Fault, "description": what} for code, what in _FAULTS.items()},
     )
     app.router.routes.append(mcp)
@@ -55,16 +50,16 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
     app.exception_handler(BSGError)(_explain)
     app.exception_handler(RequestValidationError)(_explain_question)
 
-    @app.post("/find")
     async def find(asked: Find) -> Found:
         """Say in which rooms things probably are, and which room to search first."""
         return await service.find(asked)
 
-    @app.post("/expect")
     async def expect(asked: Expect) -> Contents:
         """Say what rooms probably hold that was not seen yet, of one room or of all."""
         return await service.expect(asked)
 
+    for answer in (find, expect):
+        app.post(f"/{answer.__name__}")(answer)
     return app
 
 

@@ -42,22 +42,16 @@ def make_server(service: Service) -> MCPServer:
         version=version("belief-scene-graphs"),
         log_level="WARNING",
     )
-    tool = server.tool(annotations=ToolAnnotations(read_only_hint=True, open_world_hint=False))
 
-    @tool
     async def find_things(
         map: Map,  # noqa: A002 -- the name that callers write
         things: Things,
         here: Here = None,
         labels: Labels = None,
     ) -> Found:
-        """Say in which rooms things probably are, and which room to search first.
-
-        Rooms come with the probability that the thing is there, the likeliest first.
-        """
+        """Say in which rooms things probably are, and which room to search first."""
         return await _answer(service.find(Find(map=map, things=things, here=here, labels=labels)))
 
-    @tool
     async def expect_things(
         map: Map,  # noqa: A002
         room: Room = None,
@@ -68,6 +62,9 @@ def make_server(service: Service) -> MCPServer:
         asked = Expect(map=map, room=room, most=most, labels=labels)
         return await _answer(service.expect(asked))
 
+    for tool in (find_things, expect_things):
+        reads = ToolAnnotations(read_only_hint=True, open_world_hint=False)
+        server.add_tool(tool, annotations=reads)
     return server
 
 

@@ -20,9 +20,9 @@ def test_the_lines_of_the_page_run(
 ) -> None:
     """Beside docs/office.json."""
     monkeypatch.chdir(REPOSITORY / "docs")
-    text = (REPOSITORY / "docs" / "robot-software.md").read_text("utf-8")
+    text = (REPOSITORY / "docs" / "planners.md").read_text("utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(compile(block, "docs/robot-software.md", "exec"), {"__name__": "planning"})
+    exec(compile(block, "docs/planners.md", "exec"), {"__name__": "planning"})
     before, after = map(float, capsys.readouterr().out.split())
     assert before > 0 == after
 

@@ -160,7 +160,7 @@ def test_a_fault_of_a_graph_is_at_its_place(said: Any, place: str) -> None:
 
 
 def test_the_simplest_map_says_what_its_document_says() -> None:
-    """A room with things was entered, its name is its kind if that is a label; [] is not entered."""
+    """A room with things was entered; its name is its kind, if that is a label."""
     simple = {"kitchen_2": ["sink", "chair", "chair"], "R7": ["sink"], "hall": []}
     full = {
         "scene_id": "home",

@@ -1,0 +1,207 @@
+"""The service over HTTP, asked as clients ask it: well, badly, slowly, and all at once."""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+import anyio
+import httpx2
+import jsonschema
+import pytest
+from click.testing import CliRunner
+from conftest import REPOSITORY
+
+import bsg_models
+from bsg_cli.belief import main as belief
+from bsg_cli.serve.bounds import MOST_BYTES, MOST_HELD, Bounds
+
+HOME = json.loads((REPOSITORY / "docs/home.json").read_text("utf-8"))
+DSG = json.loads((REPOSITORY / "docs/dsg.json").read_text("utf-8"))
+SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
+JSON = {"Content-Type": "application/json"}
+HUGE = b'{"map": {"kitchen": ["' + b"x" * 64_000_000 + b'"]}, "things": "chair"}'
+
+
+def ask(address: str, path: str = "/find", **question: Any) -> httpx2.Response:
+    return httpx2.post(address + path, json=question, timeout=60)
+
+
+def test_an_answer_is_that_of_the_command(address: str) -> None:
+    words = [str(REPOSITORY / "docs/home.json"), "--find", "microwave", "--from", "living"]
+    told = json.loads(CliRunner().invoke(belief, [*words, "--json"]).stdout)
+    found = ask(address, map=HOME, things="microwave", here="living").json()
+    assert found["go_first"] == told.pop("go_first") == "kitchen"
+    assert found["cost_unit"] == told.pop("cost_unit") == "m"
+    assert found["things"] == [told]
+
+
+@pytest.mark.parametrize("said", [HOME, DSG, SIMPLE])
+def test_every_kind_of_map_is_read_as_open_graph_reads_it(
+    address: str, said: dict[str, Any]
+) -> None:
+    labels = "mpcat40" if said is DSG else None
+    seen = bsg_models.open_graph(said, labels=labels)
+    found = ask(address, "/expect", map=said, most=3, labels=labels).json()
+    assert [room["room"] for room in found["rooms"]] == list(seen.rooms)
+    assert found["notes"] == list(seen.notes)
+    for room in found["rooms"]:
+        expected = seen.expected(room["room"])[:3]
+        assert [one["name"] for one in room["expected"]] == [one.name for one in expected]
+        assert [one["probability"] for one in room["expected"]] == pytest.approx(
+            [one.probability for one in expected], abs=1e-6
+        )
+
+
+def test_questions_and_answers_are_as_openapi_says(address: str) -> None:
+    described = httpx2.get(f"{address}/openapi.json").json()
+    said = {"map": SIMPLE, "things": ["bed", "sofa"], "here": "hall"}
+    schemas = {"/find": said, "/expect": {"map": SIMPLE, "room": "hall"}}
+    for path, question in schemas.items():
+        post = described["paths"][path]["post"]
+        answer = ask(address, path, **question)
+        fault = ask(address, path, map=5)
+        for value, content in (
+            (question, post["requestBody"]),
+            (answer.json(), post["responses"]["200"]),
+            (fault.json(), post["responses"]["422"]),
+        ):
+            schema = content["content"]["application/json"]["schema"]
+            jsonschema.validate(value, {**schema, "components": described["components"]})
+
+
+@pytest.mark.parametrize(
+    ("question", "code", "place"),
+    [
+        ({"map": {"kitchen": "sink"}}, "graph-malformed", "graph: kitchen: "),
+        (
+            {"map": {**HOME, "rooms": [{"id": "hall", "hidden_share": 2}]}},
+            "graph-malformed",
+            "graph: room 'hall': hidden_share: ",
+        ),
+        ({"map": {**DSG, "nodes": [{}]}}, "dsg-malformed", "graph: "),
+        ({"map": {str(n): [] for n in range(501)}}, "rooms-too-many", "graph: "),
+        ({"map": SIMPLE, "labels": "mpcat40"}, "labels-unused", "labels are for Hydra's"),
+        ({"map": SIMPLE, "labels": "/etc/passwd"}, "question-malformed", "labels: "),
+        ({"map": SIMPLE, "here": "attic"}, "room-unknown", "graph: no room 'attic'"),
+        ({"map": SIMPLE, "things": "flibber"}, "thing-unknown", "no model here can look for"),
+        ({"map": SIMPLE, "things": []}, "question-malformed", "things: "),
+        ({"map": SIMPLE, "heer": "hall"}, "question-malformed", "heer: "),
+        ({"map": [SIMPLE]}, "question-malformed", "map: "),
+    ],
+)
+def test_a_fault_says_where_it_is(
+    address: str, question: dict[str, Any], code: str, place: str
+) -> None:
+    answer = ask(address, **{"things": "sink", **question})
+    fault = answer.json()
+    assert (answer.status_code, fault["code"]) == (422, code)
+    assert fault["error"].startswith(place), fault
+
+
+@pytest.mark.parametrize(
+    ("body", "headers", "status", "code"),
+    [
+        (b"{", JSON, 400, "json-malformed"),
+        (b'{"map": NaN}', JSON, 400, "json-malformed"),
+        (b"[" * 100_000, JSON, 400, "json-malformed"),
+        (b"{}", {"Content-Type": "text/plain"}, 415, "content-type"),
+        (HUGE, JSON, 413, "question-too-large"),
+    ],
+)
+def test_what_is_no_question_is_refused(
+    address: str, body: bytes, headers: dict[str, str], status: int, code: str
+) -> None:
+    answer = httpx2.post(f"{address}/find", content=body, headers=headers)
+    assert (answer.status_code, answer.json()["code"]) == (status, code)
+
+
+@pytest.mark.parametrize("path", ["/find", "/mcp", "/openapi.json"])
+def test_another_host_is_refused(address: str, path: str) -> None:
+    """A page of a stranger's name that leads to this machine (DNS rebinding)."""
+    port = urlsplit(address).port
+    for host, refused in (("evil.example", True), (f"localhost:{port}", False)):
+        answer = httpx2.post(address + path, json={}, headers={"Host": host})
+        assert (answer.text == "Invalid host header") == refused
+
+
+@pytest.mark.heavy
+def test_a_thousand_questions_at_once_are_answered(address: str) -> None:
+    """Each like alone, while slow clients hold connections and others send what is too large."""
+    question = {"map": SIMPLE, "things": "microwave", "here": "hall"}
+    alone = ask(address, **question).text
+    slow = [_open_slowly(address) for _ in range(50)]
+
+    async def ask_all() -> list[httpx2.Response]:
+        answers = []
+        limits = httpx2.Limits(max_connections=400)
+        async with (
+            httpx2.AsyncClient(base_url=address, limits=limits, timeout=600) as client,
+            anyio.create_task_group() as tasks,
+        ):
+
+            async def post(**said: Any) -> None:
+                answers.append(await client.post("/find", headers=JSON, **said))
+
+            for _ in range(1000):
+                tasks.start_soon(lambda: post(json=question))
+            for _ in range(5):
+                tasks.start_soon(lambda: post(content=HUGE))
+        return answers
+
+    answers = anyio.run(ask_all)
+    assert sorted(one.status_code for one in answers) == [200] * 1000 + [413] * 5
+    assert {one.text for one in answers if one.status_code == 200} == {alone}
+    for client in slow:
+        client.close()
+
+
+def _open_slowly(address: str) -> socket.socket:
+    """Begin a question, and leave it there."""
+    client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0))
+    client.sendall(b"POST /find HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n")
+    client.sendall(b"Content-Length: 100\r\n\r\n{")
+    return client
+
+
+async def _answer_nothing(scope: Any, receive: Any, send: Any) -> None:
+    await anyio.sleep_forever()
+
+
+async def _send_slowly() -> dict[str, Any]:
+    await anyio.sleep(0.01)
+    return {"type": "http.request", "body": b" ", "more_body": True}
+
+
+async def _send_at_once() -> dict[str, Any]:
+    return {"type": "http.request", "body": b"{}", "more_body": False}
+
+
+def run_bounds(bounds: Bounds, receive: Callable[[], Any]) -> tuple[int, str]:
+    """Return status and code of what is answered to a request."""
+    sent: list[dict[str, Any]] = []
+
+    async def send(message: dict[str, Any]) -> None:
+        sent.append(message)
+
+    headers = [(b"content-type", b"application/json")]
+    scope = {"type": "http", "method": "POST", "headers": headers}
+    anyio.run(bounds, scope, receive, send)
+    return sent[0]["status"], json.loads(sent[1]["body"])["code"]
+
+
+def test_a_slow_question_and_a_slow_answer_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bsg_cli.serve.bounds.SECONDS_TO_ASK", 0.1)
+    monkeypatch.setattr("bsg_cli.serve.bounds.SECONDS_TO_ANSWER", 0.1)
+    bounds = Bounds(_answer_nothing)
+    assert run_bounds(bounds, _send_slowly) == (408, "question-slow")
+    assert run_bounds(bounds, _send_at_once) == (503, "answer-late")
+
+
+def test_all_questions_together_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bsg_cli.serve.bounds.MOST_HELD", 1)
+    assert MOST_BYTES < MOST_HELD
+    assert run_bounds(Bounds(_answer_nothing), _send_at_once) == (503, "busy")

@@ -1,0 +1,41 @@
+"""The lines of docs/http.md and docs/mcp.md do what the pages say, as a shell and Python run them."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import pytest
+from conftest import REPOSITORY
+
+DOCS = REPOSITORY / "docs"
+
+
+def read_blocks(page: str, kind: str, address: str) -> list[str]:
+    text = (DOCS / page).read_text("utf-8").replace("http://127.0.0.1:8000", address)
+    return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
+
+
+@pytest.mark.skipif(not (shutil.which("curl") and shutil.which("jq")), reason="no curl or no jq")
+def test_the_lines_of_curl_are_answered(address: str) -> None:
+    lines = "\n".join(b for b in read_blocks("http.md", "sh", address) if "curl" in b)
+    shell = ["bash", "-euo", "pipefail", "-c", f"{{ {lines}\n}} | jq --slurp ."]
+    done = subprocess.run(shell, cwd=DOCS, capture_output=True, text=True, check=True)
+    find, expect, file = json.loads(done.stdout)
+    assert find["go_first"] == file["go_first"] == "kitchen"
+    assert find["cost_unit"] == "rooms"
+    assert len(expect["rooms"][0]["expected"]) == 3
+
+
+def test_the_lines_of_the_client_are_answered(address: str) -> None:
+    (block,) = read_blocks("mcp.md", "python", address)
+    done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=True)
+    assert done.stdout == "kitchen\n"
+
+
+def test_the_configurations_are_json() -> None:
+    for block in read_blocks("mcp.md", "json", ""):
+        assert json.loads(block)

@@ -1,0 +1,50 @@
+"""The service as an agent asks it: by the official client, over stdin and stdout, and over HTTP."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import anyio
+import pytest
+from mcp import Client, StdioServerParameters
+
+import bsg_models
+
+SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
+
+
+@pytest.fixture(params=[pytest.param("stdio", marks=pytest.mark.heavy), "http"])
+def server(request: pytest.FixtureRequest) -> Any:
+    if request.param == "http":
+        return request.getfixturevalue("address") + "/mcp"
+    line = "from bsg_cli.serve import main; main()"
+    return StdioServerParameters(command=sys.executable, args=["-c", line, "--stdio"])
+
+
+def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
+    async def ask() -> None:
+        async with Client(server) as client:
+            tools = {tool.name: tool for tool in (await client.list_tools()).tools}
+            assert set(tools) == {"find_things", "expect_things"}
+            assert all(tool.description and tool.output_schema for tool in tools.values())
+
+            question = {"map": SIMPLE, "things": ["microwave"], "here": "hall"}
+            found = (await client.call_tool("find_things", question)).structured_content
+            seen = bsg_models.open_graph(SIMPLE)
+            assert found["go_first"] == seen.next_room("microwave", here="hall")
+            place = found["things"][0]["places"][0]
+            best = seen.where("microwave", here="hall")[0]
+            assert (place["room"], place["cost"]) == (best.room, best.cost)
+            assert place["probability"] == pytest.approx(best.probability, abs=1e-6)
+
+            held = await client.call_tool("expect_things", {"map": SIMPLE, "room": "hall"})
+            names = [one["name"] for one in held.structured_content["rooms"][0]["expected"]]
+            assert names == [one.name for one in seen.expected("hall")[:10]]
+
+            wrong = {"map": {"kitchen": 5}, "things": ["microwave"]}
+            fault = await client.call_tool("find_things", wrong)
+            assert fault.is_error
+            assert "graph: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
+
+    anyio.run(ask)
