@@ -123,7 +123,7 @@ def test_what_is_no_question_is_refused(
 def test_another_host_is_refused(address: str, path: str) -> None:
     """A page of a stranger's name that leads to this machine (DNS rebinding)."""
     port = urlsplit(address).port
-    for host, refused in (("evil.example", True), (f"localhost:{port}", False)):
+    for host, refused in (("evil.example", True), (f"localhost:{port}", False), ("[::1]", False)):
         answer = httpx2.post(address + path, json={}, headers={"Host": host})
         assert (answer.text == "Invalid host header") == refused
 

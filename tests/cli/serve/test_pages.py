@@ -1,4 +1,4 @@
-"""The lines of docs/http.md and docs/mcp.md do what the pages say, as a shell and Python run them."""
+"""The lines of docs/http.md and docs/mcp.md do what the pages say, in a shell and in Python."""
 
 from __future__ import annotations
 
