@@ -59,7 +59,7 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
         return await service.expect(asked)
 
     for answer in (find, expect):
-        app.post(f"/{answer.__name__}")(answer)
+        app.post(f"/{answer.__name__}", operation_id=answer.__name__)(answer)
     return app
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import sys
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
@@ -17,7 +18,9 @@ from conftest import REPOSITORY
 
 import bsg_models
 from bsg_cli.belief import main as belief
+from bsg_cli.serve import main as serve
 from bsg_cli.serve.bounds import MOST_BYTES, MOST_HELD, Bounds
+from bsg_cli.serve.http import make_app
 
 HOME = json.loads((REPOSITORY / "docs/home.json").read_text("utf-8"))
 DSG = json.loads((REPOSITORY / "docs/dsg.json").read_text("utf-8"))
@@ -126,6 +129,27 @@ def test_another_host_is_refused(address: str, path: str) -> None:
     for host, refused in (("evil.example", True), (f"localhost:{port}", False), ("[::1]", False)):
         answer = httpx2.post(address + path, json={}, headers={"Host": host})
         assert (answer.text == "Invalid host header") == refused
+
+
+def test_a_name_that_is_allowed_may_be_asked() -> None:
+    app = make_app(None, hosts=["robot.local"])  # type: ignore[arg-type] -- nothing is answered
+
+    async def status(host: str) -> int:
+        transport = httpx2.ASGITransport(app=app)
+        async with httpx2.AsyncClient(transport=transport, base_url=f"http://{host}") as client:
+            return (await client.get("/openapi.json")).status_code
+
+    assert [anyio.run(status, host) for host in ("robot.local:80", "other.local")] == [200, 400]
+
+
+def test_without_its_packages_the_command_says_how_to_install_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delitem(sys.modules, "bsg_cli.serve.http")
+    monkeypatch.setitem(sys.modules, "fastapi", None)
+    result = CliRunner().invoke(serve)
+    assert result.exit_code == 1
+    assert "bsg-serve needs fastapi: pip install './belief-scene-graphs[serve]'" in result.output
 
 
 @pytest.mark.heavy
