@@ -62,6 +62,8 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
         return
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.create_server((host, port), family=family, backlog=2048) as door:
+        # An answer goes out at once; asyncio says so only for sockets that it opens itself.
+        door.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         shown = f"[{host}]" if ":" in host else host
         print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
         listen(service, door, hosts=(*(() if host in _EVERYWHERE else (shown,)), *names))
