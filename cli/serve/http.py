@@ -19,6 +19,7 @@ from bsg_cli.serve.bounds import MOST_BYTES, MOST_CONNECTIONS, Bounds, Fault, re
 from bsg_cli.serve.questions import Contents, Expect, Find, Found, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
+from bsg_data.spelling import SHOWN
 
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
 _FAULTS = {
@@ -86,7 +87,7 @@ async def _explain(_: Request, error: Exception) -> JSONResponse:
 
 async def _explain_question(_: Request, error: Exception) -> JSONResponse:
     fault = error.errors()[0]  # type: ignore[attr-defined]
-    where = ".".join(map(str, fault["loc"][1:])) or "the question"
+    where = ".".join(str(part)[:SHOWN] for part in fault["loc"][1:]) or "the question"
     said = str(fault["msg"]).removeprefix("Value error, ")
     return refuse(422, f"{where}: {said}", code="question-malformed", where=where)
 
