@@ -66,7 +66,8 @@ TABLE = Bound(
     f"{MAX_OBJECT_ROWS:,} rows; lines of {MAX_LINE:,} characters; packed {MAX_RATIO} to 1 at most",
 )
 MAX_ROBOT_ROOMS = 10_000  # a model takes about 100 kB for each where their shares are not known
-_ROOMS = f"{_NESTED}; {MAX_ROBOT_ROOMS:,} rooms"
+MAX_ROBOT_OBJECTS = 100_000  # each takes a kilobyte while a graph is read
+_ROOMS = f"{_NESTED}; {MAX_ROBOT_ROOMS:,} rooms, {MAX_ROBOT_OBJECTS:,} objects"
 ROBOT = Bound("robot's graph, JSON", 64 * MIB, _ROOMS)
 SPARK_DSG = Bound("Spark-DSG graph, JSON or binary", 256 * MIB, _ROOMS)
 BELIEF = Bound("belief graph, JSON", 256 * MIB, _NESTED)

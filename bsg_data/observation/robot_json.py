@@ -38,7 +38,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, Valida
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS, ROBOT
+from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS, ROBOT
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
@@ -134,7 +134,7 @@ class _Graph(Record):
     rooms: Annotated[
         tuple[Annotated[_Room, AfterValidator(_know)], ...], Field(max_length=MAX_ROBOT_ROOMS)
     ]
-    objects: tuple[_Object, ...] = ()
+    objects: Annotated[tuple[_Object, ...], Field(max_length=MAX_ROBOT_OBJECTS)] = ()
     adjacency: tuple[tuple[Id, Id], ...] = ()
     # A list of words; or word → class, as `encode_robot_graph` writes them.
     detector: Annotated[dict[Text, Text | None] | None, BeforeValidator(_list_words)] = None
@@ -210,6 +210,8 @@ def _spell_out(things: Mapping[str, Sequence[str]], path: Path) -> dict[str, Any
 
     A room's name is also its kind, if it is a room label. A room without things was not entered.
     """
+    if (found := sum(map(len, things.values()))) > MAX_ROBOT_OBJECTS:
+        raise RecipeError(f"expected at most {MAX_ROBOT_OBJECTS:,} things, found {found:,}")
     objects, times = [], Counter[str]()
     for room, seen in things.items():
         for thing in seen:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS
+from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
     KnownRoom,
@@ -189,6 +189,10 @@ def test_the_simplest_map_says_what_its_document_says() -> None:
         ({"x" * 10_000: []}, f"{'x' * 80}.[key]: String should have at most 500 characters"),
         ({"kitchen": ["sink"], "scene_id": "home"}, "'kitchen' is no key"),
         ({}, "scene_id: Field required"),
+        (
+            {"kitchen": ["cup"] * 60_000, "hall": ["cup"] * 40_001},
+            "expected at most 100,000 things",
+        ),
     ],
 )
 def test_a_fault_of_the_simplest_map_is_at_its_place(said: Any, place: str) -> None:
@@ -274,6 +278,13 @@ def test_a_graph_has_a_bound_of_rooms() -> None:
     """A small file would ask for more memory than a machine has."""
     said = {"scene_id": "huge", "rooms": [{"id": f"r{i}"} for i in range(MAX_ROBOT_ROOMS + 1)]}
     with refuses(RobotGraphError, "graph-malformed", where="huge.json"):
+        parse_robot_graph(said, path=Path("huge.json"))
+
+
+def test_a_graph_has_a_bound_of_objects() -> None:
+    objects = [{"id": str(n), "category": "cup"} for n in range(MAX_ROBOT_OBJECTS + 1)]
+    said = {"scene_id": "huge", "rooms": [], "objects": objects}
+    with refuses(RobotGraphError, "graph-malformed", where="huge.json", golden=False):
         parse_robot_graph(said, path=Path("huge.json"))
 
 
