@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import click
 
-from bsg_cli import belief, data, evaluate, leaderboard, models, search, serve, train
+from bsg_cli import belief, data, evaluate, leaderboard, models, ros, search, serve, train
 
 COMMANDS: Mapping[str, click.Command] = MappingProxyType(
     {
@@ -19,5 +19,6 @@ COMMANDS: Mapping[str, click.Command] = MappingProxyType(
         "bsg-search": search.main,
         "bsg-serve": serve.main,
         "bsg-models": models.main,
+        "bsg-ros": ros.main,
     }
 )

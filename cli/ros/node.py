@@ -1,0 +1,197 @@
+"""The node: topics, services and parameters of ROS 2 around a `Robot`.
+
+A question with an argument and an answer would need a service type of its own, which somebody has
+to compile for every distribution and every robot. Here it is two topics of text: the request has an
+`id`, and the answer on `~/answers` repeats it. Every language can do that, `ros2 bag` records it,
+and a client that dies leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+import rclpy
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+import bsg_data
+import bsg_models
+from bsg_cli.ros.markers import draw
+from bsg_cli.ros.requests import TOPICS, Robot
+from bsg_data.files import encode_json, write_bytes
+from bsg_data.observation.robot_json import encode_robot_graph
+from bsg_data.tables import make_plain
+
+try:
+    from vision_msgs.msg import Detection3DArray
+except ModuleNotFoundError:  # the wheels of rclpy come without it
+    Detection3DArray = None
+
+# name → default, meaning, least and most
+PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
+    "graph": ("", "file with what the robot has seen; empty: nothing", None),
+    "state": ("", "file that keeps what it sees; a new node goes on from it; empty: none", None),
+    "model": (bsg_models.DEFAULT_MODEL, "a shipped model, or the path of a run", None),
+    "map_frame": ("map", "frame of all positions", None),
+    "min_score": (0.5, "detections with a lower score are ignored", (0.0, 1.0)),
+    "period": (1.0, "seconds between two states: the graph, the markers, the file", (0.05, 3600.0)),
+}
+_NOTHING: dict[str, Any] = {"scene_id": "building", "rooms": []}
+_QUEUE = QoSProfile(depth=100)  # reliable
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # late ones get it, too
+
+
+class BeliefNode:
+    """Gives texts and detections to a `Robot`, and publishes its answers and its state."""
+
+    def __init__(self, node: Any) -> None:
+        """Declare parameters, read the graph, and open all topics.
+
+        Raises:
+            ParameterException: for a parameter of another type, or out of its range.
+            BSGError: if a file cannot be read, or there is no such model.
+        """
+        self.node, self.log = node, node.get_logger()
+        said = {name: _declare(node, name) for name in PARAMETERS}
+        self.graph, self.model = said["graph"], said["model"]
+        self.state = Path(said["state"]) if said["state"] else None
+        self.frame, self.min_score = said["map_frame"], said["min_score"]
+        self.thing: str | None = None  # what was asked for last, which the markers show
+        self.published: bsg_data.PartialGraph | None = None  # the last one, and so below
+        self.kept: bsg_data.PartialGraph | None = None
+        self.drawn: tuple[bsg_data.PartialGraph, str | None] | None = None
+        goes_on = self.state is not None and self.state.exists()
+        self.robot = Robot(self._open(self.state if goes_on else self.graph))
+        self.answers = node.create_publisher(String, "~/answers", _QUEUE)
+        self.graphs = node.create_publisher(String, "~/graph", _LATCHED)
+        self.markers = node.create_publisher(MarkerArray, "~/markers", _LATCHED)
+        for topic in TOPICS:
+            node.create_subscription(String, f"~/{topic}", partial(self.hear, topic), _QUEUE)
+        if Detection3DArray is not None:
+            detections = Detection3DArray, "~/detections", self.detect
+            node.create_subscription(*detections, qos_profile_sensor_data)
+        node.create_service(Trigger, "~/reset", self.reset)
+        node.create_timer(said["period"], self.tell)
+        self.tell()
+
+    def _open(self, graph: Any) -> bsg_models.SeenBuilding:
+        seen = bsg_models.open_graph(graph or _NOTHING, model=self.model)
+        for note in seen.notes:
+            self.log.info(make_plain(note))
+        self.log.info(f"{_count(seen)} by {self.model} from {graph or 'no file'}")
+        return seen
+
+    def hear(self, topic: str, message: String) -> None:
+        """Answer a text."""
+        answer = self.robot.hear(topic, message.data)
+        if "error" in answer:
+            self.log.warning(make_plain(f"~/{topic}: {answer['error']}"))
+        elif topic == "where" and "thing" in answer:
+            self.thing = answer["thing"]
+        self.answers.publish(String(data=encode_json(answer)))
+
+    def detect(self, message: Any) -> None:
+        """Note what a detector saw from the room where the robot is."""
+        for said in read_detections(message, frame=self.frame, min_score=self.min_score):
+            fault = self.robot.answer("saw", said).get("error")
+            if fault is not None:
+                self.log.warning(make_plain(f"~/detections: {fault}"), throttle_duration_sec=10.0)
+
+    def reset(self, _: Any, answer: Any) -> Any:
+        """Begin with the parameter `graph` again."""
+        try:
+            self.robot = Robot(self._open(self.graph))
+            self.thing = None
+            self.tell()
+            answer.success, answer.message = True, _count(self.robot.seen)
+        except bsg_data.BSGError as error:
+            answer.success, answer.message = False, str(error)
+        return answer
+
+    def tell(self) -> None:
+        """Publish what is new, and keep it: at most once a period, because sightings come often."""
+        seen = self.robot.seen
+        if seen.graph is not self.published:
+            self.graphs.publish(String(data=_encode(seen)))
+            self.published = seen.graph
+        now = (seen.graph, self.thing)
+        if now != self.drawn and self.markers.get_subscription_count():
+            self.markers.publish(draw(seen, thing=self.thing, frame=self.frame))
+            self.drawn = now
+        self.keep()
+
+    def keep(self) -> None:
+        """Write the state; a full disk does not stop the node, which tries again."""
+        seen = self.robot.seen
+        if self.state is not None and seen.graph is not self.kept:
+            try:
+                write_bytes(self.state, _encode(seen).encode())
+                self.kept = seen.graph
+            except bsg_data.BSGError as error:
+                self.log.error(make_plain(str(error)), throttle_duration_sec=10.0)
+
+
+def run(ros_args: Sequence[str]) -> None:
+    """Run the node until Ctrl-C, SIGTERM or a shutdown of ROS.
+
+    Raises:
+        BSGError: if its graph, its state or its model cannot be read.
+    """
+    try:
+        rclpy.init(args=[*ros_args])
+    except RuntimeError as error:
+        raise click.UsageError(str(error)) from error
+    node = rclpy.create_node("belief")
+    belief = None
+    try:
+        belief = BeliefNode(node)
+        rclpy.spin(node)
+    except ParameterException as error:
+        raise click.UsageError(f"parameter {error}") from error
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        if belief is not None:
+            belief.keep()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:
+    """Yield the objects of a `vision_msgs/Detection3DArray` that have an id and a high score.
+
+    Positions count only in the frame of the map.
+    """
+    placed = message.header.frame_id == frame
+    for one in message.detections:
+        best = max((each.hypothesis for each in one.results), key=lambda h: h.score, default=None)
+        if best is not None and best.score >= min_score and one.id:
+            at = one.bbox.center.position
+            position = (at.x, at.y, at.z) if placed else None
+            yield {"thing": best.class_id, "object": one.id, "position": position}
+
+
+def _declare(node: Any, name: str) -> Any:
+    default, meaning, span = PARAMETERS[name]
+    spans = [FloatingPointRange(from_value=span[0], to_value=span[1])] if span else []
+    descriptor = ParameterDescriptor(
+        description=meaning, read_only=True, floating_point_range=spans
+    )
+    return node.declare_parameter(name, default, descriptor).value
+
+
+def _encode(seen: bsg_models.SeenBuilding) -> str:
+    return encode_json(encode_robot_graph(seen.graph), ensure_ascii=False)
+
+
+def _count(seen: bsg_models.SeenBuilding) -> str:
+    return f"{len(seen.rooms):,} rooms and {len(seen.graph.objects):,} objects"
