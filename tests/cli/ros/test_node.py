@@ -1,0 +1,235 @@
+"""`bsg-ros` in a process of its own, and a robot in another one, over DDS on this machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from queue import Queue
+from typing import Any
+from uuid import uuid4
+
+import pytest
+from conftest import REPOSITORY
+
+pytest.importorskip("rclpy", reason="needs ROS 2: the extra ros, or a ROS 2 whose setup is sourced")
+HOME, EXAMPLES = REPOSITORY / "docs" / "home.json", REPOSITORY / "docs" / "examples"
+WAIT = 120  # seconds; only something that is broken takes them
+COMMAND = [sys.executable, "-c", "import bsg_cli.ros; bsg_cli.ros.main()", "--ros-args"]
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+class Robot:
+    """The process of tests/ros_robot.py."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process = process
+        self.heard: dict[str, Queue[Any]] = {
+            topic: Queue() for topic in ("ready", "answers", "graph", "markers", "reset")
+        }
+        threading.Thread(target=self._listen, daemon=True).start()
+        self.hear("ready")
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            topic, content = json.loads(line)
+            self.heard[topic].put(content)
+
+    def say(self, topic: str, text: str | None) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps([topic, text]) + "\n")
+        self.process.stdin.flush()
+
+    def hear(self, topic: str) -> Any:
+        return self.heard[topic].get(timeout=WAIT)
+
+    def ask(self, topic: str, text: str) -> dict[str, Any]:
+        self.say(topic, text)
+        answer: dict[str, Any] = self.hear("answers")
+        return answer
+
+    def hear_graph(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Return the first graph of which something holds."""
+        while True:
+            graph: dict[str, Any] = self.hear("graph")
+            if holds(graph):
+                return graph
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Start processes that find one another on this machine alone, and end them."""
+    running = []
+
+    def start_one(*words: str) -> subprocess.Popen[str]:
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(
+            words,
+            stdin=pipe,
+            stdout=pipe,
+            text=True,
+            env={**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+            cwd=REPOSITORY,
+        )
+        running.append(process)
+        return process
+
+    yield start_one
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def space() -> str:
+    """Return a namespace of the test's own."""
+    return f"/t{uuid4().hex}"
+
+
+def start_node(start: Start, space: str, **parameters: object) -> subprocess.Popen[str]:
+    said = {"model": "mixture", "period": 0.1, **parameters}
+    words = [word for name, value in said.items() for word in ("-p", f"{name}:={value}")]
+    return start(*COMMAND, "-r", f"__ns:={space}", *words)
+
+
+def start_robot(start: Start, space: str) -> Robot:
+    return Robot(start(sys.executable, str(REPOSITORY / "tests" / "ros_robot.py"), space))
+
+
+def end(process: subprocess.Popen[str], number: signal.Signals) -> int:
+    process.send_signal(number)
+    return process.wait(WAIT)
+
+
+@pytest.mark.heavy
+def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: str) -> None:
+    node, robot = start_node(start, space), start_robot(start, space)
+    assert robot.hear("graph")["rooms"] == [], "it is latched: who comes late gets it, too"
+    assert robot.ask("where", "sofa")["go_first"] is None
+    hall = '{"room": "hall", "position": [0, 0, 0]}'
+    assert robot.ask("discovered", hall) == {"topic": "discovered", "room": "hall"}
+    robot.ask("entered", '{"room": "hall", "floor_in_view": 0.4}')
+    new = {"room": "kitchen", "beside": "hall", "room_type": "kitchen", "position": [3, 4, 0]}
+    robot.ask("discovered", json.dumps(new))
+    seen = robot.ask(
+        "saw", '{"thing": "coat rack", "object": "7", "position": [1, 0, 0], "id": "a"}'
+    )
+    assert seen == {"topic": "saw", "id": "a", "object": "7"}
+    answer = robot.ask("where", '{"thing": "microwave", "id": "b"}')
+    assert (answer["id"], answer["go_first"], answer["cost_unit"]) == ("b", "kitchen", "m")
+    assert [(one["room"], one["cost"]) for one in answer["places"]] == [("kitchen", 5), ("hall", 0)]
+    assert robot.ask("expected", "kitchen")["expected"][0]["probability"] > 0.1
+    graph = robot.hear_graph(lambda graph: bool(graph["objects"]))
+    assert [room["id"] for room in graph["rooms"]] == ["hall", "kitchen"]
+    assert 0 < graph["rooms"][0]["hidden_share"] < 1
+    assert graph["objects"][0]["room"] == "hall"
+    while "microwave" not in str(marks := robot.hear("markers")):
+        pass
+    assert {(name, points) for name, _, _, points in marks[1:]} == {
+        ("rooms", 0), ("names", 0), ("ways", 2), ("objects", 1)
+    }  # fmt: skip
+    assert {frame for _, _, frame, _ in marks[1:]} == {"map"}
+    robot.say("reset", None)
+    assert robot.hear("reset") == "0 rooms and 0 objects"
+    assert robot.hear_graph(lambda graph: not graph["rooms"])["objects"] == []
+    assert end(node, signal.SIGINT) == 0
+
+
+@pytest.mark.heavy
+def test_questions_are_answered_while_sightings_arrive(start: Start, space: str) -> None:
+    """From two robots at once; each text is answered, to all who listen."""
+    start_node(start, space, graph=HOME)
+    first, second = start_robot(start, space), start_robot(start, space)
+    for number in range(90):  # fewer than the queues hold
+        sighting = {"thing": "chair", "room": "hall", "object": f"c{number}", "id": f"c{number}"}
+        first.say("saw", json.dumps(sighting))
+        if number % 10 == 0:
+            second.say("where", json.dumps({"thing": "chair", "id": f"q{number}"}))
+    for robot in (first, second):
+        answers = [robot.hear("answers") for _ in range(99)]
+        asked = [answer for answer in answers if answer["topic"] == "where"]
+        assert {answer["id"] for answer in asked} == {f"q{number}" for number in range(0, 90, 10)}
+        assert all(answer["go_first"] for answer in asked)
+        objects = {answer["object"] for answer in answers if answer["topic"] == "saw"}
+        assert objects == {f"c{number}" for number in range(90)}
+    graph = first.hear_graph(lambda graph: len(graph["objects"]) == 93)
+    assert sum(obj["room"] == "hall" for obj in graph["objects"]) == 91
+
+
+@pytest.mark.heavy
+def test_a_client_that_dies_and_texts_that_are_wrong_stop_nothing(start: Start, space: str) -> None:
+    node = start_node(start, space, graph=HOME)
+    dying, robot = start_robot(start, space), start_robot(start, space)
+    for _ in range(50):
+        dying.say("where", "microwave")
+    dying.process.kill()
+    wrong = {
+        "json-malformed": '{"thing": "sofa"',
+        "request-malformed": '{"thing": 3, "id": "9"}',
+        "thing-unknown": '{"thing": "zzqx"}',
+        "request-too-large": "[" * 70_000,
+    }
+    codes = {}
+    for text in wrong.values():
+        robot.say("where", text)
+    while len(codes) < len(wrong):
+        answer = robot.hear("answers")
+        if "error" in answer:
+            codes[answer["code"]] = answer.get("id")
+    assert codes == dict.fromkeys(wrong) | {"request-malformed": "9"}
+    assert robot.ask("where", "bed")["class"] == "bed"
+    assert node.poll() is None
+
+
+@pytest.mark.heavy
+def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path) -> None:
+    """After SIGTERM, at once; after a kill, from what it kept last."""
+    state = tmp_path / "seen.json"
+    node, robot = start_node(start, space, graph=HOME, state=state), start_robot(start, space)
+    robot.ask("discovered", '{"room": "cellar", "beside": "hall"}')
+    robot.ask("saw", '{"thing": "sink", "room": "kitchen"}')
+    before = robot.ask("where", '{"thing": "sink", "here": "hall"}')
+    assert end(node, signal.SIGTERM) == 0
+    robot.process.kill()
+    kept = json.loads(state.read_text("utf-8"))
+    assert [room["id"] for room in kept["rooms"]][-1] == "cellar"
+
+    node, robot = start_node(start, space, graph=HOME, state=state), start_robot(start, space)
+    assert robot.hear("graph") == kept
+    assert robot.ask("where", '{"thing": "sink", "here": "hall"}') == before
+    robot.ask("searched", "cellar")
+    while json.loads(state.read_text("utf-8")) == kept:  # written within a period
+        pass
+    assert end(node, signal.SIGKILL) == -signal.SIGKILL
+    robot.process.kill()
+
+    start_node(start, space, graph=HOME, state=state)
+    cellar = start_robot(start, space).hear("graph")["rooms"][-1]
+    assert (cellar["id"], cellar["hidden_share"]) == ("cellar", 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["-p", "graph:=3"], "parameter"),
+        (["-p", "period:=0.0"], "period"),
+        (["-p", "graph"], "-p graph"),
+        (["-p", "graph:=no-such.json"], "no-such.json"),
+        (["-p", "model:=universel"], "universal"),
+    ],
+)
+@pytest.mark.heavy
+def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], said: str) -> None:
+    done = subprocess.run(
+        [*COMMAND, "-p", "model:=mixture", *words], capture_output=True, text=True, timeout=WAIT
+    )
+    assert done.returncode in (1, 2)
+    assert said in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
