@@ -18,7 +18,7 @@ COMMANDS: Mapping[str, click.Command] = MappingProxyType(
         "bsg-belief": belief.main,
         "bsg-search": search.main,
         "bsg-serve": serve.main,
-        "bsg-models": models.main,
         "bsg-ros": ros.main,
+        "bsg-models": models.main,
     }
 )

@@ -8,7 +8,7 @@ and a client that dies leaves nothing behind.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from visualization_msgs.msg import MarkerArray
 import bsg_data
 import bsg_models
 from bsg_cli.ros.markers import draw
-from bsg_cli.ros.requests import TOPICS, Robot
+from bsg_cli.ros.requests import TOPICS, Robot, read_detections
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.robot_json import encode_robot_graph
 from bsg_data.tables import make_plain
@@ -164,20 +164,6 @@ def run(ros_args: Sequence[str]) -> None:
             belief.keep()
         node.destroy_node()
         rclpy.try_shutdown()
-
-
-def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:
-    """Yield the objects of a `vision_msgs/Detection3DArray` that have an id and a high score.
-
-    Positions count only in the frame of the map.
-    """
-    placed = message.header.frame_id == frame
-    for one in message.detections:
-        best = max((each.hypothesis for each in one.results), key=lambda h: h.score, default=None)
-        if best is not None and best.score >= min_score and one.id:
-            at = one.bbox.center.position
-            position = (at.x, at.y, at.z) if placed else None
-            yield {"thing": best.class_id, "object": one.id, "position": position}
 
 
 def _declare(node: Any, name: str) -> Any:

@@ -5,7 +5,7 @@ Texts come from other programs. They are bounded and checked here; a fault is an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -156,6 +156,20 @@ class Robot:
     def expected(self, said: Expected) -> Answer:
         """Answer what a room may hold, the likeliest first."""
         return {"room": said.room, "expected": [*map(asdict, self.seen.expected(said.room))]}
+
+
+def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:
+    """Yield the objects of a `vision_msgs/Detection3DArray` that have an id and a high score.
+
+    Positions count only in the frame of the map.
+    """
+    placed = message.header.frame_id == frame
+    for one in message.detections:
+        best = max((each.hypothesis for each in one.results), key=lambda h: h.score, default=None)
+        if best is not None and best.score >= min_score and one.id:
+            at = one.bbox.center.position
+            position = (at.x, at.y, at.z) if placed else None
+            yield {"thing": best.class_id, "object": one.id, "position": position}
 
 
 def _read(text: str, kind: type[_Request]) -> dict[str, Any]:

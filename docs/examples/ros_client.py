@@ -15,6 +15,7 @@ from typing import Any
 from uuid import uuid4
 
 import rclpy
+from rclpy.utilities import remove_ros_args
 from std_msgs.msg import String
 
 SECONDS = 10.0  # that a question waits for its answer
@@ -49,7 +50,7 @@ def ask(things: Sequence[str]) -> dict[str, Any]:
 def main() -> None:
     """Print the likeliest room of each thing, and where to go first."""
     rclpy.init(args=sys.argv)
-    answer = ask(sys.argv[1:])
+    answer = ask(remove_ros_args(sys.argv)[1:])
     if "error" in answer:
         sys.exit(answer["error"])
     for fact in answer.get("things", [answer]):

@@ -34,7 +34,12 @@ ELSEWHERE = {  # path in the repository → place on the site
         for path in sorted((REPOSITORY / "weights").glob("*.md"))
     },
 }
-SOURCES = {".csv": "text", ".py": "python", ".toml": "toml"}  # shown as code, by its language
+SOURCES = {
+    ".csv": "text",
+    ".py": "python",
+    ".toml": "toml",
+    ".xml": "xml",
+}  # shown as code, by its language
 PACKAGES = ("bsg_data", "bsg_models")
 SHIM = "assets/iframe-worker.js"
 _SHIM = "https://unpkg.com/iframe-worker/shim"

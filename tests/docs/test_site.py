@@ -65,10 +65,10 @@ def test_a_dead_link_stops_the_command(tmp_path: Path, text: str, expected: str 
 @pytest.mark.heavy
 def test_code_that_a_page_links_to_is_a_page_and_a_file(site: Path) -> None:
     folder = site / "source" / "docs" / "examples"
-    kept = (REPOSITORY / "docs" / "examples" / "ros2_belief_node.py").read_text("utf-8")
-    assert (folder / "ros2_belief_node.py").read_text("utf-8") == kept
-    page = (folder / "ros2_belief_node.py.html").read_text("utf-8")
-    assert '<a href="ros2_belief_node.py">Download this file</a>' in page
+    kept = (REPOSITORY / "docs" / "examples" / "ros_client.py").read_text("utf-8")
+    assert (folder / "ros_client.py").read_text("utf-8") == kept
+    page = (folder / "ros_client.py.html").read_text("utf-8")
+    assert '<a href="ros_client.py">Download this file</a>' in page
 
 
 def read_inventory(site: Path) -> set[str]:

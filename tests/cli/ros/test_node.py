@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,6 +15,7 @@ from pathlib import Path
 from queue import Queue
 from typing import Any
 from uuid import uuid4
+from xml.etree import ElementTree
 
 import pytest
 from conftest import REPOSITORY
@@ -233,3 +236,65 @@ def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], 
     assert done.returncode in (1, 2)
     assert said in done.stderr.splitlines()[-1]
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.heavy
+def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
+    start_node(start, space, graph=HOME)
+    client = (str(EXAMPLES / "ros_client.py"), "microwave", "sofa")
+    done = start(sys.executable, *client, "--ros-args", "-r", f"__ns:={space}")
+    lines = done.communicate(timeout=WAIT)[0].splitlines()
+    assert [line.split(",")[0] for line in lines[:2]] == ["microwave: kitchen", "sofa: living"]
+    assert lines[2] == "go first to living"
+    assert done.returncode == 0
+
+
+@pytest.mark.heavy
+def test_the_launch_file_starts_the_node(start: Start, space: str, tmp_path: Path) -> None:
+    """Its command, as `launch` splits and fills it."""
+    tree = ElementTree.parse(EXAMPLES / "belief.launch.xml")
+    values = {one.attrib["name"]: one.attrib["default"] for one in tree.iter("arg")}
+    assert values["graph"] == values["state"] == "''"
+    values |= {"namespace": space, "model": "mixture"}
+    (command,) = (one.attrib["cmd"] for one in tree.iter("executable"))
+    name, *words = (
+        re.sub(r"\$\(var\s(\w+)\)", lambda found: values[found[1]], word)
+        for word in shlex.split(command.replace("(var ", "(var\N{NO-BREAK SPACE}"))
+    )
+    assert name == "bsg-ros"
+    start(*COMMAND[:-1], *words)
+    assert start_robot(start, space).ask("discovered", "hall")["room"] == "hall"
+
+
+@pytest.mark.heavy
+def test_the_recorded_session_can_be_played(start: Start, space: str) -> None:
+    """The node answers as it did, but for the numbers, which a new model changes."""
+    highlevel = pytest.importorskip("rosbags.highlevel", reason="needs rosbags: the extra test")
+    with highlevel.AnyReader([EXAMPLES / "ros_session"]) as bag:
+        recorded = [
+            (one.topic.removeprefix("/belief/"), bag.deserialize(raw, one.msgtype).data)
+            for one, _, raw in bag.messages()
+            if one.msgtype == "std_msgs/msg/String"
+        ]
+    start_node(start, space, graph=HOME)
+    robot, answers = start_robot(start, space), [x for t, x in recorded if t == "answers"]
+    said = [one for one in recorded if one[0] not in ("answers", "graph")]
+    assert len(said) == len(answers) > 8
+    for (topic, text), answer in zip(said, map(json.loads, answers), strict=True):
+        again = robot.ask(topic, text)
+        assert again.keys() == answer.keys()
+        assert "error" not in again
+        same = ("topic", "id", "room", "object", "class")
+        assert [again.get(key) for key in same] == [answer.get(key) for key in same]
+
+
+def test_the_page_has_all_topics_and_parameters() -> None:
+    from bsg_cli.ros.node import PARAMETERS
+    from bsg_cli.ros.requests import TOPICS
+
+    page = (REPOSITORY / "docs" / "ros.md").read_text("utf-8")
+    rows = re.findall(r"^\| `([\w~/]+)` \| (\S+)", page, re.MULTILINE)
+    shown = {name: value.strip("`") for name, value in rows}
+    assert {f"~/{topic}" for topic in TOPICS} < shown.keys()
+    for name, (default, *_) in PARAMETERS.items():
+        assert shown[name] == (str(default) or "–"), name
