@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import Queue
@@ -209,7 +210,8 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     assert robot.ask("where", '{"thing": "sink", "here": "hall"}') == before
     robot.ask("searched", "cellar")
     while json.loads(state.read_text("utf-8")) == kept:  # written within a period
-        pass
+        assert node.poll() is None
+        time.sleep(0.02)
     assert end(node, signal.SIGKILL) == -signal.SIGKILL
     robot.process.kill()
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import asdict
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from conftest import REPOSITORY
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_cli.ros import requests
+from bsg_cli.ros import main, requests
 from bsg_cli.ros.requests import TOPICS, Robot, read_detections
 from bsg_data.files import encode_json
 from bsg_models import open_graph
@@ -94,7 +96,9 @@ def test_a_broken_detector_fills_no_memory(robot: Robot, monkeypatch: pytest.Mon
     monkeypatch.setattr(requests, "MOST_OBJECTS", len(robot.seen.graph.objects) + 1)
     monkeypatch.setattr(requests, "MOST_ROOMS", len(robot.seen.rooms) + 1)
     say(robot, "saw", thing="cup", room="kitchen", object="new")
-    assert say(robot, "saw", thing="cup", room="kitchen", object="more")["code"] == "objects-too-many"
+    assert (
+        say(robot, "saw", thing="cup", room="kitchen", object="more")["code"] == "objects-too-many"
+    )
     assert say(robot, "saw", thing="cup", room="kitchen", object="new")["object"] == "new"
     codes = [say(robot, "discovered", room=name).get("code") for name in "ab"]
     assert codes[-1] == "rooms-too-many"
@@ -148,3 +152,12 @@ def test_detections_with_an_id_and_a_high_score_are_sightings(
     assert robot.answer("saw", said)["code"] == "room-unsaid"
     robot.hear("entered", "kitchen")
     assert robot.answer("saw", said)["object"] == "d1"
+
+
+def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    monkeypatch.delitem(sys.modules, "bsg_cli.ros.node", raising=False)
+    done = CliRunner().invoke(main, ["--ros-args", "-p", "graph:=home.json"])
+    assert done.exit_code == 1
+    assert "setup.bash" in done.stderr
+    assert "belief-scene-graphs[ros]" in done.stderr
