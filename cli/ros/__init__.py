@@ -22,6 +22,8 @@ def main(ros_args: tuple[str, ...]) -> None:
       bsg-ros
       bsg-ros --ros-args -p graph:=home.json -p state:=seen.json
     """
+    if ros_args and ros_args[0] != "--ros-args":
+        raise click.NoSuchOption(ros_args[0], possibilities=["--ros-args", "--help"])
     try:
         from bsg_cli.ros.node import run
     except ModuleNotFoundError as error:
