@@ -21,7 +21,7 @@ def find_things(
     JSON has room ids; text has labels as well.
     """
     if as_json:
-        print_json(describe_things(seen, things, here=here))
+        print_json(describe_things(seen, things[0] if len(things) == 1 else things, here=here))
         return
     meanings = [seen.understand(thing) for thing in things]
     answers = [seen.where(thing, here=here) for thing in things]
@@ -38,21 +38,23 @@ def find_things(
 
 
 def describe_things(
-    seen: bsg_models.SeenBuilding, things: Sequence[str], *, here: str | None
+    seen: bsg_models.SeenBuilding, things: str | Sequence[str], *, here: str | None
 ) -> dict[str, Any]:
-    """Return where things probably are, and where to go first, as JSON has it."""
-    facts = [describe_thing(seen, seen.understand(thing), here) for thing in things]
-    together = {
+    """Return where things probably are, and where to go first, as JSON has it.
+
+    What is said of a thing stands at the top if `things` is a word, and in a list if it is a list.
+    """
+    single = isinstance(things, str)
+    facts = [_describe(seen, thing, here) for thing in ([things] if single else things)]
+    return {
+        **(facts[0] if single else {"things": facts}),
         "go_first": seen.next_room(things, here=here),
         "cost_unit": None if here is None else seen.ways().unit,
     }
-    return {**(facts[0] if len(facts) == 1 else {"things": facts}), **together}
 
 
-def describe_thing(
-    seen: bsg_models.SeenBuilding, meaning: bsg_models.Meaning, here: str | None
-) -> dict[str, Any]:
-    """Return in which rooms a thing probably is, as JSON has it."""
+def _describe(seen: bsg_models.SeenBuilding, thing: str, here: str | None) -> dict[str, Any]:
+    meaning = seen.understand(thing)
     return {
         "thing": meaning.word,
         "class": meaning.class_name,

@@ -150,8 +150,7 @@ class Robot:
 
     def where(self, said: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
-        things = [said.thing] if isinstance(said.thing, str) else said.thing
-        return describe_things(self.seen, things, here=said.here or self.here)
+        return describe_things(self.seen, said.thing, here=said.here or self.here)
 
     def expected(self, said: Expected) -> Answer:
         """Answer what a room may hold, the likeliest first."""

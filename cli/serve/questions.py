@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field
 
 import bsg_data
 import bsg_models
-from bsg_cli.find import describe_thing
+from bsg_cli.find import describe_things
 from bsg_data.files import AnyPath
 from bsg_data.observation.partial_graph import Id, Text
 from bsg_data.recipes import Record
@@ -163,13 +163,8 @@ class Service:
 
 
 def _find(seen: bsg_models.SeenBuilding, asked: Find) -> Found:
-    facts = [describe_thing(seen, seen.understand(one), asked.here) for one in asked.things]
-    return Found(
-        things=tuple(map(Thing.model_validate, facts)),
-        go_first=seen.next_room(asked.things, here=asked.here),
-        cost_unit=None if asked.here is None else seen.ways().unit,
-        notes=seen.notes,
-    )
+    facts = describe_things(seen, asked.things, here=asked.here)
+    return Found.model_validate({**facts, "notes": seen.notes})
 
 
 def _expect(seen: bsg_models.SeenBuilding, asked: Expect) -> Contents:
