@@ -92,8 +92,15 @@ class Bounds:
             began = True
             await send(message)
 
+        async def leave(answering: anyio.CancelScope) -> None:
+            await receive()  # after the body, only that the client has left
+            answering.cancel()
+
         with anyio.move_on_after(SECONDS_TO_ANSWER):
-            await self._app(scope, replay, watch)
+            async with anyio.create_task_group() as tasks:
+                tasks.start_soon(leave, tasks.cancel_scope)
+                await self._app(scope, replay, watch)
+                tasks.cancel_scope.cancel()
         if began:
             return None
         said = f"no answer within {SECONDS_TO_ANSWER:g} s; ask about fewer rooms, or again"
@@ -117,7 +124,7 @@ def _refuse_size() -> Response:
 def _check_json(body: bytearray) -> Response | None:
     try:
         if body:
-            parse_json(bytes(body), once=False)
+            parse_json(bytes(body))
     except ValueError as error:
         return refuse(400, f"no JSON ({str(error)[:200]})", code="json-malformed")
     return None

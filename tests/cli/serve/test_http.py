@@ -110,6 +110,7 @@ def test_a_fault_says_where_it_is(
     [
         (b"{", JSON, 400, "json-malformed"),
         (b'{"map": NaN}', JSON, 400, "json-malformed"),
+        (b'{"map": {"hall": ["lamp"], "hall": []}, "things": "lamp"}', JSON, 400, "json-malformed"),
         (b"[" * 100_000, JSON, 400, "json-malformed"),
         (b"{}", {"Content-Type": "text/plain"}, 415, "content-type"),
         (HUGE, JSON, 413, "question-too-large"),
@@ -200,8 +201,20 @@ async def _send_slowly() -> dict[str, Any]:
     return {"type": "http.request", "body": b" ", "more_body": True}
 
 
-async def _send_at_once() -> dict[str, Any]:
-    return {"type": "http.request", "body": b"{}", "more_body": False}
+def say(*messages: dict[str, Any]) -> Callable[[], Any]:
+    """Return what a server receives of a client that says this, and then waits."""
+    left = iter(messages)
+
+    async def receive() -> dict[str, Any]:
+        for message in left:
+            return message
+        await anyio.sleep_forever()
+        raise AssertionError
+
+    return receive
+
+
+QUESTION = {"type": "http.request", "body": b"{}", "more_body": False}
 
 
 def run_bounds(bounds: Bounds, receive: Callable[[], Any]) -> tuple[int, str]:
@@ -222,10 +235,15 @@ def test_a_slow_question_and_a_slow_answer_end(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("bsg_cli.serve.bounds.SECONDS_TO_ANSWER", 0.1)
     bounds = Bounds(_answer_nothing)
     assert run_bounds(bounds, _send_slowly) == (408, "question-slow")
-    assert run_bounds(bounds, _send_at_once) == (503, "answer-late")
+    assert run_bounds(bounds, say(QUESTION)) == (503, "answer-late")
+
+
+def test_the_answer_to_a_client_that_has_left_ends() -> None:
+    gone = say(QUESTION, {"type": "http.disconnect"})
+    assert run_bounds(Bounds(_answer_nothing), gone)[0] == 503  # which nobody hears
 
 
 def test_all_questions_together_have_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bsg_cli.serve.bounds.MOST_HELD", 1)
     assert MOST_BYTES < MOST_HELD
-    assert run_bounds(Bounds(_answer_nothing), _send_at_once) == (503, "busy")
+    assert run_bounds(Bounds(_answer_nothing), say(QUESTION)) == (503, "busy")
