@@ -200,7 +200,7 @@ def _find_partial(said: Any, path: Path) -> Any:
             "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
             f"found {show_value(said)}"
         )
-    if said and not said.keys() & set(_KEYS[""]):
+    if not said.keys() & set(_KEYS[""]):
         return _spell_out(_SIMPLEST.validate_python(said), path)
     return said
 
