@@ -44,13 +44,12 @@ def describe_things(
 
     What is said of a thing stands at the top if `things` is a word, and in a list if it is a list.
     """
-    single = isinstance(things, str)
-    facts = [_describe(seen, thing, here) for thing in ([things] if single else things)]
-    return {
-        **(facts[0] if single else {"things": facts}),
-        "go_first": seen.next_room(things, here=here),
-        "cost_unit": None if here is None else seen.ways().unit,
-    }
+    if isinstance(things, str):
+        facts = _describe(seen, things, here)
+    else:
+        facts = {"things": [_describe(seen, thing, here) for thing in things]}
+    unit = None if here is None else seen.ways().unit
+    return {**facts, "go_first": seen.next_room(things, here=here), "cost_unit": unit}
 
 
 def _describe(seen: bsg_models.SeenBuilding, thing: str, here: str | None) -> dict[str, Any]:

@@ -131,15 +131,19 @@ def test_bsg_data_and_its_command_import_without_torch_or_another_heavy_library(
     assert done.returncode == 0, done.stderr
 
 
+WITHOUT_HEAVY = (  # any import of these raises
+    "import sys\n"
+    "heavy = ('matplotlib', 'networkx', 'pandas', 'PIL', 'pyarrow', 'scipy', 'shapely',\n"
+    "         'torch', 'torch_geometric', 'trimesh')\n"
+    "sys.modules.update(dict.fromkeys(heavy))\n"
+)
+
+
 def test_an_answer_imports_nothing_heavy() -> None:
     """By every shipped model, in Python and as a command: what builds and trains stays aside."""
     graph = str(REPOSITORY / "docs" / "home.json")
     code = (
-        "import sys\n"
-        "heavy = ('matplotlib', 'networkx', 'pandas', 'PIL', 'pyarrow', 'scipy', 'shapely',\n"
-        "         'torch', 'torch_geometric', 'trimesh')\n"
-        "sys.modules.update(dict.fromkeys(heavy))\n"  # any import of these raises now
-        "import bsg_models\n"
+        f"{WITHOUT_HEAVY}import bsg_models\n"
         "for name in bsg_models.shipped_names():\n"
         f"    bsg_models.open_graph({graph!r}, model=name).where('microwave', here='hall')\n"
         "from bsg_cli.belief import main\n"
@@ -151,6 +155,17 @@ def test_an_answer_imports_nothing_heavy() -> None:
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("go first to kitchen\n")
+
+
+@pytest.mark.parametrize(
+    ("needed", "modules"),
+    [("rclpy", ["bsg_cli.ros.node"]), ("mcp", ["bsg_cli.serve.http", "bsg_cli.serve.tools"])],
+)
+def test_the_node_and_the_service_import_nothing_heavy(needed: str, modules: list[str]) -> None:
+    pytest.importorskip(needed, reason="needs the extras ros and serve")
+    code = f"{WITHOUT_HEAVY}import {', '.join(modules)}\n"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize("room", ["bsg_data", "bsg_data.extend", "bsg_models"])

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from types import MappingProxyType
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
 import bsg_data
 import bsg_models
@@ -26,7 +26,11 @@ _LONGEST = 100  # characters of a name
 
 Answer = dict[str, Any]
 Name = Annotated[str, Field(min_length=1, max_length=_LONGEST)]
-Names = Annotated[tuple[Name, ...], Field(max_length=_MOST_NAMES)]
+Names = Annotated[  # or one name
+    tuple[Name, ...],
+    Field(max_length=_MOST_NAMES),
+    BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
+]
 
 
 class _Request(Record):
@@ -64,7 +68,7 @@ class Discovered(_Request):
     """There is one more room, which the robot has not entered."""
 
     room: Name
-    beside: Names | Name = ()
+    beside: Names = ()
     room_type: Name | dict[Name, Share] | None = None
     position: Position | None = None
     floor_area: Metres | None = None
@@ -73,7 +77,7 @@ class Discovered(_Request):
 class Where(_Request):
     """Where a thing is, or several, and which room to go to first."""
 
-    thing: Name | Annotated[Names, Field(min_length=1)]
+    thing: Annotated[Names, Field(min_length=1)]
     here: Name | None = None  # None: where the robot is
 
 
@@ -150,7 +154,8 @@ class Robot:
 
     def where(self, said: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
-        return describe_things(self.seen, said.thing, here=said.here or self.here)
+        things = said.thing[0] if len(said.thing) == 1 else said.thing
+        return describe_things(self.seen, things, here=said.here or self.here)
 
     def expected(self, said: Expected) -> Answer:
         """Answer what a room may hold, the likeliest first."""

@@ -54,9 +54,11 @@ def main() -> None:
     if "error" in answer:
         sys.exit(answer["error"])
     for fact in answer.get("things", [answer]):
-        best = fact["places"][0]
-        print(f"{fact['thing']}: {best['room']}, {best['probability']:.0%}")
-    print(f"go first to {answer['go_first']}")
+        for best in fact["places"][:1]:  # none while no room is known
+            print(f"{fact['thing']}: {best['room']}, {best['probability']:.0%}")
+    print(
+        f"go first to {answer['go_first']}" if answer["go_first"] else "no room is left to search"
+    )
     rclpy.shutdown()
 
 

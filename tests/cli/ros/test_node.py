@@ -112,7 +112,6 @@ def end(process: subprocess.Popen[str], number: signal.Signals) -> int:
     return process.wait(WAIT)
 
 
-@pytest.mark.heavy
 def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: str) -> None:
     node, robot = start_node(start, space), start_robot(start, space)
     assert robot.hear("graph")["rooms"] == [], "it is latched: who comes late gets it, too"
@@ -146,7 +145,6 @@ def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: st
     assert end(node, signal.SIGINT) == 0
 
 
-@pytest.mark.heavy
 def test_questions_are_answered_while_sightings_arrive(start: Start, space: str) -> None:
     """From two robots at once; each text is answered, to all who listen."""
     start_node(start, space, graph=HOME)
@@ -167,7 +165,6 @@ def test_questions_are_answered_while_sightings_arrive(start: Start, space: str)
     assert sum(obj["room"] == "hall" for obj in graph["objects"]) == 91
 
 
-@pytest.mark.heavy
 def test_a_client_that_dies_and_texts_that_are_wrong_stop_nothing(start: Start, space: str) -> None:
     node = start_node(start, space, graph=HOME)
     dying, robot = start_robot(start, space), start_robot(start, space)
@@ -192,7 +189,6 @@ def test_a_client_that_dies_and_texts_that_are_wrong_stop_nothing(start: Start, 
     assert node.poll() is None
 
 
-@pytest.mark.heavy
 def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path) -> None:
     """After SIGTERM, at once; after a kill, from what it kept last."""
     state = tmp_path / "seen.json"
@@ -230,7 +226,6 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
         (["-p", "model:=universel"], "universal"),
     ],
 )
-@pytest.mark.heavy
 def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], said: str) -> None:
     done = subprocess.run(
         [*COMMAND, "-p", "model:=mixture", *words], capture_output=True, text=True, timeout=WAIT
@@ -240,7 +235,6 @@ def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], 
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.heavy
 def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
     start_node(start, space, graph=HOME)
     client = (str(EXAMPLES / "ros_client.py"), "microwave", "sofa")
@@ -251,7 +245,6 @@ def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
     assert done.returncode == 0
 
 
-@pytest.mark.heavy
 def test_the_launch_file_starts_the_node(start: Start, space: str, tmp_path: Path) -> None:
     """Its command, as `launch` splits and fills it."""
     tree = ElementTree.parse(EXAMPLES / "belief.launch.xml")
@@ -268,7 +261,6 @@ def test_the_launch_file_starts_the_node(start: Start, space: str, tmp_path: Pat
     assert start_robot(start, space).ask("discovered", "hall")["room"] == "hall"
 
 
-@pytest.mark.heavy
 def test_the_recorded_session_can_be_played(start: Start, space: str) -> None:
     """The node answers as it did, but for the numbers, which a new model changes."""
     highlevel = pytest.importorskip("rosbags.highlevel", reason="needs rosbags: the extra test")

@@ -14,7 +14,7 @@ import bsg_models
 SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
 
 
-@pytest.fixture(params=[pytest.param("stdio", marks=pytest.mark.heavy), "http"])
+@pytest.fixture(params=["stdio", "http"])
 def server(request: pytest.FixtureRequest) -> Any:
     if request.param == "http":
         return request.getfixturevalue("address") + "/mcp"
