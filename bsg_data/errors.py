@@ -98,6 +98,7 @@ EXTRA_OF = {  # package → the extra that brings it
     "onnx": "onnx",
     "onnxscript": "onnx",
     "pandas": "train",
+    "rerun": "rerun",
     "scipy": "meshes",
     "torch": "train",
     "torch_geometric": "train",

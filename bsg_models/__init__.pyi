@@ -19,6 +19,7 @@ from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
+from .rendering.recording import write_recording
 from .robot.find_probability import FindProbability
 from .robot.seen_building import ExpectedClass, Place, SeenBuilding, open_graph
 from .robot.ways import Ways
@@ -197,6 +198,7 @@ __all__ = [
     "validate_config",
     "write_belief",
     "write_explorer",
+    "write_recording",
     "write_tables",
     "write_toml",
 ]

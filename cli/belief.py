@@ -25,6 +25,7 @@ from bsg_cli.options import (
     model_option,
     number_option,
     out_option,
+    rerun_option,
     seed_option,
     split_option,
 )
@@ -70,7 +71,7 @@ _MOST_ROWS = 60
 )
 @number_option("--top", "Number of unseen classes per room.", default=3)
 @out_option(
-    "Write the belief graphs. The suffix sets the format: .json, .tables, .dsg.json or .html."
+    "Write the belief graphs. The suffix sets the format: .json, .tables, .dsg.json, .html or .rrd."
 )
 @click.option(
     "--hydra",
@@ -79,6 +80,7 @@ _MOST_ROWS = 60
 )
 @click.option("--tables", type=PATH, help="Write all graphs as a folder of parquet tables.")
 @html_option("Write the explorer, one HTML page.")
+@rerun_option("Write a recording for the Rerun viewer; each GRAPH is one step of its time.")
 @force_option
 @json_option
 def main(
@@ -94,6 +96,7 @@ def main(
     Example:
       bsg-belief graph.json --find microwave --from hall
       bsg-belief graph.json --html belief.html
+      bsg-belief morning.json noon.json --rerun day.rrd
       bsg-belief dsg.json --labels mpcat40 --hydra annotated.json
       bsg-belief graph.json --model run --out belief.json --html belief.html
       bsg-belief --data dataset --split val --model run --tables beliefs
@@ -149,7 +152,7 @@ def _check_find(options: dict[str, Any]) -> None:
     if len(options["graphs"]) != 1:
         found = len(options["graphs"]) or "--data"
         raise click.UsageError(f"--find: expected one GRAPH, found {found}")
-    written = [name for name in ("out", "hydra", "tables", "html") if options[name]]
+    written = [name for name in ("out", "hydra", "tables", "html", "rerun") if options[name]]
     if written:
         raise click.UsageError(f"--find writes no files; leave out --find or --{written[0]}")
 

@@ -55,6 +55,17 @@ def _require_page(_: click.Context, __: click.Parameter, path: Path | None) -> P
     return path
 
 
+def _require_recording(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
+    if path is None:
+        return None
+    if path.suffix.casefold() != ".rrd":
+        raise click.BadParameter(f"{path}: expected the name of a recording, such as belief.rrd")
+    from bsg_models.rendering.recording import require_rerun
+
+    require_rerun()
+    return path
+
+
 json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
 dataset_argument = click.argument(
@@ -123,6 +134,12 @@ def out_option(text: str, *, required: bool = False) -> Decorator[Any]:
 def html_option(text: str) -> Decorator[Any]:
     """Return `--html`, the path of a page that a browser opens."""
     return click.option("--html", type=PATH, callback=_require_page, help=text)
+
+
+def rerun_option(text: str) -> Decorator[Any]:
+    """Return `--rerun`, the path of a recording that the Rerun viewer opens."""
+    how: Any = {"type": PATH, "callback": _require_recording, "metavar": "FILE.rrd"}
+    return click.option("--rerun", help=text, **how)
 
 
 def number_option(name: str, text: str, *, default: int, least: int = 1) -> Decorator[Any]:

@@ -25,6 +25,7 @@ from bsg_cli.options import (
     model_option,
     number_option,
     out_option,
+    rerun_option,
     resamples_option,
     seed_option,
     split_names,
@@ -119,6 +120,7 @@ def _read_number(value: str) -> int | str:
     metavar="FILE.gif|FILE.png",
     help="Also draw the replay as an animation: GIF or animated PNG.",
 )
+@rerun_option("Also write the replay as a recording for the Rerun viewer, one step per room.")
 @click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
 @click.option("--all-columns", is_flag=True, help="Print a longer table for each task.")

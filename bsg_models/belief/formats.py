@@ -40,6 +40,7 @@ FORMATS = Registry(
         "tables": "bsg_models.belief.tables:TABLES",
         "spark-dsg": "bsg_models.belief.hydra:SPARK_DSG",
         "html": "bsg_models.rendering.explorer:HTML",
+        "rerun": "bsg_models.rendering.recording:RERUN",
     },
 )
 

@@ -51,6 +51,7 @@ class BeliefRequest:
     hydra: Path | None = None  # Spark-DSG JSON of one graph: Hydra's own with the beliefs, or new
     tables: Path | None = None  # folder for all belief graphs as parquet
     html: Path | None = None  # the explorer, with the first `MOST_HELD` graphs
+    rerun: Path | None = None  # a recording for Rerun, with a step for every graph
     force: bool = False  # replace existing files
 
     def list_results(self) -> list[tuple[FormatRow, Path]]:
@@ -60,6 +61,7 @@ class BeliefRequest:
             (None, self.out),
             ("spark-dsg", self.hydra),
             ("html", self.html),
+            ("rerun", self.rerun),
         ]
         return [(choose_format(path, name), path) for name, path in named if path is not None]
 
@@ -182,8 +184,8 @@ def _choose_streamed(
     many = [one for one in results if one[0].write_all is not None and one[0].name != "html"]
     if len(many) > 1 and total > MOST_HELD:
         raise RecipeError(
-            f"--out beside --tables takes at most {MOST_HELD} graphs, found {total:,}; give one of "
-            "them",
+            f"only one of --out, --tables and --rerun takes more than {MOST_HELD} graphs, found "
+            f"{total:,}; give one of them",
             code="graphs-several",
         )
     return many[0] if many else None

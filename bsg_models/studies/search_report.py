@@ -21,6 +21,7 @@ from bsg_data.results import refuse_file, write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.rendering.animation import write_animation
 from bsg_models.rendering.figures import plot_savings
+from bsg_models.rendering.recording import write_search
 from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import name_run
@@ -71,8 +72,8 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     folder = request.folder
-    if request.animation is not None:
-        refuse_file(request.animation, force=request.force)
+    for path in filter(None, (request.animation, request.rerun)):
+        refuse_file(path, force=request.force)
     refuse_run(folder)
     with write_results(folder, report=_REPORT, force=request.force) as staged:
         data = Dataset.open(request.dataset)
@@ -145,7 +146,7 @@ def _plot(report: SearchReport, path: Path) -> bool:
 
 
 def _write_replay(request: SearchRequest, report: SearchReport, staged: Path) -> None:
-    """Write a kept search as a page and, if asked, as an animation."""
+    """Write a kept search as a page and, if asked, as an animation and as a recording."""
     replay = replay_search(
         request.dataset,
         report.study,
@@ -162,3 +163,6 @@ def _write_replay(request: SearchRequest, report: SearchReport, staged: Path) ->
     if request.animation is not None:
         write_animation(replay, request.animation)
         report.written["the same as a picture"] = request.animation
+    if request.rerun is not None:
+        write_search(replay, request.rerun)
+        report.written["the same as a recording"] = request.rerun

@@ -16,6 +16,7 @@ from bsg_data.recipes import MaskRecipe, Record, Share
 from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.rendering.animation import require_suffix
+from bsg_models.rendering.recording import require_rerun
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import DEFAULT_MODEL, locate_run, name_run, shipped_names
 from bsg_models.runs.model_summary import describe_model
@@ -110,6 +111,7 @@ class SearchRequest(StudyRecipe):
     # `kept_searches`
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
     animation: Path | None = None  # file for the replay, in the format of its suffix
+    rerun: Path | None = None  # file for the replay as a recording for Rerun
     out: Path | None = None  # None for `search` in the first run or, without runs, here
     force: bool = False  # replace existing results
 
@@ -187,8 +189,11 @@ def _require_what_it_needs(request: SearchRequest) -> None:
         raise RecipeError("--stop needs --task all or both")
     if request.animation is not None:
         require_suffix(request.animation)
-        if request.trace is None:
-            raise RecipeError("--animation shows a replay: add --trace")
+    if request.rerun is not None:
+        require_rerun()
+    for option in ("animation", "rerun"):
+        if getattr(request, option) is not None and request.trace is None:
+            raise RecipeError(f"--{option} shows a replay: add --trace")
     needs = {
         **{f"planner {name!r}": PLANNERS[name].reads == "belief" for name in request.planners},
         "--trace": request.trace is not None,

@@ -1,0 +1,253 @@
+"""Record beliefs and searches for the Rerun viewer: `.rrd` files of metres, Z up.
+
+The timeline `step` counts graphs, or the rooms that robots enter; the clock is in none. Each entity
+has a row for every step, which is empty where the entity is not there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bsg_data.errors import RecipeError, ask_to_install
+from bsg_data.files import AnyPath, write_bytes
+from bsg_data.observation.partial_graph import KnownRoom
+from bsg_data.scene.scene_graph import Box, Point
+from bsg_models.belief.belief_graph import BeliefGraph
+from bsg_models.belief.formats import FormatRow
+from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
+from bsg_models.rendering.replay import Replay
+
+_STOREY, _HEIGHT, _GAP = 3.0, 2.5, 2.4  # metres, where nobody says them
+_OBJECT, _BLIND, _ROBOT = 0.08, 0.12, 0.3  # metres: radii
+_TOLD = 5  # blind nodes of a room that are named beside the world
+# the colours of theme.css, dark
+_ENTERED, _ROOM, _SOUGHT, _DARK = (167, 176, 194), (189, 107, 255), (255, 98, 87), (43, 49, 62)
+_Colour = tuple[int, ...]
+_ROBOTS: tuple[_Colour, ...] = ((255, 154, 61), (47, 214, 74))
+_Columns = Mapping[str, Sequence[Any]]
+
+
+def require_rerun() -> None:
+    """Refuse to go on without rerun-sdk, before the work starts."""
+    if find_spec("rerun") is None:
+        how = ask_to_install("rerun")
+        raise RecipeError(f"a recording needs rerun-sdk: {how}", code="library-missing")
+
+
+def write_recording(beliefs: Iterable[BeliefGraph], path: AnyPath) -> None:
+    """Write belief graphs of one class space, one a step. A failed write leaves no partial file.
+
+    Rooms without a position are squares beside the others, as on the explorer's plan. Things
+    without one are spread over their room: seen objects on the floor, blind nodes at the ceiling.
+
+    Raises:
+        RecipeError: if rerun-sdk is not installed.
+        DatasetError: if it cannot be written.
+    """
+    require_rerun()
+    recording = _Recording()
+    for recording.step, belief in enumerate(beliefs):
+        _show_belief(recording, belief)
+    recording.write(Path(path))
+
+
+def write_search(replay: Replay, path: AnyPath) -> None:
+    """Write a search, one room a step, on the page's plan: storeys lie beside each other.
+
+    The rooms show what the first robot believes. A failed write leaves no partial file.
+    """
+    require_rerun()
+    recording = _Recording()
+    for recording.step in range(replay.steps + 1):
+        _show_search(recording, replay)
+    recording.write(Path(path))
+
+
+class _Recording:
+    """Rows of entities, collected step by step."""
+
+    def __init__(self) -> None:
+        self.step = 0
+        self.classes: Sequence[str] = ()  # names of the class ids
+        self._rows: dict[tuple[str, ...], dict[int, _Columns]] = {}
+
+    def show(self, kind: str, *entity: str, **columns: Sequence[Any]) -> None:
+        """Show an entity at this step as an archetype of Rerun, with one value an instance."""
+        self._rows.setdefault((kind, *entity), {})[self.step] = columns
+
+    def show_classes(
+        self, kind: str, of: str, ids: Sequence[int], **columns: Sequence[Any]
+    ) -> None:
+        """Show things with these class ids as one entity for each class, `world/OF/CLASS`."""
+        for c in sorted(set(ids)):
+            mine = [k for k, one in enumerate(ids) if one == c]
+            chosen = {name: [values[k] for k in mine] for name, values in columns.items()}
+            self.show(kind, "world", of, self.classes[c], **chosen)
+
+    def write(self, path: Path) -> None:
+        """Write all rows, and views of the world, the table and the series of numbers.
+
+        The id is the hash of the content, because Rerun joins files that have the same.
+        """
+        import rerun
+        from rerun import blueprint
+
+        content = repr((self.classes, self._rows)).encode()
+        name, identity = "belief-scene-graphs", hashlib.sha256(content).hexdigest()
+        stream = rerun.RecordingStream(name, recording_id=identity, send_properties=False)
+        file = stream.binary_stream()
+        stream.send_recording_name(path.stem)
+        roots = sorted({(kind, entity[0]) for kind, *entity in self._rows}, reverse=True)
+        made = {"TextDocument": blueprint.TextDocumentView, "Scalars": blueprint.TimeSeriesView}
+        views = [made[kind](origin=root, name=root) for kind, root in roots if kind in made]
+        world, beside = blueprint.Spatial3DView(origin="world"), blueprint.Vertical(*views)
+        panel = blueprint.SelectionPanel(state="collapsed")
+        both = blueprint.Horizontal(world, beside, column_shares=[3, 2])
+        stream.send_blueprint(blueprint.Blueprint(both, panel))
+        classes = rerun.AnnotationContext(list(enumerate(self.classes)))
+        stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, classes, static=True)
+        steps = range(self.step + 1)
+        for (kind, *entity), rows in self._rows.items():
+            names = next(iter(rows.values()))
+            columns = {name: [one for row in rows.values() for one in row[name]] for name in names}
+            stream.send_columns(
+                "/".join(map(rerun.escape_entity_path_part, entity)),
+                [rerun.TimeColumn("step", sequence=steps)],
+                getattr(rerun, kind)
+                .columns(**columns)
+                .partition([len(next(iter(rows[k].values()))) if k in rows else 0 for k in steps]),
+            )
+        write_bytes(path, file.read())
+
+
+def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
+    partial, objects, blind = belief.partial, belief.partial.objects, belief.blind
+    recording.classes = classes = [*partial.class_space.classes, "no class"]
+    boxes, more = _place_rooms(partial.rooms), belief.hidden.sum(axis=1).tolist()
+    told = [f"**{partial.scene_id}**, by {belief.model}"]
+    names = [f"{classes[one.class_index]} {one.presence:.0%}" for one in blind]
+    expected: list[dict[str, None]] = [{} for _ in boxes]  # names of each room, each once
+    for one, name in zip(blind, names, strict=True):
+        expected[one.room_index][name] = None
+    for node, room in enumerate(partial.rooms, 1):
+        label = room.label or room.name
+        colour = _ENTERED if room.visited else _ROOM
+        _show_room(recording, room.name, boxes[node], f"{label}: {more[node]:.1f} more", colour)
+        recording.show("Scalars", "expected", room.name, scalars=[more[node]])
+        told.append(f"- **{label}**: {more[node]:.1f} more: {', '.join([*expected[node]][:_TOLD])}")
+    recording.show("TextDocument", "table", text=["\n".join(told)], media_type=["text/markdown"])
+    _show_ways(recording, partial.adjacency, dict(enumerate(boxes)))
+    spots = _spread([one.room_index for one in objects], boxes, level=0.0)
+    ids = [len(classes) - 1 if one.class_index is None else one.class_index for one in objects]
+    recording.show_classes(
+        *("Points3D", "objects", ids),
+        positions=[one.position or spot for one, spot in zip(objects, spots, strict=True)],
+        labels=[one.raw_category for one in objects],
+        class_ids=ids,
+        radii=[_OBJECT] * len(ids),
+    )
+    spots = _spread([one.room_index for one in blind], boxes, level=1.0)
+    ids = [one.class_index for one in blind]
+    sizes = [(_BLIND, _BLIND, _BLIND)] * len(ids)
+    balls: _Columns = {"centers": spots, "half_sizes": sizes, "labels": names, "class_ids": ids}
+    recording.show_classes("Ellipsoids3D", "blind", ids, **balls)
+    recording.show_classes(
+        *("AnyValues", "blind", ids),
+        room=[partial.rooms[one.room_index - 1].name for one in blind],
+        presence=[one.presence for one in blind],
+        expected=[one.expected for one in blind],
+    )
+
+
+def _show_search(recording: _Recording, replay: Replay) -> None:
+    """Show the rooms as the first robot believes them at this step, and where all robots are."""
+    stops, boxes = replay.walks[0].stops[: recording.step + 1], {}
+    for room in replay.plan.rooms:
+        boxes[room.number] = _stand([(x, -y) for x, y in room.outline], 0.0, 0.0)
+        label, colour, presence = room.name, _DARK, stops[-1].presence
+        if presence is not None:
+            likely = presence[room.number - 1]
+            label = f"{room.name} {likely:.0%}"
+            colour = tuple(round(a + (b - a) * likely) for a, b in zip(_DARK, _ROOM, strict=True))
+            recording.show("Scalars", "probability", room.name, scalars=[likely])
+        if any(stop.room == room.number for stop in stops):
+            label, colour = room.name, _ENTERED
+        _show_room(recording, room.name, boxes[room.number], label, colour, fill_mode=["solid"])
+    _show_ways(recording, replay.doors, boxes)
+    there = [boxes[number].centre for number in replay.holds]
+    labels = [" or ".join(replay.artifacts)] * len(there)
+    marks: _Columns = {"positions": there, "labels": labels, "colors": [_SOUGHT] * len(there)}
+    recording.show("Points3D", "world", "sought", **marks, radii=[_ROBOT] * len(there))
+    for walk, colour in zip(replay.walks, _ROBOTS, strict=False):
+        robot, stops = ("world", "robot", walk.planner), walk.stops[: recording.step + 1]
+        way = [stops[0].room, *(room for stop in stops[1:] for room in stop.way)]
+        path = [boxes[room].centre for room in way]
+        found = f" found {', '.join(stops[-1].found)}" if stops[-1].found else ""
+        marks = {"positions": path[-1:], "labels": [walk.planner + found], "colors": [colour]}
+        recording.show("Points3D", *robot, **marks, radii=[_ROBOT])
+        recording.show("LineStrips3D", *robot, "path", strips=[path], colors=[colour])
+        recording.show("Scalars", "travelled", walk.planner, scalars=[stops[-1].cost])
+
+
+def _show_room(
+    recording: _Recording, name: str, box: Box, label: str, colour: _Colour, **more: Sequence[Any]
+) -> None:
+    half = [(b - a) / 2 for a, b in zip(box.minimum, box.maximum, strict=True)]
+    shape: _Columns = {"centers": [box.centre], "half_sizes": [half], "colors": [colour], **more}
+    recording.show("Boxes3D", "world", "rooms", name, **shape, labels=[label])
+
+
+def _show_ways(
+    recording: _Recording, pairs: Sequence[tuple[int, int]], boxes: Mapping[int, Box]
+) -> None:
+    strips = [(boxes[a].centre, boxes[b].centre) for a, b in pairs]
+    colours = [_ENTERED] * len(pairs)
+    recording.show("LineStrips3D", "world", "adjacency", strips=strips, colors=colours)
+
+
+def _place_rooms(rooms: Sequence[KnownRoom]) -> list[Box]:
+    """Return the boxes of the building and of its rooms, `[1 + R]`."""
+    known = [outline_room(room, room.position) for room in rooms]
+    right = max((x for outline in known if outline for x, _ in outline), default=-_GAP)
+    loose = [KnownOutline(k, "", None, None) for k, outline in enumerate(known) if outline is None]
+    squares = {one.number: one.outline for one in draw_plan(loose).rooms}
+    boxes = []
+    for k, (room, outline) in enumerate(zip(rooms, known, strict=True)):
+        low = room.position[2] if room.position else _STOREY * (room.floor_index or 0)
+        high = low + _HEIGHT
+        if room.box is not None:
+            low, high = room.box.minimum[2], room.box.maximum[2]
+        boxes.append(_stand(outline or [(right + _GAP + x, -y) for x, y in squares[k]], low, high))
+    corners = [corner for box in boxes for corner in (box.minimum, box.maximum)]
+    return [Box.around(np.array(corners or [(0.0, 0.0, 0.0)])), *boxes]
+
+
+def _stand(outline: Sequence[tuple[float, float]], low: float, high: float) -> Box:
+    xs, ys = zip(*outline, strict=True)
+    return Box((min(xs), min(ys), low), (max(xs), max(ys), high))
+
+
+def _spread(rooms: Sequence[int], boxes: Sequence[Box], *, level: float) -> list[Point]:
+    """Return spots for things, in rows over their rooms; level 0 is the floor, 1 the ceiling."""
+    number, before, spots = Counter(rooms), Counter[int](), []
+    for room in rooms:
+        (left, front, low), (right, back, high) = boxes[room].minimum, boxes[room].maximum
+        across = math.ceil(math.sqrt(number[room]))
+        down = -(-number[room] // across)
+        row, column = divmod(before[room], across)
+        before[room] += 1
+        x = left + (right - left) * (column + 0.5) / across
+        y = front + (back - front) * (row + 0.5) / down
+        spots.append((x, y, low + level * (high - low)))
+    return spots
+
+
+RERUN = FormatRow("rerun", (".rrd",), write_all=write_recording)
