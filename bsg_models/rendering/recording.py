@@ -28,10 +28,11 @@ from bsg_models.rendering.replay import Replay
 _STOREY, _HEIGHT, _GAP = 3.0, 2.5, 2.4  # metres, where nobody says them
 _OBJECT, _BLIND, _ROBOT = 0.08, 0.12, 0.3  # metres: radii
 _TOLD = 5  # blind nodes of a room that are named beside the world
-# the colours of theme.css, dark
-_ENTERED, _ROOM, _SOUGHT, _DARK = (167, 176, 194), (189, 107, 255), (255, 98, 87), (43, 49, 62)
 _Colour = tuple[int, ...]
-_ROBOTS: tuple[_Colour, ...] = ((255, 154, 61), (47, 214, 74))
+# colours as in theme.css, dark; of robots with the height of their way, metres
+_ENTERED: _Colour = (128, 134, 148)
+_DARK, _ROOM, _SOUGHT = (43, 49, 62), (189, 107, 255), (255, 98, 87)
+_ROBOTS: tuple[tuple[_Colour, float], ...] = (((255, 154, 61), 0.5), ((47, 214, 74), 2.0))
 _Columns = Mapping[str, Sequence[Any]]
 
 
@@ -93,7 +94,7 @@ class _Recording:
             self.show(kind, "world", of, self.classes[c], **chosen)
 
     def write(self, path: Path) -> None:
-        """Write all rows, and views of the world, the table and the series of numbers.
+        """Write all rows, and views of the world, the text and the series of numbers.
 
         The id is the hash of the content, because Rerun joins files that have the same.
         """
@@ -109,9 +110,9 @@ class _Recording:
         made = {"TextDocument": blueprint.TextDocumentView, "Scalars": blueprint.TimeSeriesView}
         views = [made[kind](origin=root, name=root) for kind, root in roots if kind in made]
         world, beside = blueprint.Spatial3DView(origin="world"), blueprint.Vertical(*views)
-        panel = blueprint.SelectionPanel(state="collapsed")
         both = blueprint.Horizontal(world, beside, column_shares=[3, 2])
-        stream.send_blueprint(blueprint.Blueprint(both, panel))
+        panels = blueprint.SelectionPanel(state="collapsed"), blueprint.TimePanel(fps=1)
+        stream.send_blueprint(blueprint.Blueprint(both, *panels))
         classes = rerun.AnnotationContext(list(enumerate(self.classes)))
         stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, classes, static=True)
         steps = range(self.step + 1)
@@ -143,7 +144,7 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
         _show_room(recording, room.name, boxes[node], f"{label}: {more[node]:.1f} more", colour)
         recording.show("Scalars", "expected", room.name, scalars=[more[node]])
         told.append(f"- **{label}**: {more[node]:.1f} more: {', '.join([*expected[node]][:_TOLD])}")
-    recording.show("TextDocument", "table", text=["\n".join(told)], media_type=["text/markdown"])
+    recording.show("TextDocument", "belief", text=["\n".join(told)], media_type=["text/markdown"])
     _show_ways(recording, partial.adjacency, dict(enumerate(boxes)))
     spots = _spread([one.room_index for one in objects], boxes, level=0.0)
     ids = [len(classes) - 1 if one.class_index is None else one.class_index for one in objects]
@@ -171,38 +172,38 @@ def _show_search(recording: _Recording, replay: Replay) -> None:
     """Show the rooms as the first robot believes them at this step, and where all robots are."""
     stops, boxes = replay.walks[0].stops[: recording.step + 1], {}
     for room in replay.plan.rooms:
-        boxes[room.number] = _stand([(x, -y) for x, y in room.outline], 0.0, 0.0)
-        label, colour, presence = room.name, _DARK, stops[-1].presence
+        number, label, presence = room.number, room.name, stops[-1].presence
+        boxes[number] = _stand([(x, -y) for x, y in room.outline], 0.0, _HEIGHT)
+        colour: _Colour = _DARK
         if presence is not None:
-            likely = presence[room.number - 1]
+            likely = presence[number - 1]
             label = f"{room.name} {likely:.0%}"
             colour = tuple(round(a + (b - a) * likely) for a, b in zip(_DARK, _ROOM, strict=True))
             recording.show("Scalars", "probability", room.name, scalars=[likely])
-        if any(stop.room == room.number for stop in stops):
+        if any(stop.room == number for stop in stops):
             label, colour = room.name, _ENTERED
-        _show_room(recording, room.name, boxes[room.number], label, colour, fill_mode=["solid"])
+        _show_room(recording, room.name, boxes[number], label, colour)
     _show_ways(recording, replay.doors, boxes)
     there = [boxes[number].centre for number in replay.holds]
+    marks: _Columns = {"colors": [_SOUGHT] * len(there), "radii": [_ROBOT] * len(there)}
     labels = [" or ".join(replay.artifacts)] * len(there)
-    marks: _Columns = {"positions": there, "labels": labels, "colors": [_SOUGHT] * len(there)}
-    recording.show("Points3D", "world", "sought", **marks, radii=[_ROBOT] * len(there))
-    for walk, colour in zip(replay.walks, _ROBOTS, strict=False):
+    recording.show("Points3D", "world", "sought", positions=there, labels=labels, **marks)
+    for walk, (colour, height) in zip(replay.walks, _ROBOTS, strict=False):
         robot, stops = ("world", "robot", walk.planner), walk.stops[: recording.step + 1]
         way = [stops[0].room, *(room for stop in stops[1:] for room in stop.way)]
-        path = [boxes[room].centre for room in way]
+        path = [(*boxes[room].centre[:2], height) for room in way]
         found = f" found {', '.join(stops[-1].found)}" if stops[-1].found else ""
-        marks = {"positions": path[-1:], "labels": [walk.planner + found], "colors": [colour]}
-        recording.show("Points3D", *robot, **marks, radii=[_ROBOT])
+        marks = {"labels": [walk.planner + found], "colors": [colour], "radii": [_ROBOT]}
+        recording.show("Points3D", *robot, positions=path[-1:], **marks)
         recording.show("LineStrips3D", *robot, "path", strips=[path], colors=[colour])
         recording.show("Scalars", "travelled", walk.planner, scalars=[stops[-1].cost])
+        recording.show("SeriesLines", "travelled", walk.planner, colors=[colour])
 
 
-def _show_room(
-    recording: _Recording, name: str, box: Box, label: str, colour: _Colour, **more: Sequence[Any]
-) -> None:
+def _show_room(recording: _Recording, name: str, box: Box, label: str, colour: _Colour) -> None:
     half = [(b - a) / 2 for a, b in zip(box.minimum, box.maximum, strict=True)]
-    shape: _Columns = {"centers": [box.centre], "half_sizes": [half], "colors": [colour], **more}
-    recording.show("Boxes3D", "world", "rooms", name, **shape, labels=[label])
+    shape: _Columns = {"centers": [box.centre], "half_sizes": [half]}
+    recording.show("Boxes3D", "world", "rooms", name, **shape, labels=[label], colors=[colour])
 
 
 def _show_ways(
