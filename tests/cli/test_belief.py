@@ -43,6 +43,28 @@ def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     call(hydra, "--model", run)  # what was written for Hydra is a graph to go on from
 
 
+def test_several_graphs_are_steps_of_one_recording(run: Path, tmp_path: Path) -> None:
+    from recordings import read_recording
+
+    out, said = tmp_path / "day.rrd", json.loads(OFFICE.read_text("utf-8"))
+    said["rooms"].append({"id": "attic", "visited": False})
+    later = tmp_path / "later.json"
+    later.write_text(json.dumps(said))
+    done = call(OFFICE, later, "--model", run, "--rerun", out)
+    assert f"written: {out}" in done.stdout
+    assert [len(row) for row in read_recording(out)["expected/attic scalars"]] == [0, 1]
+    assert "--force" in call(OFFICE, "--model", run, "--rerun", out, code=1).stderr
+    call(OFFICE, "--model", run, "--rerun", tmp_path / "day.mp4", code=2)
+
+
+def test_a_recording_that_cannot_be_written_is_refused_before_anything_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_models.rendering.recording.find_spec", lambda name: None)
+    done = call("none.json", "--rerun", tmp_path / "b.rrd", code=2)
+    assert "pip install './belief-scene-graphs[rerun]'" in done.stderr
+
+
 def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> None:
     path = write_graph(tmp_path / "dsg.json")
     packed = tmp_path / "dsg.json.gz"

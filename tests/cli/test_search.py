@@ -67,6 +67,18 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
     assert picture.read_bytes().startswith(b"GIF89a")
 
 
+def test_a_search_is_recorded(dataset: Path, run: Path, tmp_path: Path) -> None:
+    from recordings import read_recording
+
+    few = ("--episodes", 4, "--workers", 1, "--resamples", 0, "--worlds", "star", "--trace", 0)
+    file = tmp_path / "search.rrd"
+    words = ("--model", run, "--data", dataset, *few, "--out", tmp_path / "out", "--rerun", file)
+    assert f"the same as a recording: {file}" in run_command(*words).stdout
+    found = read_recording(file)
+    assert found["travelled/nearest scalars"][0] == [0.0]
+    assert any("found" in row[0] for row in found["world/robot/nearest labels"])
+
+
 @pytest.mark.parametrize(
     ("options", "code"),
     [
@@ -74,6 +86,8 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
         (("--planners", "nearest,fast"), 2),
         (("--trace", "some"), 2),
         (("--animation", "a.gif"), 2),
+        (("--rerun", "a.rrd"), 2),
+        (("--trace", "--rerun", "a.gif"), 2),
         (("--stop", "x"), 2),
         (("--scene", "nowhere"), 1),
     ],
