@@ -96,7 +96,7 @@ def main(
     Example:
       bsg-belief graph.json --find microwave --from hall
       bsg-belief graph.json --html belief.html
-      bsg-belief morning.json noon.json --rerun day.rrd
+      bsg-belief graph.json later.json --rerun growing.rrd
       bsg-belief dsg.json --labels mpcat40 --hydra annotated.json
       bsg-belief graph.json --model run --out belief.json --html belief.html
       bsg-belief --data dataset --split val --model run --tables beliefs
