@@ -28,6 +28,7 @@ from bsg_models.rendering.replay import Replay
 _STOREY, _HEIGHT, _GAP = 3.0, 2.5, 2.4  # metres, where nobody says them
 _OBJECT, _BLIND, _ROBOT = 0.08, 0.12, 0.3  # metres: radii
 _TOLD = 5  # blind nodes of a room that are named beside the world
+_NAMED = 100  # objects, and blind nodes, that show their names at once; of more, under the pointer
 _Colour = tuple[int, ...]
 # colours as in theme.css, dark; of robots with the height of their way, metres
 _ENTERED: _Colour = (128, 134, 148)
@@ -108,6 +109,8 @@ class _Recording:
         stream.send_recording_name(path.stem)
         roots = sorted({(kind, entity[0]) for kind, *entity in self._rows}, reverse=True)
         made = {"TextDocument": blueprint.TextDocumentView, "Scalars": blueprint.TimeSeriesView}
+        if self.step == 0:
+            del made["Scalars"]  # a line needs two steps
         views = [made[kind](origin=root, name=root) for kind, root in roots if kind in made]
         world, beside = blueprint.Spatial3DView(origin="world"), blueprint.Vertical(*views)
         both = blueprint.Horizontal(world, beside, column_shares=[3, 2])
@@ -133,7 +136,7 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
     partial, objects, blind = belief.partial, belief.partial.objects, belief.blind
     recording.classes = classes = [*partial.class_space.classes, "no class"]
     boxes, more = _place_rooms(partial.rooms), belief.hidden.sum(axis=1).tolist()
-    told = [f"**{partial.scene_id}**, by {belief.model}"]
+    told = [f"{partial.scene_id}, by {belief.model}"]
     names = [f"{classes[one.class_index]} {one.presence:.0%}" for one in blind]
     expected: list[dict[str, None]] = [{} for _ in boxes]  # names of each room, each once
     for one, name in zip(blind, names, strict=True):
@@ -143,8 +146,10 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
         colour = _ENTERED if room.visited else _ROOM
         _show_room(recording, room.name, boxes[node], f"{label}: {more[node]:.1f} more", colour)
         recording.show("Scalars", "expected", room.name, scalars=[more[node]])
-        told.append(f"- **{label}**: {more[node]:.1f} more: {', '.join([*expected[node]][:_TOLD])}")
-    recording.show("TextDocument", "belief", text=["\n".join(told)], media_type=["text/markdown"])
+        recording.show("SeriesLines", "expected", room.name, names=[label])
+        named = [f"{more[node]:.1f} more", *[*expected[node]][:_TOLD]]
+        told.append(f"{label}: {', '.join(named)}")
+    recording.show("TextDocument", "belief", text=["\n".join(told)])  # no markup: names are data
     _show_ways(recording, partial.adjacency, dict(enumerate(boxes)))
     spots = _spread([one.room_index for one in objects], boxes, level=0.0)
     ids = [len(classes) - 1 if one.class_index is None else one.class_index for one in objects]
@@ -152,14 +157,20 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
         *("Points3D", "objects", ids),
         positions=[one.position or spot for one, spot in zip(objects, spots, strict=True)],
         labels=[one.raw_category for one in objects],
+        show_labels=[len(ids) <= _NAMED] * len(ids),
         class_ids=ids,
         radii=[_OBJECT] * len(ids),
     )
     spots = _spread([one.room_index for one in blind], boxes, level=1.0)
     ids = [one.class_index for one in blind]
-    sizes = [(_BLIND, _BLIND, _BLIND)] * len(ids)
-    balls: _Columns = {"centers": spots, "half_sizes": sizes, "labels": names, "class_ids": ids}
-    recording.show_classes("Ellipsoids3D", "blind", ids, **balls)
+    recording.show_classes(
+        *("Ellipsoids3D", "blind", ids),
+        centers=spots,
+        labels=names,
+        show_labels=[len(ids) <= _NAMED] * len(ids),
+        class_ids=ids,
+        half_sizes=[(_BLIND, _BLIND, _BLIND)] * len(ids),
+    )
     recording.show_classes(
         *("AnyValues", "blind", ids),
         room=[partial.rooms[one.room_index - 1].name for one in blind],
