@@ -8,7 +8,7 @@ import click
 
 import bsg_models
 from bsg_cli.choices import complete_model
-from bsg_cli.options import PATH, json_option
+from bsg_cli.options import PATH, force_option, json_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, print_text
 from bsg_data.errors import BSGError
 from bsg_data.tables import format_text
@@ -121,7 +121,8 @@ def download(name: str) -> None:
 @main.command(cls=Command)
 @click.argument("name", metavar="NAME|FOLDER|HUB-ID", shell_complete=complete_model)
 @click.argument("file", metavar="FILE.onnx", type=PATH)
-def export(name: str, file: Path) -> None:
+@force_option
+def export(name: str, file: Path, force: bool) -> None:
     """Write a network as ONNX, for programs in other languages.
 
     Its classes and words lie beside it as JSON; docs/onnx.md says its inputs and outputs.
@@ -130,5 +131,5 @@ def export(name: str, file: Path) -> None:
     Example:
       bsg-models export universal universal.onnx
     """
-    beside = bsg_models.export_onnx(name, file)
+    beside = bsg_models.export_onnx(name, file, force=force)
     print_text(f"written: {file}, {beside}")

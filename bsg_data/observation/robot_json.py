@@ -34,7 +34,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    FailFast,
+    Field,
+    TypeAdapter,
+    ValidationError,
+)
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
@@ -131,16 +138,21 @@ class _Graph(Record):
     hidden_share: Share | None = None
     building_kind: Annotated[Text | None, AfterValidator(check_building_kind)] = None
     source: Id | None = None
+    # One fault is told: millions of them would take minutes and gigabytes.
     rooms: Annotated[
-        tuple[Annotated[_Room, AfterValidator(_know)], ...], Field(max_length=MAX_ROBOT_ROOMS)
+        tuple[Annotated[_Room, AfterValidator(_know)], ...],
+        Field(max_length=MAX_ROBOT_ROOMS),
+        FailFast(),
     ]
-    objects: Annotated[tuple[_Object, ...], Field(max_length=MAX_ROBOT_OBJECTS)] = ()
-    adjacency: tuple[tuple[Id, Id], ...] = ()
+    objects: Annotated[tuple[_Object, ...], Field(max_length=MAX_ROBOT_OBJECTS), FailFast()] = ()
+    adjacency: Annotated[tuple[tuple[Id, Id], ...], FailFast()] = ()
     # A list of words; or word → class, as `encode_robot_graph` writes them.
     detector: Annotated[dict[Text, Text | None] | None, BeforeValidator(_list_words)] = None
 
 
-_SIMPLEST = TypeAdapter(Annotated[dict[Id, tuple[Text, ...]], Field(max_length=MAX_ROBOT_ROOMS)])
+_SIMPLEST = TypeAdapter(
+    Annotated[dict[Id, Annotated[tuple[Text, ...], FailFast()]], Field(max_length=MAX_ROBOT_ROOMS)]
+)
 _KEYS = {
     "": tuple(_Graph.model_fields),
     "rooms": ROOM_WORDS,
@@ -300,7 +312,7 @@ def _explain(error: ValidationError, said: Any) -> str:
     faults = error.errors(include_url=False, include_input=False)
     fault = next((one for one in faults if one["type"] in _UNKNOWN_KEY), faults[0])
     what = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
-    first, *path = fault["loc"]
+    first, *path = fault["loc"] or ("",)  # of the simplest map as a whole
     entry = ""
     if first in _ENTRIES and path:
         entry = _name_entry(said.get("partial", said)[first], first, int(path.pop(0)))

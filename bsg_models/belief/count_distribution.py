@@ -127,8 +127,8 @@ class CountDistribution:
     @property
     def log_odds_of_none(self) -> Floats:
         """Log P(0) − log P(at least one), `[N, C]`, clipped to ±20.7 (a presence of 1e-9)."""
-        xp, none = library_of(self.means), (1 - self.presence).clip(1e-9, 1 - 1e-9)
-        odds: Floats = xp.log(none) - xp.log1p(-none)
+        xp, present = library_of(self.means), self.presence
+        odds: Floats = xp.log((1 - present).clip(min=1e-9)) - xp.log(present.clip(min=1e-9))
         return odds
 
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:

@@ -167,6 +167,7 @@ class SeenBuilding:
             0: own
         }  # 0: the building's own, 1: the wide one, 2: that nouns are judged by
         self._beliefs: dict[int, tuple[PartialGraph, Expectation]] = {}
+        self._ways: Ways | None = None
 
     @property
     def graph(self) -> PartialGraph:
@@ -199,6 +200,7 @@ class SeenBuilding:
         """Return an independent copy; reports to it do not change this object."""
         other = SeenBuilding(self._graph, self._models[0], notes=self._notes)
         other._models, other._beliefs = self._models, dict(self._beliefs)
+        other._ways = self._ways
         return other
 
     # Reports of the robot
@@ -319,7 +321,7 @@ class SeenBuilding:
 
     def _change(self, graph: PartialGraph) -> None:
         self._graph = graph
-        self._beliefs = {}
+        self._beliefs, self._ways = {}, None
 
     # Questions of the robot
 
@@ -461,13 +463,18 @@ class SeenBuilding:
         nouns = None if self._models[0].is_free else read_nouns()
         return find_meaning(thing, self._class_maps(), prefer_exact=not own, nouns=nouns)
 
+    @_alone
     def ways(self, costs: Costs | None = None) -> Ways:
         """Return the costs of going from room to room, at most 2,000 rooms.
 
         Raises:
             RecipeError: also if there are more rooms, or a cost is not 0 or more.
         """
-        return measure_ways(self._graph, costs)
+        if costs is not None:
+            return measure_ways(self._graph, costs)
+        if self._ways is None:
+            self._ways = measure_ways(self._graph)
+        return self._ways
 
     def _class_maps(self) -> Iterator[ClassMap]:
         """Yield the model's class map, then that of the wide model if it may answer, too.

@@ -50,24 +50,28 @@ class _Inputs:
     source: torch.Tensor  # [1] place in `KNOWN_SOURCES`, −1 if unknown
 
 
-def export_onnx(model: AnyPath, path: AnyPath) -> Path:
-    """Write a trained network to a file, and its metadata beside it as JSON; neither may exist.
+def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
+    """Write a trained network to a file, and its metadata beside it as JSON.
 
     Args:
         model: path of a run, or a name, as `find_model` takes it.
         path: of the file, `.onnx`.
+        force: replace both, if they exist.
 
     Raises:
         CheckpointError: if there is no such model.
-        RecipeError: if it is no network of hidden counts, or reads which rooms connect.
+        RecipeError: if it is no network of hidden counts, or reads which rooms connect; or the name
+            of the file does not end in `.onnx`.
 
     Returns:
         the path of the metadata: that of the file, with the suffix `.json`.
     """
     found, path = find_model(model), Path(path)
     beside = path.with_suffix(".json")
+    if path.suffix != ".onnx":
+        raise RecipeError(f"{path}: expected the name of an ONNX file, such as universal.onnx")
     for one in (path, beside):
-        refuse_file(one, force=False)
+        refuse_file(one, force=force)
     checkpoint = load_checkpoint(found.path)
     network = restore_model(found.path, checkpoint)
     if not isinstance(network, CountNetwork) or "adjacent" in network.inputs.edges:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
+from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -171,7 +172,7 @@ def one_thread() -> Iterator[None]:
     each thread waits for the slowest.
     """
     torch: Any = sys.modules.get("torch")
-    with _find_libraries().limit(limits=1, user_api="blas"):
+    with _ONE_OF_BLAS:
         if torch is None:
             yield
             return
@@ -181,6 +182,29 @@ def one_thread() -> Iterator[None]:
             yield
         finally:
             torch.set_num_threads(threads)
+
+
+class _OneOfBLAS:
+    """One thread of BLAS, whose number holds for the process: who leaves last restores it."""
+
+    def __init__(self) -> None:
+        self._door, self._inside, self._limits = Lock(), 0, ExitStack()
+
+    def __enter__(self) -> None:
+        with self._door:
+            if not self._inside:
+                limits = _find_libraries().limit(limits=1, user_api="blas")
+                self._limits.enter_context(limits)
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._door:
+            self._inside -= 1
+            if not self._inside:
+                self._limits.close()
+
+
+_ONE_OF_BLAS = _OneOfBLAS()
 
 
 @cache

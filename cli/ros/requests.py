@@ -18,6 +18,7 @@ from bsg_cli.find import describe_things
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import Metres, Position, Share
 from bsg_data.recipes import Record, name_fault
+from bsg_data.scene.room_label import label_of
 
 MOST_CHARACTERS = 65_536  # of a text
 MOST_ROOMS, MOST_OBJECTS = 2_000, 20_000  # that are kept; a broken detector may never stop
@@ -149,7 +150,8 @@ class Robot:
         """Note a new room."""
         if len(self.seen.rooms) >= MOST_ROOMS:
             raise _refuse_more(f"rooms are at most {MOST_ROOMS:,}", "rooms-too-many")
-        self.seen.discovered(**said.model_dump(exclude={"id"}))
+        kind = said.room_type or label_of("any", said.room)  # a name may be a kind, as in a map
+        self.seen.discovered(**said.model_dump(exclude={"id"}) | {"room_type": kind})
         return {"room": said.room}
 
     def where(self, said: Where) -> Answer:

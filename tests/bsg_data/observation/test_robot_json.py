@@ -203,6 +203,21 @@ def test_a_fault_of_the_simplest_map_is_at_its_place(said: Any, place: str) -> N
 
 
 @pytest.mark.parametrize(
+    "said",
+    [
+        {str(room): [] for room in range(MAX_ROBOT_ROOMS + 1)},
+        {"kitchen": [1] * 1_000_000},
+        {"scene_id": "a", "rooms": [1] * 1_000_000},
+        {"scene_id": "a", "rooms": [], "objects": [1] * 1_000_000},
+    ],
+    ids=("rooms", "things", "numbers as rooms", "numbers as objects"),
+)
+def test_a_map_with_very_many_faults_is_refused_for_one(said: Any) -> None:
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
+        parse_robot_graph(said, path=Path("x"))
+
+
+@pytest.mark.parametrize(
     ("key", "value"),
     [
         ("hiden_share", 0.5),

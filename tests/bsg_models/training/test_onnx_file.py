@@ -82,11 +82,20 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
         vocabulary=model.vocabulary,
         others=np.ones((3, len(model.vocabulary)), dtype=np.int64),
     )
-    for one in (told, *(seen.take([number]) for number in range(3))):
+    shares = np.array([0.5, 0.0, 1e-30], dtype=np.float32)  # a searched room hides nothing
+    for one in (told, replace(told, hidden_share=shares), *map(seen.take, ([0], [1], [2]))):
         expectation = model.expect(one)
         expected, presence = ask(tmp_path / "net.onnx", one)
         np.testing.assert_allclose(expected, expectation.hidden, rtol=1e-5, atol=1e-5)
         np.testing.assert_allclose(presence, expectation.presence, atol=1e-5)
+
+
+def test_a_file_has_the_name_of_an_onnx_file(tmp_path: Path) -> None:
+    """Its metadata lie beside it as JSON, which would take its place."""
+    from bsg_models.training.onnx_file import export_onnx
+
+    with pytest.raises(RecipeError):
+        export_onnx("universal", tmp_path / "net.json")
 
 
 def test_a_model_that_counts_is_not_exported(tmp_path: Path) -> None:

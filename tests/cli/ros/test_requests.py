@@ -45,15 +45,22 @@ def test_a_text_that_is_no_object_is_the_first_word(robot: Robot) -> None:
 def test_reports_change_what_python_would_change(robot: Robot) -> None:
     other = robot.seen.copy()
     say(robot, "entered", room="kitchen", floor_in_view=0.5)
-    say(robot, "discovered", room="attic", beside=["kitchen"], position=[1, 2, 3], floor_area=8)
-    say(robot, "saw", thing="lamp", room="attic", object="l", position=[1, 2, 4])
+    say(robot, "discovered", room="R9", beside=["kitchen"], position=[1, 2, 3], floor_area=8)
+    say(robot, "saw", thing="lamp", room="R9", object="l", position=[1, 2, 4])
     say(robot, "searched", room="meeting-room")
     other.entered("kitchen", floor_in_view=0.5)
-    other.discovered("attic", beside="kitchen", position=(1, 2, 3), floor_area=8)
-    other.saw("attic", "lamp", object_id="l", position=(1, 2, 4))
+    other.discovered("R9", beside="kitchen", position=(1, 2, 3), floor_area=8)
+    other.saw("R9", "lamp", object_id="l", position=(1, 2, 4))
     other.searched("meeting-room")
     assert robot.seen.graph == other.graph
     assert robot.here == "kitchen"
+
+
+def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
+    """As in the simplest map."""
+    for name in ("bedroom_2", "R7"):
+        say(robot, "discovered", room=name)
+    assert [room.room_type for room in robot.seen.graph.rooms[-2:]] == ["bedroom", None]
 
 
 @pytest.mark.parametrize(
