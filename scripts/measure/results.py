@@ -44,13 +44,14 @@ def write_page(
     argv: Sequence[str],
     found: str = "",
     data: Dataset | None = None,
+    packages: Sequence[str] = PACKAGES,
 ) -> None:
     """Write a page of tables, below the Markdown `found`, and the command that makes it, `argv`."""
     lines = [f"# {title}", "", *([found, ""] if found else [])]
     for table in tables:
         lines += table.lines()
     lines += ["## How it was made", "", "```sh", format_command(argv), "```", ""]
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    versions = ", ".join(f"{name} {version(name)}" for name in packages)
     lines += [f"- Date: {date.today().isoformat()}", f"- Versions: {versions}"]
     if data is not None:
         totals = data.manifest.totals
