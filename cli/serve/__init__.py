@@ -30,7 +30,8 @@ _EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 -- addresses that are no names
     "names",
     multiple=True,
     metavar="NAME",
-    help="With --host: a name by which others reach this machine. Repeat it for several.",
+    help="A name by which others reach this machine: by --host, or through a proxy here. "
+    "Repeat it for several.",
 )
 def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str, ...]) -> None:
     """Answer questions about robots' maps, for agents (MCP) and over HTTP.
@@ -66,4 +67,6 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
         door.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         shown = f"[{host}]" if ":" in host else host
         print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
+        if host in _EVERYWHERE and not names:
+            print_note("other machines are refused until --allow-host NAME says how they call it")
         listen(service, door, hosts=(*(() if host in _EVERYWHERE else (shown,)), *names))

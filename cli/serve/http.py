@@ -11,6 +11,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from mcp.server.mcpserver import MCPServer
 from mcp.server.transport_security import TransportSecuritySettings
+from starlette.exceptions import HTTPException
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.responses import JSONResponse
 from starlette.routing import Route
@@ -23,11 +24,14 @@ from bsg_data.spelling import SHOWN
 
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
 _FAULTS = {
-    400: "not JSON, or another Host",
+    400: "not JSON; another Host gets a text",
+    404: "no such path",
+    405: "not POST",
     408: "the question came too slowly",
     413: "the question is too large",
     415: "not application/json",
     422: "the map or the question is faulty; `error` says where",
+    500: "an error of the service",
     503: "too many questions at a time, or the answer took too long",
 }
 
@@ -50,6 +54,8 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*_LOCAL, *hosts], www_redirect=False)
     app.exception_handler(BSGError)(_explain)
     app.exception_handler(RequestValidationError)(_explain_question)
+    app.exception_handler(HTTPException)(_explain_path)
+    app.exception_handler(Exception)(_confess)
 
     async def find(asked: Find) -> Found:
         """Say in which rooms things probably are, and which room to search first."""
@@ -86,10 +92,23 @@ async def _explain(_: Request, error: Exception) -> JSONResponse:
 
 
 async def _explain_question(_: Request, error: Exception) -> JSONResponse:
-    fault = error.errors()[0]  # type: ignore[attr-defined]
+    faults = error.errors()  # type: ignore[attr-defined]
+    # A wrong key is named before the key that is missing for it.
+    fault = next((one for one in faults if one["type"] == "extra_forbidden"), faults[0])
     where = ".".join(str(part)[:SHOWN] for part in fault["loc"][1:]) or "the question"
-    said = str(fault["msg"]).removeprefix("Value error, ")
+    is_whole = len(fault["loc"]) == 1
+    said = "expected a JSON object" if is_whole else fault["msg"].removeprefix("Value error, ")
     return refuse(422, f"{where}: {said}", code="question-malformed", where=where)
+
+
+async def _explain_path(request: Request, error: Exception) -> JSONResponse:
+    status, what = error.status_code, f"{request.method} {request.url.path[:SHOWN]}"  # type: ignore[attr-defined]
+    said = f"expected POST /find, /expect or /mcp, or GET /openapi.json; found {what}"
+    return refuse(status, said, code="path-unknown")
+
+
+async def _confess(_: Request, __: Exception) -> JSONResponse:
+    return refuse(500, "an error of the service; its terminal says more", code="service-error")
 
 
 def listen(service: Service, door: socket.socket, *, hosts: Sequence[str] = ()) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field
@@ -13,8 +14,9 @@ import bsg_data
 import bsg_models
 from bsg_cli.find import describe_things
 from bsg_data.files import AnyPath
-from bsg_data.observation.partial_graph import Id, Text
+from bsg_data.observation.partial_graph import Id, Text, reclassify
 from bsg_data.recipes import Record
+from bsg_models.belief.graph_file import parse_graph
 
 MOST_ROOMS = 500  # of a map
 MOST_THINGS = 20  # of a question
@@ -67,7 +69,14 @@ class Thing(Record):
     """Where one thing probably is."""
 
     thing: str
-    class_name: Annotated[str, Field(alias="class", description="The class that answers for it.")]
+    class_name: Annotated[
+        str | None,
+        Field(
+            alias="class",
+            description="The class that answers for it; null: no model counts it, and it is judged "
+            "by what is like it.",
+        ),
+    ]
     how: Annotated[str, Field(description="Why this class; empty if the thing is its name.")]
     model: str
     anywhere: Annotated[float, Field(description="P(at least one is in the building).")]
@@ -151,13 +160,15 @@ class Service:
         return await loop.run_in_executor(self._threads, lambda: answer(self._open(asked), asked))
 
     def _open(self, asked: Find | Expect) -> bsg_models.SeenBuilding:
-        seen = bsg_models.open_graph(asked.map, model=self._predictor, labels=asked.labels)
+        file = parse_graph(asked.map, path=Path("map"), labels=asked.labels)
+        graph = reclassify(file.graph, self._predictor.class_map)
+        seen = bsg_models.SeenBuilding(graph, self._predictor, notes=file.notes)
         if len(seen.rooms) > MOST_ROOMS:
             raise bsg_data.RecipeError(
-                f"graph: expected at most {MOST_ROOMS} rooms, found {len(seen.rooms):,}; ask about "
+                f"map: expected at most {MOST_ROOMS} rooms, found {len(seen.rooms):,}; ask about "
                 "a part of the building",
                 code="rooms-too-many",
-                where="graph",
+                where="map",
             )
         return seen
 

@@ -61,11 +61,12 @@ def test_every_kind_of_map_is_read_as_open_graph_reads_it(
 
 def test_questions_and_answers_are_as_openapi_says(address: str) -> None:
     described = httpx2.get(f"{address}/openapi.json").json()
-    said = {"map": SIMPLE, "things": ["bed", "sofa"], "here": "hall"}
+    said = {"map": SIMPLE, "things": ["bed", "sofa", "banana"], "here": "hall"}
     schemas = {"/find": said, "/expect": {"map": SIMPLE, "room": "hall"}}
     for path, question in schemas.items():
         post = described["paths"][path]["post"]
         answer = ask(address, path, **question)
+        assert answer.status_code == 200, answer.text
         fault = ask(address, path, map=5)
         for value, content in (
             (question, post["requestBody"]),
@@ -79,20 +80,21 @@ def test_questions_and_answers_are_as_openapi_says(address: str) -> None:
 @pytest.mark.parametrize(
     ("question", "code", "place"),
     [
-        ({"map": {"kitchen": "sink"}}, "graph-malformed", "graph: kitchen: "),
+        ({"map": {"kitchen": "sink"}}, "graph-malformed", "map: kitchen: "),
         (
             {"map": {**HOME, "rooms": [{"id": "hall", "hidden_share": 2}]}},
             "graph-malformed",
-            "graph: room 'hall': hidden_share: ",
+            "map: room 'hall': hidden_share: ",
         ),
-        ({"map": {**DSG, "nodes": [{}]}}, "dsg-malformed", "graph: "),
-        ({"map": {str(n): [] for n in range(501)}}, "rooms-too-many", "graph: "),
+        ({"map": {**DSG, "nodes": [{}]}}, "dsg-malformed", "map: "),
+        ({"map": {str(n): [] for n in range(501)}}, "rooms-too-many", "map: "),
         ({"map": SIMPLE, "labels": "mpcat40"}, "labels-unused", "labels are for Hydra's"),
         ({"map": SIMPLE, "labels": "/etc/passwd"}, "question-malformed", "labels: "),
-        ({"map": SIMPLE, "here": "attic"}, "room-unknown", "graph: no room 'attic'"),
+        ({"map": SIMPLE, "here": "attic"}, "room-unknown", "map: no room 'attic'"),
         ({"map": SIMPLE, "things": "flibber"}, "thing-unknown", "no model here can look for"),
         ({"map": SIMPLE, "things": []}, "question-malformed", "things: "),
         ({"map": SIMPLE, "heer": "hall"}, "question-malformed", "heer: "),
+        ({"maps": SIMPLE}, "question-malformed", "maps: "),
         ({"map": [SIMPLE]}, "question-malformed", "map: "),
     ],
 )
@@ -121,6 +123,19 @@ def test_what_is_no_question_is_refused(
 ) -> None:
     answer = httpx2.post(f"{address}/find", content=body, headers=headers)
     assert (answer.status_code, answer.json()["code"]) == (status, code)
+
+
+def test_what_nobody_foresaw_is_answered_as_json() -> None:
+    app = make_app(None)  # type: ignore[arg-type] -- which fails when it is asked
+
+    async def ask_it(path: str) -> tuple[int, str]:
+        transport = httpx2.ASGITransport(app=app, raise_app_exceptions=False)
+        async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            answer = await client.post(path, json={"map": SIMPLE, "things": "sink"})
+        return answer.status_code, answer.json()["code"]
+
+    assert anyio.run(ask_it, "/find") == (500, "service-error")
+    assert anyio.run(ask_it, "/nothing") == (404, "path-unknown")
 
 
 @pytest.mark.parametrize("path", ["/find", "/mcp", "/openapi.json"])

@@ -38,6 +38,9 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             assert (place["room"], place["cost"]) == (best.room, best.cost)
             assert place["probability"] == pytest.approx(best.probability, abs=1e-6)
 
+            noun = await client.call_tool("find_things", {"map": SIMPLE, "things": "banana"})
+            assert noun.structured_content["things"][0]["class"] is None
+
             held = await client.call_tool("expect_things", {"map": SIMPLE, "room": "hall"})
             names = [one["name"] for one in held.structured_content["rooms"][0]["expected"]]
             assert names == [one.name for one in seen.expected("hall")[:10]]
@@ -45,6 +48,6 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             wrong = {"map": {"kitchen": 5}, "things": ["microwave"]}
             fault = await client.call_tool("find_things", wrong)
             assert fault.is_error
-            assert "graph: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
+            assert "map: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
 
     anyio.run(ask)
