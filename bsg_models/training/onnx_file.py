@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -22,11 +22,13 @@ from torch import nn
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_data.results import refuse_file
+from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_models.inputs.nodes import EVIDENCE, Nodes, encode_area, mark
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.found_model import find_model
+from bsg_models.runs.predictor import choose_class_map
 from bsg_models.zoo.networks import CountNetwork, to_distribution
 
 _NODES = 5  # of the building that the exporter follows through the network; others have any number
@@ -101,6 +103,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
         "classes": header.class_space.classes,
         "class_space": str(header.class_space),
         "vocabulary": header.vocabulary,
+        "words": _list_words(choose_class_map(found.path, header), network.vocabulary),
         "labels": list_room_labels(),
         "building_kinds": BUILDING_KINDS,
         "sources": KNOWN_SOURCES,
@@ -112,6 +115,17 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     program.save(path)
     write_bytes(beside, (encode_json(said, indent=1) + "\n").encode())
     return beside
+
+
+def _list_words(class_map: ClassMap, vocabulary: Collection[str]) -> dict[str, str]:
+    """Return what the words of a class map mean: a class, or a word of the vocabulary."""
+    names = {*class_map.normalised, *(class_map.synonyms or ())}
+    known = {name: class_map.classify(name) for name in sorted(names)}
+    return {
+        name: str(one.category) if one.class_index is None else class_map.classes[one.class_index]
+        for name, one in known.items()
+        if one.class_index is not None or one.category in vocabulary
+    }
 
 
 @contextmanager

@@ -107,7 +107,7 @@ def test_a_model_that_counts_is_not_exported(tmp_path: Path) -> None:
 
 @pytest.mark.heavy
 def test_the_example_asks_from_node(tmp_path: Path) -> None:
-    """In JavaScript, of a graph whose shares are certain, as `Predictor` answers."""
+    """In JavaScript, of the home of the page, as `Predictor` answers for certain shares."""
     from bsg_models.training.onnx_file import export_onnx
 
     node, modules = shutil.which("node"), find_modules()
@@ -116,19 +116,21 @@ def test_the_example_asks_from_node(tmp_path: Path) -> None:
     document = json.loads((REPOSITORY / "docs" / "home.json").read_text("utf-8"))
     for room in document["rooms"]:
         room.setdefault("hidden_share", 0.5 if room.get("visited", True) else 1.0)
-    for thing, word in zip(document["objects"], ("couch", "tv", "coat rack"), strict=True):
-        thing["category"] = word  # the example knows the file's own words, and no others
-    (tmp_path / "home.json").write_text(json.dumps(document), "utf-8")
+    (tmp_path / "certain.json").write_text(json.dumps(document), "utf-8")
     (tmp_path / "node_modules").symlink_to(modules)
     script = tmp_path / "ask_onnx.mjs"
     script.write_bytes((REPOSITORY / "docs" / "examples" / "ask_onnx.mjs").read_bytes())
     files = ("universal.onnx", "universal.json")
     export_onnx("universal", tmp_path / files[0])
-    command = [node, script, *(tmp_path / one for one in files), tmp_path / "home.json"]
-    done = subprocess.run([*command, "microwave"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    command = [node, script, *(tmp_path / one for one in files), REPOSITORY / "docs" / "home.json"]
+    done = subprocess.run([*command, "microwave oven"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    for words, said in ((["gizmo"], "gizmo: not among"), ([], "usage: ")):
+        wrong = subprocess.run([*command, *words], capture_output=True, text=True)
+        assert (wrong.returncode > 0, wrong.stdout) == (True, "")
+        assert wrong.stderr.startswith(said)
     predictor = Predictor("universal")
-    graph = reclassify(read_graph(tmp_path / "home.json"), predictor.class_map)
+    graph = reclassify(read_graph(tmp_path / "certain.json"), predictor.class_map)
     column = predictor.classes.index("microwave")
     presence = predictor(graph).presence[1:, column]
     found = json.loads(done.stdout)
