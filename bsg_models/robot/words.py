@@ -24,6 +24,7 @@ _LISTED = 8  # rooms listed in an error
 _Near: TypeAlias = tuple[str, int, int, float]  # name, model, class, likeness
 # What follows says where a thing is, not what it is.
 _PLACE = re.compile(r"\s(?:on|in|under|behind|beside|near|by|at|from)\s(?:the|my|your|a)\s")
+_MARKS = " ?!.,;:\"'`“”„‘’«»"  # around a name that was copied from a sentence
 _NONE: Mapping[str, float] = MappingProxyType({})
 LIKE_A_MISSPELLING = 0.85  # difflib's ratio: accepts microwav, refridgerator; not boots for books
 
@@ -81,7 +82,7 @@ def find_meaning(
             f"{show_value(word)}",
             code="thing-none",
         )
-    said = _PLACE.split(word, maxsplit=1)[0]  # a book on the table is a book
+    said = _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)  # a book on the table is a book
     asked: list[ClassMap] = []
     wider: Meaning | None = None
     for class_map in class_maps:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from bsg_cli.ros.markers import draw
 from bsg_cli.ros.requests import TOPICS, Robot, read_detections
 from bsg_data.files import encode_json, write_bytes
 from bsg_data.observation.robot_json import encode_robot_graph
+from bsg_data.spelling import ask_if_meant
 from bsg_data.tables import make_plain
 
 try:
@@ -97,6 +99,8 @@ class BeliefNode:
             self.log.warning(make_plain(f"~/{topic}: {answer['error']}"))
         elif topic == "where" and "thing" in answer:
             self.thing = answer["thing"]
+        for note in answer.get("notes", ()):
+            self.log.info(make_plain(f"~/{topic}: {note}"))
         self.answers.publish(String(data=encode_json(answer)))
 
     def detect(self, message: Any) -> None:
@@ -153,6 +157,9 @@ def run(ros_args: Sequence[str]) -> None:
     node = rclpy.create_node("belief")
     belief = None
     try:
+        for name in _list_unknown(ros_args):
+            hint = ask_if_meant(name, PARAMETERS) or f"parameters are {', '.join(PARAMETERS)}"
+            node.get_logger().warning(make_plain(f"no parameter {name!r}; {hint}"))
         belief = BeliefNode(node)
         rclpy.spin(node)
     except ParameterException as error:
@@ -164,6 +171,13 @@ def run(ros_args: Sequence[str]) -> None:
             belief.keep()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _list_unknown(ros_args: Sequence[str]) -> list[str]:
+    """Return the parameters of a command that are neither the node's nor ROS's own."""
+    given = [word for flag, word in pairwise(ros_args) if flag in ("-p", "--param")]
+    names = [word.partition(":=")[0].rpartition(":")[2] for word in given]
+    return [name for name in names if name not in PARAMETERS and name != "use_sim_time"]
 
 
 def _declare(node: Any, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""What a robot says in a text: a word, or a JSON object. Each text gets one answer.
+"""What a robot says in a text: a word, or JSON. Each text gets one answer.
 
 Texts come from other programs. They are bounded and checked here; a fault is an answer.
 """
@@ -18,7 +18,7 @@ from bsg_cli.find import describe_things
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import Metres, Position, Share
 from bsg_data.recipes import Record, name_fault
-from bsg_data.scene.room_label import label_of
+from bsg_data.scene.room_label import explain_room_type, label_of
 
 MOST_CHARACTERS = 65_536  # of a text
 MOST_ROOMS, MOST_OBJECTS = 2_000, 20_000  # that are kept; a broken detector may never stop
@@ -35,7 +35,7 @@ Names = Annotated[  # or one name
 
 
 class _Request(Record):
-    """What a robot may say on a topic; a text that is no JSON object gives the first field."""
+    """What a robot may say on a topic; a text that is no object gives the first field."""
 
     id: Name | None = None  # comes back with the answer
 
@@ -133,7 +133,9 @@ class Robot:
                 code="room-unsaid",
             )
         object_id = self.seen.saw(room, said.thing, object_id=said.object, position=said.position)
-        return {"object": object_id}
+        is_known = self.seen.graph.objects[-1].category is not None
+        said_of = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
+        return {"object": object_id} if is_known else {"object": object_id, "notes": [said_of]}
 
     def entered(self, said: Entered) -> Answer:
         """Note where the robot is, and how much of the room it has seen."""
@@ -152,7 +154,9 @@ class Robot:
             raise _refuse_more(f"rooms are at most {MOST_ROOMS:,}", "rooms-too-many")
         kind = said.room_type or label_of("any", said.room)  # a name may be a kind, as in a map
         self.seen.discovered(**said.model_dump(exclude={"id"}) | {"room_type": kind})
-        return {"room": said.room}
+        types = explain_room_type(said.room_type).items()
+        notes = [f"room type {word!r} is read as {read}" for word, read in types]
+        return {"room": said.room, "notes": notes} if notes else {"room": said.room}
 
     def where(self, said: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
@@ -185,14 +189,14 @@ def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
             f"expected at most {MOST_CHARACTERS:,} characters, found {len(text):,}",
             code="request-too-large",
         )
-    if not text.lstrip().startswith("{"):
-        plain = next(name for name in kind.model_fields if name != "id")
-        return {plain: text}
-    try:
-        said: dict[str, Any] = parse_json(text)
-    except ValueError as error:
-        raise bsg_data.RecipeError(f"no JSON ({error})", code="json-malformed") from error
-    return said
+    said: Any = text
+    if text.lstrip().startswith(("{", "[", '"')):
+        try:
+            said = parse_json(text)
+        except ValueError as error:
+            raise bsg_data.RecipeError(f"no JSON ({error})", code="json-malformed") from error
+    plain = next(name for name in kind.model_fields if name != "id")
+    return said if isinstance(said, dict) else {plain: said}
 
 
 def _refuse_more(what: str, code: str) -> bsg_data.RecipeError:

@@ -16,6 +16,7 @@ MAPS = [load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")]
     [
         ("microwave", "microwave", 0, ""),
         ("  Micro-Wave ", "microwave", 0, "rule"),
+        ('"microwave?"', "microwave", 0, "is 'microwave'"),
         ("fridge", "refrigerator", 0, "'fridge' is 'refrigerator'"),
         ("sofa", "couch", 0, "'sofa' is one of the class 'couch'"),
         ("shoes", "shoe", 1, "'shoes' is one of the class 'shoe'"),

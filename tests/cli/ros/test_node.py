@@ -235,6 +235,13 @@ def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], 
     assert "Traceback" not in done.stderr
 
 
+def test_a_parameter_that_is_misspelt_is_named() -> None:
+    words = ["-p", "grap:=home.json", "-p", "use_sim_time:=true", "-p", "model:=no-such"]
+    done = subprocess.run([*COMMAND, *words], capture_output=True, text=True, timeout=WAIT)
+    assert "no parameter 'grap'; did you mean graph?" in done.stderr
+    assert "use_sim_time" not in done.stderr
+
+
 def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
     start_node(start, space, graph=HOME)
     client = (str(EXAMPLES / "ros_client.py"), "microwave", "sofa")

@@ -40,6 +40,9 @@ def test_a_text_that_is_no_object_is_the_first_word(robot: Robot) -> None:
     assert answer["places"] == [asdict(place) for place in places]
     assert answer["go_first"] == "meeting-room"
     assert say(robot, "expected", room="kitchen")["expected"]
+    assert robot.hear("where", '"sofa"') == answer
+    both = robot.hear("where", '["cup", "sofa"]')["things"]
+    assert [one["thing"] for one in both] == ["cup", "sofa"]
 
 
 def test_reports_change_what_python_would_change(robot: Robot) -> None:
@@ -63,6 +66,13 @@ def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
     assert [room.room_type for room in robot.seen.graph.rooms[-2:]] == ["bedroom", None]
 
 
+def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
+    gizmo = say(robot, "saw", thing="gizmo", room="kitchen")
+    assert gizmo["notes"] == ["no class map knows 'gizmo': it is kept, but tells the model nothing"]
+    (note,) = say(robot, "discovered", room="attic", room_type="zzz")["notes"]
+    assert note.startswith("room type 'zzz' is read as")
+
+
 @pytest.mark.parametrize(
     ("topic", "text", "code"),
     [
@@ -77,6 +87,8 @@ def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
         ("discovered", "kitchen", "room-known"),
         ("where", "zzqx", "thing-unknown"),
         ("where", '{"thing": []}', "request-malformed"),
+        ("where", "[3]", "request-malformed"),
+        ("where", '"sofa', "json-malformed"),
         ("where", '{"thing": "sofa", "thing": "bed"}', "json-malformed"),
         ("where", '{"thing": NaN}', "json-malformed"),
         ("where", '{"thing": ' + "[" * 60_000, "json-malformed"),
