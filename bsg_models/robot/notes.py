@@ -36,13 +36,12 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
 def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
     """Yield which names are not in the class map, and which were read by a rule."""
     unmapped = [
-        f"{name.name[:SHOWN]!r} ({name.instances:,}"
+        f"{name.name[:SHOWN]!r} ({name.instances:,}×"
         + (f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")")
         for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED)
     ]
     if unmapped:
-        what = "1 name is" if len(unmapped) == 1 else f"{len(unmapped):,} names are"
-        yield f"{what} not in the class map: {_list(unmapped)}"
+        yield f"names that the class map lacks, and the model does not read: {_list(unmapped)}"
     seen = Counter(obj.raw_category for obj in graph.objects)
     made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
     if made:

@@ -29,7 +29,7 @@ import bsg_models
 from bsg_cli.ros.markers import draw
 from bsg_cli.ros.requests import TOPICS, Robot, read_detections
 from bsg_data.files import encode_json, write_bytes
-from bsg_data.observation.robot_json import encode_robot_graph
+from bsg_data.observation.robot_json import RobotGraphError, encode_robot_graph
 from bsg_data.spelling import ask_if_meant
 from bsg_data.tables import make_plain
 
@@ -72,7 +72,13 @@ class BeliefNode:
         self.kept: bsg_data.PartialGraph | None = None
         self.drawn: tuple[bsg_data.PartialGraph, str | None] | None = None
         goes_on = self.state is not None and self.state.exists()
-        self.robot = Robot(self._open(self.state if goes_on else self.graph))
+        try:
+            self.robot = Robot(self._open(self.state if goes_on else self.graph))
+        except RobotGraphError as error:
+            if not goes_on:
+                raise
+            hint = f"{error}; this file is `state`: move it away to begin with `graph`"
+            raise RobotGraphError(hint, code=error.code) from error
         self.answers = node.create_publisher(String, "~/answers", _QUEUE)
         self.graphs = node.create_publisher(String, "~/graph", _LATCHED)
         self.markers = node.create_publisher(MarkerArray, "~/markers", _LATCHED)

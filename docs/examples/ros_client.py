@@ -1,16 +1,17 @@
-"""Ask a running `bsg-ros` where things are.
+"""Ask a running `bsg-ros` where things are, or tell it what a robot sees.
 
     python ros_client.py microwave "coffee table"
+    python ros_client.py --topic saw '{"thing": "sink", "room": "kitchen"}'
 
 It needs `rclpy` and `std_msgs` of ROS 2. docs/ros.md describes the topics.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
 from typing import Any
 from uuid import uuid4
 
@@ -21,10 +22,10 @@ from std_msgs.msg import String
 SECONDS = 10.0  # that a question waits for its answer
 
 
-def ask(things: Sequence[str]) -> dict[str, Any]:
-    """Return the answer to one question: who asks gives it an id, and the answer repeats it."""
+def ask(topic: str, **said: Any) -> dict[str, Any]:
+    """Return the answer to one text: who asks gives it an id, and the answer repeats it."""
     node = rclpy.create_node("asking")
-    question, answers = {"id": uuid4().hex, "thing": list(things)}, []
+    question, answers = {"id": uuid4().hex, **said}, []
 
     def hear(message: String) -> None:
         answer = json.loads(message.data)
@@ -32,7 +33,7 @@ def ask(things: Sequence[str]) -> dict[str, Any]:
             answers.append(answer)
 
     node.create_subscription(String, "belief/answers", hear, 10)
-    asked = node.create_publisher(String, "belief/where", 10)
+    asked = node.create_publisher(String, f"belief/{topic}", 10)
     end, is_sent = time.monotonic() + SECONDS, False
     while not answers and time.monotonic() < end:
         if (
@@ -48,11 +49,19 @@ def ask(things: Sequence[str]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Print the likeliest room of each thing, and where to go first."""
+    """Print the likeliest room of each thing, and where to go first; or the answer of a topic."""
+    parser = argparse.ArgumentParser(description="Ask a running bsg-ros where things are.")
+    parser.add_argument("--topic", help="another topic; its text is one JSON object: docs/ros.md")
+    parser.add_argument("things", nargs="+", help="things to look for, or the text of the topic")
+    asked = parser.parse_args(remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
-    answer = ask(remove_ros_args(sys.argv)[1:])
+    said = json.loads(asked.things[0]) if asked.topic else {"thing": asked.things}
+    answer = ask(asked.topic or "where", **said)
     if "error" in answer:
         sys.exit(answer["error"])
+    if asked.topic:
+        print(json.dumps(answer))
+        return
     for fact in answer.get("things", [answer]):
         for best in fact["places"][:1]:  # none while no room is known
             print(f"{fact['thing']}: {best['room']}, {best['probability']:.0%}")

@@ -223,6 +223,7 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
         (["-p", "period:=0.0"], "period"),
         (["-p", "graph"], "-p graph"),
         (["-p", "graph:=no-such.json"], "no-such.json"),
+        (["-p", f"state:={__file__}"], "move it away"),
         (["-p", "model:=universel"], "universal"),
     ],
 )
@@ -250,6 +251,9 @@ def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
     assert [line.split(",")[0] for line in lines[:2]] == ["microwave: kitchen", "sofa: living"]
     assert lines[2] == "go first to living"
     assert done.returncode == 0
+    told = (client[0], "--topic", "saw", '{"thing": "sink", "room": "hall"}')
+    done = start(sys.executable, *told, "--ros-args", "-r", f"__ns:={space}")
+    assert json.loads(done.communicate(timeout=WAIT)[0])["object"] == "saw 4"
 
 
 def test_the_launch_file_starts_the_node(start: Start, space: str, tmp_path: Path) -> None:
