@@ -134,8 +134,8 @@ class Robot:
             )
         object_id = self.seen.saw(room, said.thing, object_id=said.object, position=said.position)
         is_known = self.seen.graph.objects[-1].category is not None
-        said_of = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
-        return {"object": object_id} if is_known else {"object": object_id, "notes": [said_of]}
+        note = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
+        return {"object": object_id} if is_known else {"object": object_id, "notes": [note]}
 
     def entered(self, said: Entered) -> Answer:
         """Note where the robot is, and how much of the room it has seen."""
