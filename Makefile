@@ -114,8 +114,8 @@ robot: ## Let a robot search things in the simulator pyrobosim; page and picture
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
-bench: $(INSTALLED) ## Time the main jobs beside those of another checkout: make bench BASE=../before
-	$(BIN)/python scripts/bench.py --base "$(BASE)"
+bench: $(INSTALLED) ## Time the main jobs beside what people would use instead: make bench HM3D=PATH
+	PYTHONPATH=scripts/measure $(BIN)/python scripts/bench/speed.py $(if $(HM3D),--hm3d "$(HM3D)")
 
 package: $(INSTALLED) ## Build wheel and source archive into dist, and try both in fresh environments.
 	$(BIN)/python -m pip install --quiet 'build>=1.2,<2'

@@ -1,0 +1,69 @@
+"""Measure how fast the main jobs are beside what people would use instead, and write the page.
+
+    python scripts/bench/speed.py --hm3d PATH --out docs/results/speed.md
+    python scripts/bench/speed.py --only masks search   # prints the rows of two
+
+Each benchmark is a file of this folder, and runs in a process of its own with one thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import multiprocessing
+import os
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from results import ResultsTable, write_page
+from timing import HEADER, Speed
+
+from bsg_data.tables import format_text
+
+FOLDER = Path(__file__).parent
+# Set before the libraries start: many threads wait for one another, which hides our own cost.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+READING = (
+    "Both times of a row come from the same run and the same work; they are seconds of processor, "
+    "unless a row says otherwise. With target “≥”, ours must be at least that many times as fast. "
+    "With “≤”, ours may take at most that many times as long, or at most that time."
+)
+
+
+def list_benchmarks() -> list[str]:
+    """Return the names of the benchmarks: all files of this folder but this and `timing.py`."""
+    return sorted({path.stem for path in FOLDER.glob("*.py")} - {"speed", "timing"})
+
+
+def measure(name: str, hm3d: Path | None) -> tuple[Speed, ...]:
+    """Return what one benchmark measures."""
+    return tuple(importlib.import_module(name).measure(hm3d))
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run the benchmarks, print the rows, and write the page."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--hm3d", type=Path, help="folder with annotations of HM3D")
+    parser.add_argument("--out", type=Path, help="page to write")
+    parser.add_argument("--only", nargs="+", choices=list_benchmarks(), default=list_benchmarks())
+    options = parser.parse_args(argv)
+    os.environ.update(ONE_THREAD)
+    speeds: list[Speed] = []
+    for name in options.only:
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+            found = pool.submit(measure, name, options.hm3d).result()
+        speeds += found
+        print(format_text([one.cells() for one in found], header=HEADER), flush=True)
+    rows = [one.cells() for one in speeds]
+    met = f"{sum(one.is_met for one in speeds)} of {len(speeds)} targets are met."
+    if options.out:
+        table = ResultsTable("Times and targets", HEADER, rows, READING)
+        write_page(options.out, "Speed", [table], argv=argv or sys.argv, found=met)
+    else:
+        print(met)
+
+
+if __name__ == "__main__":
+    main()
