@@ -39,6 +39,16 @@ _NODE_BYTES = 250  # about what is held of a node besides its cells
 _OBJECT_BYTES = 40
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Building:
+    """What a dataset knows of a scene besides the objects outside the classes."""
+
+    cells: Counts  # [N, C] as `Dataset.cells`
+    connections: Connections
+    surroundings: Surroundings
+    nameable: Bools  # [C] as `Dataset.nameable`
+
+
 @dataclass(frozen=True, eq=False)
 class Dataset:
     """An opened dataset.
@@ -96,6 +106,17 @@ class Dataset:
         for some in np.split(numbers, np.searchsorted(numbers, self._ends)):
             if len(some):
                 yield tuple(self.scene_ids[number] for number in some)
+
+    def building(self, scene_id: str) -> Building:
+        """Return what is known of a scene besides the objects outside the classes."""
+        part, place = self._find(scene_id)
+        rows, (starts, connections) = part.rows_of(place), part.connections
+        return Building(
+            part.cells[rows],
+            connections.take(np.s_[starts[place] : starts[place + 1]]),
+            part.surroundings.take(rows, buildings=slice(place, place + 1)),
+            self._nameable[part.sources[place]],
+        )
 
     def cells(self, scene_id: str) -> Counts:
         """Return the classified objects of a scene, `[1 + R, C]`, row 0 the null region."""
@@ -156,7 +177,7 @@ class Dataset:
     def _find(self, scene_id: str) -> tuple[_Part, int]:
         """Return the part of a scene, and its index there."""
         number = self._number_of(scene_id)
-        part = int(np.searchsorted(self._ends, number, side="right"))
+        part = int(self._ends.searchsorted(number, side="right"))
         first = int(self._ends[part - 1]) if part else 0
         return self._part(part), number - first
 
@@ -234,13 +255,15 @@ class _Part:
 
     def others(self, place: int) -> OtherObjects:
         """Return the objects of a scene outside the classes, by category."""
-        nodes, kinds, counts, names = self._others
-        rows = self.rows_of(place)
-        first, last = np.searchsorted(nodes, [rows.start, rows.stop])
-        there, columns = np.unique(kinds[first:last], return_inverse=True)
-        cells = np.zeros((rows.stop - rows.start, len(there)), dtype=np.int64)
-        cells[nodes[first:last] - rows.start, columns] = counts[first:last]
-        return OtherObjects(tuple(names[kind] for kind in there), cells)
+        nodes, kinds, counts, names, starts = self._others
+        some, first = slice(starts[place], starts[place + 1]), int(self._starts[place])
+        return OtherObjects(
+            names,
+            int(self._starts[place + 1]) - first,
+            nodes[some] - first,
+            kinds[some],
+            counts[some],
+        )
 
     @cached_property
     def connections(self) -> tuple[Ints, Connections]:
@@ -290,10 +313,10 @@ class _Part:
         return self._find_nodes(table), table["class_index"], table["category"]
 
     @cached_property
-    def _others(self) -> tuple[Ints, Ints, Ints, list[str]]:
+    def _others(self) -> tuple[Ints, Ints, Ints, tuple[str, ...], Ints]:
         """Row of the node, category and number of all other objects, and the categories' names.
 
-        Sorted by node, then by name.
+        They are sorted by node, then by name; at last, where each scene begins, `[B + 1]`.
         """
         nodes, classes, categories = self._objects
         outside = classes.is_null()
@@ -304,7 +327,8 @@ class _Part:
         width = max(len(names), 1)
         key = nodes[outside.to_numpy()] * width + kinds[encoded.indices.to_numpy()]
         pairs, counts = np.unique(key, return_counts=True)
-        return *np.divmod(pairs, width), counts, names.tolist()
+        rows, columns = np.divmod(pairs, width)
+        return rows, columns, counts, tuple(names.tolist()), np.searchsorted(rows, self._starts)
 
     def _find_nodes(self, table: pa.Table) -> Ints:
         """Return the row of the node that every row of a table is in or is."""

@@ -52,21 +52,15 @@ def to_histograms(cells: Counts) -> Counts:
 
 
 def stack_histograms(cells: Counts, starts: Ints) -> Counts:
-    """Return cells `[K, C]` of several buildings as histograms; `starts` has their first rows."""
-    histograms = cells.copy()
-    histograms[starts] = np.add.reduceat(cells, starts, axis=0)
-    return histograms
-
-
-def to_cells(histograms: Counts) -> Counts:
-    """Return histograms `[..., N, C]` as cells: row 0 becomes the objects in no room.
-
-    >>> to_cells(np.array([[3, 3], [2, 3]])).tolist()
-    [[1, 0], [2, 3]]
-    """
-    cells = histograms.copy()
-    cells[..., 0, :] -= histograms[..., 1:, :].sum(axis=-2)
+    """Turn cells `[K, C]` of several buildings into histograms; `starts` has their first rows."""
+    cells[starts] = np.add.reduceat(cells, starts, axis=0)
     return cells
+
+
+def stack_cells(histograms: Counts, starts: Ints) -> Counts:
+    """Turn histograms `[K, C]` of several buildings into cells: the inverse of the above."""
+    histograms[starts] = 2 * histograms[starts] - np.add.reduceat(histograms, starts, axis=0)
+    return histograms
 
 
 NO_CATEGORY = ""  # stands for nameless and unmapped objects: nothing to learn from
@@ -74,11 +68,66 @@ NO_CATEGORY = ""  # stands for nameless and unmapped objects: nothing to learn f
 
 @dataclass(frozen=True, eq=False)
 class OtherObjects:
-    """The objects without a class of one scene."""
+    """The objects without a class of one scene of N nodes, counted by node and category.
 
-    # `[K]` names, sorted; `NO_CATEGORY` stands for objects without a category
-    categories: tuple[str, ...]
-    cells: Counts  # `[1 + R, K]` counts, row 0 the null region
+    Attributes:
+        names: categories, sorted, also of other scenes; `NO_CATEGORY` stands for objects without.
+        nodes: N.
+        rows: `[P]` node of each count, rising; row 0 is the null region.
+        kinds: `[P]` category of each count, rising in a row.
+        counts: `[P]` number of objects.
+    """
+
+    names: tuple[str, ...]
+    nodes: int
+    rows: Ints
+    kinds: Ints
+    counts: Counts
+
+    @classmethod
+    def of_cells(cls, categories: tuple[str, ...], cells: Counts) -> OtherObjects:
+        """Return the objects of cells `[N, K]`."""
+        rows, kinds = np.nonzero(cells)
+        return cls(categories, len(cells), rows, kinds, cells[rows, kinds])
+
+    @property
+    def categories(self) -> tuple[str, ...]:
+        """The categories of the scene, `[K]`."""
+        return tuple(self.names[kind] for kind in np.unique(self.kinds).tolist())
+
+    @property
+    def columns(self) -> Ints:
+        """The place of each of `names` among the categories, -1 for none."""
+        kinds = np.unique(self.kinds)
+        columns = np.full(len(self.names), -1)
+        columns[kinds] = np.arange(len(kinds))
+        return columns
+
+    @property
+    def cells(self) -> Counts:
+        """The counts of these categories as cells, `[N, K]`."""
+        return self.place(self.columns, len(np.unique(self.kinds)))
+
+    def cut(self, nodes: Ints) -> OtherObjects:
+        """Return the objects of some nodes, whose numbers rise from 0.
+
+        Without all of them, those of the null region are left out.
+        """
+        if len(nodes) == self.nodes:
+            return self
+        places = np.full(self.nodes, -1)
+        places[nodes[1:]] = np.arange(1, len(nodes))
+        rows = places[self.rows]
+        kept = np.flatnonzero(rows >= 0)
+        return OtherObjects(self.names, len(nodes), rows[kept], self.kinds[kept], self.counts[kept])
+
+    def place(self, columns: Ints, width: int) -> Counts:
+        """Return cells `[N, width]`; `columns` has that of each of `names`, -1 for none."""
+        placed = np.zeros((self.nodes, width), dtype=np.int64)
+        found = columns[self.kinds]
+        some = found >= 0
+        placed[self.rows[some], found[some]] = self.counts[some]
+        return placed
 
 
 def choose_vocabulary(others: Iterable[OtherObjects], *, min_scenes: int) -> tuple[str, ...]:

@@ -10,19 +10,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
 import pyarrow as pa
 
 from bsg_data.arrays import Bools, Counts, Ints
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import place_columns, to_cells, to_histograms
-from bsg_data.observation.masks import sample_view
+from bsg_data.dataset.dataset import Building, Dataset
+from bsg_data.dataset.histograms import OtherObjects, place_columns, stack_cells, stack_histograms
+from bsg_data.observation.mask_streams import MaskStreams
+from bsg_data.observation.masks import Layout, sample_views
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import list_column, read_views, stream_pairs
-from bsg_data.observation.view import View, sample_hidden, sample_others
+from bsg_data.observation.view import View, hide_cells, see_others
 from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.connections import Connections, stack_connections
+from bsg_data.scene.surroundings import Surroundings, stack_surroundings
 
 BATCH = 256  # buildings in memory at a time
 _place_columns = lru_cache(maxsize=4096)(place_columns)
@@ -106,34 +110,24 @@ def sample_masked(
     The `vocabulary` has the categories outside the classes that are looked for.
     """
     recipes = [mask] * len(scenes) if isinstance(mask, MaskRecipe) else mask
-    seen, targets, nodes = [], [], []
-    for scene, recipe in zip(scenes, recipes, strict=True):
-        view = view_building(data, scene, recipe, draw)
-        cells = view.cut(data.cells(scene))
-        hidden = sample_hidden(cells, view, recipe, scene_id=scene, draw=draw)
-        seen.append(_observe(data, scene, recipe, draw, view, cells - hidden, hidden, vocabulary))
-        targets.append(
-            np.where(data.nameable(scene), to_histograms(cells), MaskedBuildings.UNKNOWN)
-        )
-        nodes.append(view.nodes)
+    buildings = [data.building(scene) for scene in scenes]
+    streams = MaskStreams(recipes, scenes, [draw] * len(scenes))
+    views = sample_views(_lay_out(buildings), recipes, streams)
+    cells = np.concatenate(
+        [view.cut(one.cells) for view, one in zip(views, buildings, strict=True)]
+    )
+    hidden = hide_cells(cells, views, streams)
+    masked = _Masked(data, scenes, buildings, recipes, streams, views)
     return MaskedBuildings(
-        stack(seen),
-        np.concatenate(targets),
+        masked.observe(cells - hidden, hidden, vocabulary),
+        masked.tell(cells),
         np.full(len(scenes), draw, dtype=np.int64),
-        np.concatenate(nodes),
+        np.concatenate([view.nodes for view in views]),
     )
 
 
-def view_building(data: Dataset, scene: str, mask: MaskRecipe, draw: int) -> View:
-    """Return how much a mask shows of a building of a dataset."""
-    return sample_view(
-        data.cells(scene).shape,
-        mask,
-        scene_id=scene,
-        draw=draw,
-        connections=data.connections(scene),
-        nameable=data.nameable(scene),
-    )
+def _lay_out(buildings: Sequence[Building]) -> list[Layout]:
+    return [Layout(one.cells.shape, one.connections, one.nameable) for one in buildings]
 
 
 def vary_fractions(
@@ -166,91 +160,106 @@ def stream_masked(
 
 
 def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    inputs = list_column(table, "input").astype(np.int64)
-    targets = list_column(table, "target").astype(np.int64)
-    views, recipe = read_views(table), data.manifest.pairs
-    mask = recipe.mask if recipe else MaskRecipe()
-    starts = np.flatnonzero(views.nodes == 0)
+    stored, nodes = read_views(table), len(table)
+    starts = np.flatnonzero(stored.nodes == 0)
     scenes = table["scene_id"].take(starts).to_pylist()
     draws = table["draw"].take(starts).to_numpy().astype(np.int64)
-    parts = []
-    for scene, draw, a, b in zip(scenes, draws, starts, [*starts[1:], len(table)], strict=True):
-        view, seen = views.take(int(a), int(b)), to_cells(inputs[a:b])
-        if vocabulary:
-            view = _refine(data, scene, mask, int(draw), view)
-        hidden = to_cells(targets[a:b]) - seen
-        parts.append(_observe(data, scene, mask, int(draw), view, seen, hidden, vocabulary))
-        targets[a:b, ~data.nameable(scene)] = MaskedBuildings.UNKNOWN
-    return MaskedBuildings(stack(parts), targets, draws, views.nodes)
+    recipe = data.manifest.pairs
+    recipes = [recipe.mask if recipe else MaskRecipe()] * len(scenes)
+    streams = MaskStreams(recipes, scenes, draws.tolist())
+    buildings = [data.building(scene) for scene in scenes]
+    views = [stored.take(*span) for span in pairwise([*starts.tolist(), nodes])]
+    if vocabulary:
+        drawn = sample_views(_lay_out(buildings), recipes, streams)
+        views = [_refine(one, two) for one, two in zip(drawn, views, strict=True)]
+    inputs, targets = (
+        stack_cells(list_column(table, name).astype(np.int64), starts)
+        for name in ("input", "target")
+    )
+    masked = _Masked(data, scenes, buildings, recipes, streams, views)
+    return MaskedBuildings(
+        masked.observe(inputs, targets - inputs, vocabulary),
+        masked.tell(targets),
+        draws,
+        stored.nodes,
+    )
 
 
-def _refine(data: Dataset, scene: str, mask: MaskRecipe, draw: int, stored: View) -> View:
+def _refine(drawn: View, stored: View) -> View:
     """Return a stored view as it was drawn, under which objects outside the classes are hidden."""
-    view = view_building(data, scene, mask, draw)
     # Where another version of NumPy drew the pairs, what is stored counts.
-    return view if view.agrees(stored) else replace(stored, exact=view.exact)
+    return drawn if drawn.agrees(stored) else replace(stored, exact=drawn.exact)
 
 
-def see_others(
-    data: Dataset,
-    scene: str,
-    mask: MaskRecipe,
-    draw: int,
-    view: View,
-    hidden: Counts,
-    *,
-    vocabulary: tuple[str, ...],
-) -> Counts:
-    """Return the objects outside the classes that a mask shows under its view, `[N, V]` cells.
+@dataclass(frozen=True, eq=False, slots=True)
+class _Masked:
+    """M buildings of a dataset under their views, with K nodes in all."""
 
-    All such objects are masked before the vocabulary selects some, so it does not change a mask.
-    `hidden` `[N, C]` are the classified objects that the mask hides.
-    """
-    if not vocabulary:
-        return np.zeros((len(hidden), 0), dtype=np.int64)
-    others = data.others(scene)
-    seen = sample_others(
-        others,
-        view,
-        mask,
-        scene_id=scene,
-        draw=draw,
-        there=view.cut(data.cells(scene)),
-        hidden=hidden,
-        classes=data.manifest.class_space.classes,
-    )
-    return place_others(seen, others.categories, vocabulary)
+    data: Dataset
+    scenes: Sequence[str]
+    buildings: Sequence[Building]
+    recipes: Sequence[MaskRecipe]
+    streams: MaskStreams
+    views: Sequence[View]
+
+    @property
+    def starts(self) -> Ints:
+        """Row of each building's first node, and K."""
+        return np.cumsum([0, *(len(view.nodes) for view in self.views)])
+
+    def tell(self, cells: Counts) -> Counts:
+        """Return the true histograms of cells `[K, C]`, unknown where there is no word for them."""
+        nameable = np.array([one.nameable for one in self.buildings])
+        told = stack_histograms(cells, self.starts[:-1])
+        if not nameable.all():
+            told[~nameable.repeat(np.diff(self.starts), axis=0)] = MaskedBuildings.UNKNOWN
+        return told
+
+    def observe(self, seen: Counts, hidden: Counts, vocabulary: tuple[str, ...]) -> Observation:
+        """Return what is seen of the buildings, of whose cells are seen and hidden `[K, C]`."""
+        starts = self.starts
+        others = self._see_others(seen + hidden, hidden, vocabulary)
+        connections, surroundings = zip(*map(_cut, self.buildings, self.views), strict=True)
+        return Observation(
+            scene_ids=tuple(self.scenes),
+            starts=starts,
+            inputs=stack_histograms(seen, starts[:-1]),
+            hidden_share=np.concatenate([view.told for view in self.views]),
+            visited=np.concatenate([view.visited for view in self.views]),
+            withheld=np.concatenate([view.withheld for view in self.views]),
+            vocabulary=vocabulary,
+            others=stack_histograms(others, starts[:-1]),
+            connections=stack_connections(connections, starts[:-1].tolist()),
+            surroundings=stack_surroundings(surroundings),
+        )
+
+    def _see_others(self, there: Counts, hidden: Counts, vocabulary: tuple[str, ...]) -> Counts:
+        """Return the objects outside the classes that are seen, `[K, V]` cells.
+
+        All such objects are masked before the vocabulary selects some, so it changes no mask.
+        """
+        if not vocabulary:
+            return np.zeros((len(there), 0), dtype=np.int64)
+        seen = see_others(
+            [self.data.others(scene) for scene in self.scenes],
+            self.views,
+            self.recipes,
+            self.streams,
+            there=there,
+            hidden=hidden,
+            classes=self.data.manifest.class_space.classes,
+        )
+        return np.concatenate([place_others(one, vocabulary) for one in seen])
 
 
-def place_others(cells: Counts, categories: tuple[str, ...], vocabulary: tuple[str, ...]) -> Counts:
-    """Return cells `[N, K]` by category in the columns of a vocabulary, `[N, V]`."""
-    columns = _place_columns(categories, vocabulary)
-    placed = np.zeros((len(cells), len(vocabulary)), dtype=np.int64)
-    placed[:, columns[columns >= 0]] = cells[:, columns >= 0]
-    return placed
+def _cut(building: Building, view: View) -> tuple[Connections, Surroundings]:
+    """Return the connections and surroundings of the nodes in a robot's graph."""
+    if len(view.nodes) == len(building.surroundings):
+        return building.connections, building.surroundings
+    taken = building.surroundings.take(view.nodes, buildings=slice(None))
+    return building.connections.among(view.nodes), taken
 
 
-def _observe(
-    data: Dataset,
-    scene: str,
-    mask: MaskRecipe,
-    draw: int,
-    view: View,
-    seen: Counts,
-    hidden: Counts,
-    vocabulary: tuple[str, ...],
-) -> Observation:
-    """Return what is seen of a building under a view; of its cells are seen and hidden `[N, C]`."""
-    connections, surroundings = data.connections(scene), data.surroundings(scene)
-    if len(view.nodes) < len(surroundings):
-        connections = connections.among(view.nodes)
-        surroundings = surroundings.take(view.nodes, buildings=slice(None))
-    return Observation.of_building(
-        scene,
-        view,
-        seen,
-        see_others(data, scene, mask, draw, view, hidden, vocabulary=vocabulary),
-        vocabulary=vocabulary,
-        connections=connections,
-        surroundings=surroundings,
-    )
+def place_others(others: OtherObjects, vocabulary: tuple[str, ...]) -> Counts:
+    """Return the objects outside the classes in the columns of a vocabulary, `[N, V]` cells."""
+    return others.place(_place_columns(others.names, vocabulary), len(vocabulary))

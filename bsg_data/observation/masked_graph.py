@@ -134,7 +134,7 @@ def _count(graph: SceneGraph, class_space: ClassSpace) -> tuple[Counts, OtherObj
     rooms = np.array([obj.room_index for obj in graph.objects], dtype=np.int64)
     shape = (len(graph.rooms) + 1, width + len(others))
     cells = count_cells(rooms, np.array(columns, dtype=np.int64), shape=shape)
-    return cells[:, :width], OtherObjects(tuple(others), cells[:, width:]), columns
+    return cells[:, :width], OtherObjects.of_cells(tuple(others), cells[:, width:]), columns
 
 
 def _know(room: Room, view: View, row: int) -> KnownRoom:

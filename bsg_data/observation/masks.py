@@ -33,16 +33,19 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from bisect import insort
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import lru_cache
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.observation.view import View, mask_generator, sample_unknown
+from bsg_data.observation.mask_streams import MaskStreams, mask_generator
+from bsg_data.observation.view import View, draw_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
-from bsg_data.scene.connections import Connections
+from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 
 # A glimpsed room shows something, so partly seen rooms hide more to keep the building's fraction.
 # They give up at most this part of what they show.
@@ -57,10 +60,12 @@ class Mask(ABC):
     Attributes:
         summary: what it hides, in one line.
         reads_connections: whether it uses the connections between rooms.
+        varies: whether the views of a building differ from draw to draw.
     """
 
     summary: str
     reads_connections: bool = False
+    varies: bool = True
 
     @abstractmethod
     def look(
@@ -81,6 +86,31 @@ class Mask(ABC):
         """
 
 
+class _Uniform(Mask):
+    """See every room partly; the mask of the paper."""
+
+    summary = "the paper's: single objects, uniformly; every room is visited"
+    varies = False
+
+    def look(
+        self,
+        shape: tuple[int, int],
+        recipe: MaskRecipe,
+        *,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> View:
+        """Return the view of a robot that was in every room."""
+        rooms = shape[0] - 1
+        return View.of_rooms(
+            np.full(rooms, recipe.fraction),
+            classes=shape[1],
+            entered=np.ones(rooms, dtype=bool),
+            alone=recipe.fraction,
+            exact=True,
+        )
+
+
 @dataclass(frozen=True)
 class _Exploring(Mask):
     """A mask of a robot that explores a building by an `Exploration`; None: that of the recipe."""
@@ -97,18 +127,32 @@ class _Exploring(Mask):
         connections: Connections,
         rng: np.random.Generator,
     ) -> View:
+        """Explore by the exploration of the mask, or of the recipe, and hide the fraction."""
+        plan = self.exploration or recipe.exploration
+        return self.explore(shape, recipe.fraction, plan, connections=connections, rng=rng)
+
+    @staticmethod
+    def explore(
+        shape: tuple[int, int],
+        fraction: float,
+        plan: Exploration,
+        *,
+        closed: float | None = None,
+        connections: Connections,
+        rng: np.random.Generator,
+    ) -> View:
         """Sample which rooms are not entered, searched, partly seen or glimpsed, and their shares.
 
         Let x be the share of the hidden objects in rooms not entered, and y the share of the shown
         objects in searched rooms. Of R rooms, x·f·R are then not entered and y·(1 − f)·R searched,
         in the mean. The others hide b = f·(1 − x) / (f·(1 − x) + (1 − f)·(1 − y)), which gives f in
-        all.
+        all. `closed` is x, if it is known.
         """
-        plan, fraction = self.exploration or recipe.exploration, recipe.fraction
         number = shape[0] - 1
         if not number:
             return View.of_rooms(np.zeros(0), classes=shape[1], alone=fraction, exact=plan.exact)
-        closed = rng.uniform(*plan.not_entered)
+        low, high = plan.not_entered if closed is None else (closed, closed)
+        closed = rng.uniform(low, high)
         bare = rng.uniform(*plan.searched)
         if plan.connected and fraction:  # the robot is in one room at least
             closed = min(closed, (number - 1) / (fraction * number))
@@ -180,20 +224,17 @@ class _Tour(Mask):
     ) -> View:
         """Find the share of the rooms that the recipe says, at least one, or its number of them."""
         number = max(1, round(recipe.fraction * (shape[0] - 1)))
-        hidden = float(rng.uniform(*recipe.exploration.hidden))
+        hidden, plan = float(rng.uniform(*recipe.exploration.hidden)), recipe.exploration
         return self.find(
-            recipe.rooms or number,
-            shape,
-            recipe.model_copy(update={"fraction": hidden}),
-            connections=connections,
-            rng=rng,
+            recipe.rooms or number, shape, hidden, plan, connections=connections, rng=rng
         )
 
     def find(
         self,
         number: int,
         shape: tuple[int, int],
-        recipe: MaskRecipe,
+        fraction: float,
+        plan: Exploration,
         *,
         connections: Connections,
         rng: np.random.Generator,
@@ -206,7 +247,7 @@ class _Tour(Mask):
         ways, nodes = connections, np.arange(shape[0])
         if number < rooms:
             ways = connections if len(connections) else _follow_list(rooms)
-            walked = _walk(rooms, number, recipe.exploration, ways, rng)[:number]
+            walked = _walk(rooms, number, plan, ways, rng)[:number]
             nodes = np.concatenate([[0], 1 + np.sort(walked)])
             ways = ways.among(nodes)
         found = len(nodes) - 1
@@ -216,11 +257,10 @@ class _Tour(Mask):
             told = View.of_rooms(np.ones(found), classes=shape[1], entered=nobody)
             return replace(told, nodes=nodes)
         outside = found - entered
-        hidden = (outside + entered * recipe.fraction) / max(found, 1)
+        hidden = (outside + entered * fraction) / max(found, 1)
         closed = outside / (hidden * found) if hidden else 0.0
-        plan = recipe.exploration.model_copy(update={"not_entered": (closed, closed)})
-        explored = recipe.model_copy(update={"fraction": hidden, "exploration": plan})
-        seen = EXPLORE.look((len(nodes), shape[1]), explored, connections=ways, rng=rng)
+        size = len(nodes), shape[1]
+        seen = EXPLORE.explore(size, hidden, plan, closed=closed, connections=ways, rng=rng)
         return replace(seen, nodes=nodes)
 
 
@@ -229,7 +269,6 @@ class _Mixed(Mask):
 
     summary = "six draws in ten tour, the others uniform, rooms, frontier, explore or search"
     reads_connections = True
-    parts = ("uniform", "rooms", "frontier", "explore", "search")
 
     def look(
         self,
@@ -247,8 +286,10 @@ class _Mixed(Mask):
         """
         if rng.random() < _TOURS and shape[0] > 1:
             number = int(shape[0] ** rng.random())
-            return TOUR.find(number, shape, recipe, connections=connections, rng=rng)
-        chosen = MASKS[self.parts[int(rng.integers(len(self.parts)))]]
+            plan = recipe.exploration
+            return TOUR.find(number, shape, recipe.fraction, plan, connections=connections, rng=rng)
+        parts: tuple[Mask, ...] = (UNIFORM, ROOMS, FRONTIER, EXPLORE, SEARCH)
+        chosen = parts[int(rng.integers(len(parts)))]
         return chosen.look(shape, recipe, connections=connections, rng=rng)
 
 
@@ -266,13 +307,7 @@ MASKS: Registry[Mask] = Registry(
         "mixed": "bsg_data.observation.masks:MIXED",
     },
 )
-UNIFORM = _Exploring(
-    "the paper's: single objects, uniformly; every room is visited",
-    Exploration(
-        not_entered=(0, 0), searched=(0, 0), glimpsed=0, spread=0, connected=False, exact=True
-    ),
-    reads_connections=False,
-)
+UNIFORM = _Uniform()
 ROOMS = _Exploring(
     "whole rooms at random; the others show everything",
     Exploration(not_entered=(1, 1), searched=(1, 1), glimpsed=0, spread=0, connected=False),
@@ -284,6 +319,21 @@ FRONTIER = _Exploring(
 )
 EXPLORE = _Exploring("what robots really have: rooms searched, half seen, glimpsed or not entered")
 SEARCH, TOUR, MIXED = _Search(), _Tour(), _Mixed()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """What a mask may know of a building.
+
+    Attributes:
+        shape: (N, C), nodes and classes.
+        connections: between rooms, as far as they are known.
+        nameable: `[C]` classes that the building's source can name; None: all.
+    """
+
+    shape: tuple[int, int]
+    connections: Connections = NO_CONNECTIONS
+    nameable: Bools | None = None
 
 
 def sample_view(
@@ -300,17 +350,49 @@ def sample_view(
     Without connections, none between rooms is known. Classes that are not `nameable` `[C]` are
     withheld at all nodes, as from a detector that does not know them; None: all are.
     """
-    known = connections if connections is not None else Connections.of_pairs(())
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="rooms")
-    view = MASKS[recipe.strategy].look(shape, recipe, connections=known, rng=rng)
-    which: Any = {"scene_id": scene_id, "draw": draw, "classes": shape[1]}
-    if recipe.withhold:
-        view = view.withhold(sample_withheld(recipe, **which))
-    if recipe.detector:
-        view = view.blind(sample_unknown(recipe, **which)[0])
-    if nameable is not None and not nameable.all():
-        view = view.blind(~nameable)
+    layout = Layout(shape, NO_CONNECTIONS if connections is None else connections, nameable)
+    (view,) = sample_views([layout], [recipe], MaskStreams([recipe], [scene_id], [draw]))
     return view
+
+
+def sample_views(
+    layouts: Sequence[Layout], recipes: Sequence[MaskRecipe], streams: MaskStreams
+) -> list[View]:
+    """Sample the views of M draws, each of one building by one recipe; see `sample_view`."""
+    masks = {name: MASKS[name] for name in {recipe.strategy for recipe in recipes}}
+    looked = [
+        masks[recipe.strategy].look(layout.shape, recipe, connections=layout.connections, rng=rng)
+        for layout, recipe, rng in zip(layouts, recipes, streams.list("rooms"), strict=True)
+    ]
+    return _withhold(looked, layouts, recipes, streams)
+
+
+def _withhold(
+    views: list[View],
+    layouts: Sequence[Layout],
+    recipes: Sequence[MaskRecipe],
+    streams: MaskStreams,
+) -> list[View]:
+    """Return views with what their recipes and sources withhold of the classes."""
+    classes = layouts[0].shape[1]
+    withheld, blind = np.zeros((2, len(views), classes), dtype=bool)
+    if any(recipe.withhold for recipe in recipes):
+        for row, rng, recipe in zip(withheld, streams.list("withheld"), recipes, strict=True):
+            row[:] = rng.random(classes) < recipe.withhold
+    if any(recipe.detector for recipe in recipes):
+        for row, rng, recipe in zip(blind, streams.list("detector"), recipes, strict=True):
+            row[:] = draw_unknown(rng, recipe, classes=classes)[0]
+    for row, layout in zip(blind, layouts, strict=True):
+        if layout.nameable is not None:
+            row |= ~layout.nameable
+    if not (withheld.any() or blind.any()):
+        return views
+    return [
+        replace(
+            view, withheld=view.withheld | without | (unknown & (view.hidden_share > 0)[:, None])
+        )
+        for view, without, unknown in zip(views, blind, withheld, strict=True)
+    ]
 
 
 def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int) -> Bools:
@@ -334,18 +416,26 @@ def _walk(
     """
     if not (plan.connected and len(connections)):
         return rng.permutation(number)
-    neighbours = _neighbours(number, connections)
-    inside, frontier = np.zeros(number, dtype=bool), np.zeros(number, dtype=bool)
-    order = []
+    beside: list[list[int]] = [[] for _ in range(number)]
+    for left, right in (connections.pairs - 1).tolist():
+        beside[left].append(right)
+        beside[right].append(left)
+    left_over, frontier, was_near = list(range(number)), list[int](), [False] * number
+    order: list[int] = []
     for _ in range(entered):
-        reachable = frontier & ~inside
-        room = int(rng.choice(np.flatnonzero(reachable if reachable.any() else ~inside)))
-        inside[room] = True
-        frontier |= neighbours[room]
+        rooms = frontier or left_over  # both rise
+        room = rooms[int(rng.integers(len(rooms)))]
+        for near in (room, *beside[room]):
+            if not was_near[near]:
+                was_near[near] = True
+                insort(frontier, near)
+        frontier.remove(room)
+        left_over.remove(room)
         order.append(room)
-    return np.concatenate([np.array(order, dtype=np.int64), np.flatnonzero(~inside)])
+    return np.array(order + left_over, dtype=np.int64)
 
 
+@lru_cache(maxsize=256)
 def _follow_list(rooms: int) -> Connections:
     """Return connections between rooms that are near in the list of a building's rooms."""
     return Connections.of_pairs(
@@ -359,7 +449,11 @@ def _find_beside(inside: Ints, outside: Ints, number: int, connections: Connecti
     """Return the rooms outside that a door joins to one inside; all of them if none is known."""
     if not (len(inside) and len(connections)):
         return outside if len(inside) else outside[:0]
-    reachable: Bools = np.asarray(_neighbours(number, connections)[inside].any(axis=0))
+    left, right = connections.pairs.T - 1
+    entered, reachable = np.zeros((2, number), dtype=bool)
+    entered[inside] = True
+    reachable[left[entered[right]]] = True
+    reachable[right[entered[left]]] = True
     return outside[reachable[outside]]
 
 
@@ -384,11 +478,3 @@ def _spread_shares(mean: float, number: int, plan: Exploration, rng: np.random.G
 def _as_told(shares: Floats) -> Floats:
     """Return shares in the precision that they are told in: none that is less is told as 1."""
     return shares.astype(np.float32).astype(np.float64)
-
-
-def _neighbours(number: int, connections: Connections) -> Bools:
-    """Return which rooms connect, `[R, R]`, from 0."""
-    matrix = np.zeros((number, number), dtype=bool)
-    left, right = connections.pairs.T - 1
-    matrix[left, right] = matrix[right, left] = True
-    return matrix

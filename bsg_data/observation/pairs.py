@@ -23,10 +23,11 @@ from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
-from bsg_data.observation.masks import sample_view
-from bsg_data.observation.view import View, sample_hidden
+from bsg_data.observation.mask_streams import MaskStreams
+from bsg_data.observation.masks import MASKS, Layout, sample_views
+from bsg_data.observation.view import View, hide_cells
 from bsg_data.recipes import PairsRecipe
-from bsg_data.scene.connections import Connections
+from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 
 SCENES_PER_FILE = 64
 ROWS_PER_GROUP = 65_536
@@ -43,7 +44,7 @@ def sample_pairs(
     recipe: PairsRecipe,
     *,
     scene_id: str,
-    connections: Connections | None = None,
+    connections: Connections = NO_CONNECTIONS,
     draws: range | None = None,
     nameable: Bools | None = None,
 ) -> tuple[tuple[View, ...], Counts, Counts]:
@@ -53,22 +54,17 @@ def sample_pairs(
     `cells` `[N, C]` are its classified objects, row 0 the null region; `draws` the numbers of the
     D draws, by default all of the recipe; `nameable` `[C]` as for `sample_view`.
     """
-    views, there, hidden = [], [], []
-    for draw in range(recipe.draws) if draws is None else draws:
-        view = sample_view(
-            cells.shape,
-            recipe.mask,
-            scene_id=scene_id,
-            draw=draw,
-            connections=connections,
-            nameable=nameable,
-        )
-        views.append(view)
-        there.append(view.cut(cells))
-        hidden.append(sample_hidden(there[-1], view, recipe.mask, scene_id=scene_id, draw=draw))
+    numbers = range(recipe.draws) if draws is None else draws
+    layout, recipes = Layout(cells.shape, connections, nameable), [recipe.mask] * len(numbers)
+    streams = MaskStreams(recipes, [scene_id] * len(numbers), numbers)
+    if MASKS[recipe.mask.strategy].varies or recipe.mask.withhold or recipe.mask.detector:
+        views = sample_views([layout] * len(numbers), recipes, streams)
+    else:
+        one = MaskStreams(recipes[:1], [scene_id], [0])
+        views = sample_views([layout], recipes[:1], one) * len(numbers)
     starts = np.cumsum([0, *(len(view.nodes) for view in views[:-1])])
-    targets = np.concatenate(there)
-    inputs = targets - np.concatenate(hidden)
+    targets = np.concatenate([view.cut(cells) for view in views])
+    inputs = targets - hide_cells(targets, views, streams)
     return tuple(views), stack_histograms(inputs, starts), stack_histograms(targets, starts)
 
 

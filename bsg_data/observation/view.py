@@ -7,23 +7,20 @@ the classified objects.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from typing import Any, Literal
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.histograms import OtherObjects
+from bsg_data.observation.mask_streams import MaskStreams, mask_generator
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
-
-# 3 was of a version before
-_STREAM = {"rooms": 0, "classified": 1, "unclassified": 2, "withheld": 4, "parts": 5, "detector": 6}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +67,12 @@ class View:
             alone: hidden share of a building without rooms.
             exact: see the attribute.
         """
-        inside = shares < 1 if entered is None else entered
-        share = np.concatenate([[alone], shares])
+        nodes = 1 + len(shares)
+        share, visited = np.empty(nodes), np.empty(nodes, dtype=bool)
+        share[0], share[1:] = alone, shares
         share[0] = _share_of_building(share)
-        withheld = np.zeros((len(share), classes), dtype=bool)
-        visited = np.concatenate([[True], inside])
-        return cls(visited, share, withheld, np.arange(len(share)), exact)
+        visited[0], visited[1:] = True, shares < 1 if entered is None else entered
+        return cls(visited, share, np.zeros((nodes, classes), dtype=bool), np.arange(nodes), exact)
 
     def cut(self, cells: Counts) -> Counts:
         """Return the rows of cells `[1 + R, K]` that are in the robot's graph, `[N, K]`.
@@ -149,40 +146,81 @@ def _share_of_building(share: Floats) -> float:
     rooms = share[1:]
     if not len(rooms):
         return float(share[0])
-    if (rooms == rooms[0]).all():
+    if rooms.min() == rooms.max():
         return float(rooms[0])  # exact; a mean of floats would not be
     return float(rooms.mean())
 
 
-def mask_generator(
-    recipe: MaskRecipe, *, scene_id: str, draw: int, stream: str
-) -> np.random.Generator:
-    """Return the generator of one part of one draw of one building: a key of `_STREAM`.
-
-    Its seed depends only on these, never on order, workers or other buildings.
-    """
-    building = np.frombuffer(hashlib.sha256(scene_id.encode()).digest()[:16], dtype="<u4")
-    entropy = [recipe.seed, *building.tolist(), draw, _STREAM[stream]]
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
-
-
 def sample_hidden(
-    cells: Counts,
-    view: View,
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draw: int,
-    stream: Literal["classified", "unclassified"] = "classified",
+    cells: Counts, view: View, recipe: MaskRecipe, *, scene_id: str, draw: int
 ) -> Counts:
-    """Sample how many objects of every cell are hidden, `[1 + R, K]`, never above `cells`.
+    """Sample how many objects of every cell `[N, C]` are hidden; arguments as for `hide_cells`."""
+    return hide_cells(cells, [view], MaskStreams([recipe], [scene_id], [draw]))
 
-    `cells` `[1 + R, K]` has the objects per room and kind, classified or not, row 0 the null
-    region. Each kind of objects has its own stream of random numbers.
+
+def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Counts:
+    """Sample how many objects of every cell are hidden, `[K, C]`, never above `cells`.
+
+    `cells` `[K, C]` has the classified objects of the nodes of M views, one building after another,
+    row 0 of each the null region.
     """
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream=stream)
-    hidden = _hide_exactly(cells, view, rng) if view.exact else _hide_each(cells, view, rng)
-    return np.where(view.withheld, cells, hidden) if stream == "classified" else hidden
+    withheld = np.concatenate([view.withheld for view in views])
+    share = np.concatenate([view.hidden_share for view in views])
+    places = np.flatnonzero(cells)
+    ends = np.cumsum([0, *(len(view.nodes) * cells.shape[1] for view in views)])
+    hidden = np.zeros_like(cells)
+    hidden.reshape(-1)[places] = _hide(
+        cells.reshape(-1)[places],
+        share[places // cells.shape[1]],
+        np.searchsorted(places, ends),
+        views,
+        streams.list("classified"),
+    )
+    return np.where(withheld, cells, hidden) if withheld.any() else hidden
+
+
+def _hide(
+    counts: Counts,
+    share: Floats,
+    ends: Ints,
+    views: Sequence[View],
+    generators: Sequence[np.random.Generator],
+) -> Counts:
+    """Sample how many of some objects `[P]` are hidden, by the shares `[P]` of their nodes.
+
+    Each view and generator is of the objects between two `ends` `[M + 1]`.
+    """
+    hidden, before, lots = np.zeros_like(counts), None, []
+    blocks = pairwise(ends.tolist())
+    for view, rng, (first, last) in zip(views, generators, blocks, strict=True):
+        there, gone = counts[first:last], hidden[first:last]
+        if not view.exact:  # every object by itself
+            gone[:] = rng.binomial(there, share[first:last])
+            continue
+        if view is not before:  # all draws of one building may have one view
+            before, lots = view, _take_exactly(there, share[first:last])
+        for some, colours, number in lots:
+            gone[some] = (
+                colours
+                if number is None
+                else rng.multivariate_hypergeometric(colours, number, method="marginals")
+            )
+    return hidden
+
+
+def _take_exactly(counts: Counts, share: Floats) -> list[tuple[Ints, Counts, int | None]]:
+    """Return of each share the places of its objects, these, and how many are hidden; None: all.
+
+    Single objects taken without replacement, counted per cell, are multivariate hypergeometric.
+    """
+    lots: list[tuple[Ints, Counts, int | None]] = []
+    for one in sorted(set(share.tolist())):
+        some = np.flatnonzero((share == one) & (counts > 0))
+        # Exact in decimals: 0.29 of 100 is 29, not 28.
+        number = math.floor(Decimal(repr(one)) * int(counts[some].sum()))
+        if number:
+            lots.append((some, counts[some], None if one == 1 else number))
+    return lots
 
 
 def sample_unknown(
@@ -190,31 +228,15 @@ def sample_unknown(
 ) -> tuple[Bools, Bools]:
     """Sample which classes `[C]` and other words `[K]` the robot's detector does not know."""
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="detector")
+    return draw_unknown(rng, recipe, classes=classes, words=words)
+
+
+def draw_unknown(
+    rng: np.random.Generator, recipe: MaskRecipe, *, classes: int, words: int = 0
+) -> tuple[Bools, Bools]:
+    """Return what `sample_unknown` does, from its generator."""
     limited, known = rng.random() < recipe.detector, rng.random()
     return limited & (rng.random(classes) > known), limited & (rng.random(words) > known)
-
-
-def _hide_each(cells: Counts, view: View, rng: np.random.Generator) -> Counts:
-    """Hide every object by itself, with the share of its node."""
-    return rng.binomial(cells, view.hidden_share[:, None])
-
-
-def _hide_exactly(cells: Counts, view: View, rng: np.random.Generator) -> Counts:
-    """Hide an exact number of the objects of all nodes of one share.
-
-    Single objects taken without replacement, counted per cell, are multivariate hypergeometric.
-    """
-    share = view.hidden_share
-    hidden = np.where((share == 1)[:, None], cells, 0)
-    for one in np.unique(share[(share > 0) & (share < 1)]).tolist():
-        there = np.where((share == one)[:, None], cells, 0)
-        # Exact in decimals: 0.29 of 100 is 29, not 28.
-        if number := math.floor(Decimal(repr(one)) * int(there.sum())):
-            places = np.nonzero(there)
-            hidden[places] = rng.multivariate_hypergeometric(
-                there[places], number, method="marginals"
-            )
-    return hidden
 
 
 def sample_others(
@@ -228,31 +250,83 @@ def sample_others(
     hidden: Counts,
     classes: Sequence[str],
 ) -> Counts:
-    """Sample how many objects outside the classes are seen, by room and category.
+    """Return what `see_others` does of one building, by its K categories: `[N, K]`."""
+    (seen,) = see_others(
+        [others],
+        [view],
+        [recipe],
+        MaskStreams([recipe], [scene_id], [draw]),
+        there=there,
+        hidden=hidden,
+        classes=classes,
+    )
+    return seen.place(others.columns, len(others.categories))
+
+
+def see_others(
+    others: Sequence[OtherObjects],
+    views: Sequence[View],
+    recipes: Sequence[MaskRecipe],
+    streams: MaskStreams,
+    *,
+    there: Counts,
+    hidden: Counts,
+    classes: Sequence[str],
+) -> list[OtherObjects]:
+    """Sample which objects outside the classes are seen in each of M buildings.
 
     Parts of a thing are hidden with it, if the recipe says so: each part is attached to a random
     thing of its class in its room. Where the room has none, and in the null region, which is no
     room, it falls under the ordinary rule. What the robot's detector does not know is not seen.
 
-    `others` are the objects outside the classes of the building, `there` `[N, C]` the classified
-    ones of the robot's graph, and `hidden` those of them that are hidden. Returns what is left of
-    the others in the graph, `[N, K]`.
+    `others` are the objects outside the classes of the buildings, `there` `[K, C]` the classified
+    ones of the robots' graphs, and `hidden` those of them that are hidden.
     """
-    which: Any = {"scene_id": scene_id, "draw": draw}
-    cells = view.cut(others.cells)
-    wholes = find_wholes(others.categories, classes)
-    attached = have_wholes(there, wholes) & recipe.parts
-    alone, parts = np.where(attached, 0, cells), np.where(attached, cells, 0)
-    gone = sample_hidden(alone, view, recipe, **which, stream="unclassified")
-    if attached.any():
-        rng = mask_generator(recipe, **which, stream="parts")
-        rate = np.where(attached, hidden[:, wholes] / np.maximum(there[:, wholes], 1), 0.0)
-        gone += rng.binomial(parts, rate)
-    if recipe.detector:
-        size = {"classes": len(classes), "words": cells.shape[1]}
-        _, unknown = sample_unknown(recipe, **which, **size)
-        gone[:, unknown] = cells[:, unknown]
-    return cells - gone
+    found = [one.cut(view.nodes) for one, view in zip(others, views, strict=True)]
+    counts = np.concatenate([one.counts for one in found])
+    share = [view.hidden_share[one.rows] for view, one in zip(views, found, strict=True)]
+    ends = np.cumsum([0, *(len(one.counts) for one in found)])
+    rate = np.full(len(counts), np.nan)
+    if any(recipe.parts for recipe in recipes):
+        rate = _find_rates(found, views, recipes, there=there, hidden=hidden, classes=classes)
+    alone = np.where(np.isnan(rate), counts, 0)
+    gone = _hide(alone, np.concatenate(share), ends, views, streams.list("unclassified"))
+    blocks = list(pairwise(ends.tolist()))
+    if not np.isnan(rate).all():
+        for rng, (first, last) in zip(streams.list("parts"), blocks, strict=True):
+            parts = first + np.flatnonzero(~np.isnan(rate[first:last]))
+            gone[parts] = rng.binomial(counts[parts], rate[parts])
+    seen = [counts[first:last] - gone[first:last] for first, last in blocks]
+    if any(recipe.detector for recipe in recipes):
+        generators = streams.list("detector")
+        for rng, recipe, whole, one, left in zip(
+            generators, recipes, others, found, seen, strict=True
+        ):
+            words = np.unique(whole.kinds)
+            size = {"classes": len(classes), "words": len(words)}
+            left[np.isin(one.kinds, words[draw_unknown(rng, recipe, **size)[1]])] = 0
+    return [replace(one, counts=left) for one, left in zip(found, seen, strict=True)]
+
+
+def _find_rates(
+    found: Sequence[OtherObjects],
+    views: Sequence[View],
+    recipes: Sequence[MaskRecipe],
+    *,
+    there: Counts,
+    hidden: Counts,
+    classes: Sequence[str],
+) -> Floats:
+    """Return the hidden share of the things that objects are parts of, `[P]`; NaN for no part."""
+    rates, first = [], 0
+    for one, view, recipe in zip(found, views, recipes, strict=True):
+        rows = slice(first, first + len(view.nodes))
+        first = rows.stop
+        wholes = find_wholes(one.names, classes)
+        attached = have_wholes(there[rows], wholes) & recipe.parts
+        rate = hidden[rows, wholes] / np.maximum(there[rows, wholes], 1)
+        rates.append(np.where(attached, rate, np.nan)[one.rows, one.kinds])
+    return np.concatenate(rates)
 
 
 def have_wholes(there: Counts, wholes: Ints) -> Bools:

@@ -41,8 +41,14 @@ class Connections:
 
     def among(self, nodes: npt.NDArray[np.int64]) -> Connections:
         """Return the connections between some nodes, whose indices rise, by their place there."""
-        kept = self.take(np.flatnonzero(np.isin(self.pairs, nodes).all(axis=1)))
-        return Connections(np.searchsorted(nodes, kept.pairs), kept.methods, kept.lengths)
+        places = np.full(max(self.pairs.max(initial=0), nodes.max(initial=0)) + 1, -1)
+        places[nodes] = np.arange(len(nodes))
+        moved = places[self.pairs]
+        kept = (moved >= 0).all(axis=1)
+        return Connections(moved[kept], self.methods[kept], self.lengths[kept])
+
+
+NO_CONNECTIONS = Connections.of_pairs(())
 
 
 def stack_connections(parts: Sequence[Connections], offsets: Sequence[int]) -> Connections:

@@ -10,10 +10,11 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.observation.masked_buildings import place_others, see_others
-from bsg_data.observation.masks import sample_view
+from bsg_data.observation.mask_streams import MaskStreams
+from bsg_data.observation.masked_buildings import place_others
+from bsg_data.observation.masks import Layout, sample_views
 from bsg_data.observation.observation import Observation, observe_search, stack
-from bsg_data.observation.view import View, sample_hidden
+from bsg_data.observation.view import hide_cells, see_others
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
 from bsg_models.search.simulator import Answer, Beliefs
@@ -50,22 +51,25 @@ class ModelBeliefs:
         self._connections = data.connections(scene_id)
         self._surroundings = data.surroundings(scene_id)
         self._blind = ~data.nameable(scene_id)
-        every = data.others(scene_id)
-        self._others = place_others(every.cells, every.categories, model.vocabulary)
-        self._wholes = (
-            find_wholes(model.vocabulary, data.manifest.class_space.classes) if mask.parts else None
+        every, classes = data.others(scene_id), data.manifest.class_space.classes
+        self._others = place_others(every, model.vocabulary)
+        self._wholes = find_wholes(model.vocabulary, classes) if mask.parts else None
+        numbers: list[int] = np.unique(draws).tolist()
+        many, recipes = len(numbers), [mask] * len(numbers)
+        streams = MaskStreams(recipes, [scene_id] * many, numbers)
+        layout = Layout(self._cells.shape, self._connections)
+        drawn = sample_views([layout] * many, recipes, streams)
+        views = [view.in_building(len(self._cells)) for view in drawn]
+        there = np.concatenate([self._cells] * many)
+        hidden = hide_cells(there, views, streams)
+        seen = see_others(
+            [every] * many, views, recipes, streams, there=there, hidden=hidden, classes=classes
         )
-        self._left: dict[int, tuple[View, Counts, Counts]] = {}
-        shape = self._cells.shape
-        for draw in np.unique(draws).tolist():
-            view = sample_view(
-                shape, mask, scene_id=scene_id, draw=draw, connections=self._connections
-            ).in_building(shape[0])
-            hidden = sample_hidden(self._cells, view, mask, scene_id=scene_id, draw=draw)
-            others = see_others(
-                data, scene_id, mask, draw, view, hidden, vocabulary=model.vocabulary
-            )
-            self._left[draw] = view, self._cells - hidden, others
+        left = (there - hidden).reshape(many, *self._cells.shape)
+        self._left = {
+            number: (view, cells, place_others(others, model.vocabulary))
+            for number, view, cells, others in zip(numbers, views, left, seen, strict=True)
+        }
         self._remembered: dict[bytes, Answer] = {}
 
     def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:

@@ -11,8 +11,9 @@ from hypothesis.extra import numpy as hnp
 from scipy import stats
 
 from bsg_data.arrays import Counts
+from bsg_data.observation.mask_streams import mask_generator
 from bsg_data.observation.masks import MASKS, sample_view
-from bsg_data.observation.view import View, mask_generator, sample_hidden, sample_unknown
+from bsg_data.observation.view import View, sample_hidden, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.scene.connections import Connections
 

@@ -48,7 +48,7 @@ def test_views_agree_in_single_precision() -> None:
 
 CURTAINS = np.array([[1, 0], [3, 5], [0, 5], [2, 0]])  # of four nodes; the second class is beds
 RODS = np.array([[2, 4], [3, 2], [2, 2], [4, 0]])  # curtain rods, and lamps that are no parts
-OTHERS = OtherObjects(("curtain rod", "lamp"), RODS)
+OTHERS = OtherObjects.of_cells(("curtain rod", "lamp"), RODS)
 
 
 def hide(recipe: MaskRecipe, draw: int) -> tuple[Counts, Counts]:

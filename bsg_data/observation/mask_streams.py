@@ -1,0 +1,119 @@
+"""The random numbers of masks: one generator for each building, draw and stream.
+
+The seed of a generator depends only on the seed of the recipe, the id of the building, the number
+of the draw and the stream: never on order, workers or other buildings. It is what NumPy's
+`SeedSequence` makes of these. Many draws are seeded at once, by the same arithmetic on arrays: one
+after another, that would take longer than the masks.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from numpy.random.bit_generator import ISeedSequence
+
+from bsg_data.recipes import MaskRecipe
+
+Words = npt.NDArray[np.uint32]
+# 3 was of a version before
+_STREAM = {"rooms": 0, "classified": 1, "unclassified": 2, "withheld": 4, "parts": 5, "detector": 6}
+# Of `SeedSequence`, whose algorithm is fixed: the words of its pool, the starts and factors of its
+# two hashes, and the factors of its mixture.
+_POOL = 4
+_IN, _OUT = (0x43B0D7E5, 0x931E8875), (0x8B51F9DD, 0x58F38DED)
+_LEFT, _RIGHT, _SHIFT = np.uint32(0xCA01F9DD), np.uint32(0x4973F715), np.uint32(16)
+
+
+class MaskStreams:
+    """The generators of M draws, each of one building by one recipe; the arguments are `[M]`."""
+
+    def __init__(
+        self, recipes: Sequence[MaskRecipe], scene_ids: Sequence[str], draws: Sequence[int]
+    ) -> None:
+        digests = {scene: _digest(scene) for scene in set(scene_ids)}
+        words = [
+            [*_split(recipe.seed), *digests[scene], draw]
+            for recipe, scene, draw in zip(recipes, scene_ids, draws, strict=True)
+        ]
+        self._words = np.array(words, dtype=np.uint32)
+        self._pool: Words | None = None
+
+    def list(self, stream: str) -> list[np.random.Generator]:
+        """Return the generators of one part of the draws: a key of `_STREAM`."""
+        if self._pool is None:
+            self._pool = _mix_words(self._words)
+        absorbed = self._words.shape[1]
+        pool = _absorb(self._pool, np.uint32(_STREAM[stream]), absorbed)
+        hashed = _hash(np.tile(pool, 2), _OUT, 0)
+        states = hashed.astype("<u4").view("<u8")
+        return [np.random.Generator(np.random.PCG64(_Seed(state))) for state in states]
+
+
+class _Seed(ISeedSequence):
+    """A seed that is known already."""
+
+    def __init__(self, state: npt.NDArray[np.uint64]) -> None:
+        self._state = state
+
+    def generate_state(self, n_words: int, dtype: Any = np.uint32) -> npt.NDArray[np.uint64]:
+        """Return the four words of 64 bits that PCG64 asks for."""
+        return self._state
+
+
+def mask_generator(
+    recipe: MaskRecipe, *, scene_id: str, draw: int, stream: str
+) -> np.random.Generator:
+    """Return the generator of one part of one draw of one building."""
+    entropy = [*_split(recipe.seed), *_digest(scene_id), draw, _STREAM[stream]]
+    return np.random.Generator(np.random.PCG64(np.array(entropy, dtype=np.uint32)))
+
+
+def _digest(scene_id: str) -> list[int]:
+    """Return four words that stand for a building."""
+    return np.frombuffer(hashlib.sha256(scene_id.encode()).digest()[:16], dtype="<u4").tolist()
+
+
+def _split(number: int) -> list[int]:
+    """Return a whole number as words of 32 bits, the lowest first; at least one."""
+    return [number >> shift & 0xFFFFFFFF for shift in range(0, max(number.bit_length(), 1), 32)]
+
+
+def _mix_words(words: Words) -> Words:
+    """Return the pool `[M, 4]` of the words `[M, W]` of every draw, W at least 4."""
+    pool = _hash(words[:, :_POOL], _IN, 0)
+    for source in range(_POOL):
+        others = [place for place in range(_POOL) if place != source]
+        hashed = _hash(pool[:, [source] * 3], _IN, _POOL + 3 * source)
+        pool[:, others] = _mix(pool[:, others], hashed)
+    for number in range(_POOL, words.shape[1]):
+        pool = _absorb(pool, words[:, number : number + 1], number)
+    return pool
+
+
+def _absorb(pool: Words, word: Any, number: int) -> Words:
+    """Return the pool with one word more, the one with this number."""
+    words = np.broadcast_to(word, pool.shape)
+    return _mix(pool, _hash(words, _IN, _POOL * number))
+
+
+def _hash(words: Words, factors: tuple[int, int], first: int) -> Words:
+    """Return the hashes of words `[M, n]`, those with the numbers `first` and up."""
+    start, times = factors
+    constants = np.array(
+        [
+            start * pow(times, number, 2**32) % 2**32
+            for number in range(first, first + words.shape[1] + 1)
+        ],
+        dtype=np.uint32,
+    )
+    mixed: Words = (words ^ constants[:-1]) * constants[1:]
+    return mixed ^ mixed >> _SHIFT
+
+
+def _mix(one: Words, other: Words) -> Words:
+    mixed: Words = one * _LEFT - other * _RIGHT
+    return mixed ^ mixed >> _SHIFT
