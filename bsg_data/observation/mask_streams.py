@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from bsg_data.recipes import MaskRecipe
 Words = npt.NDArray[np.uint32]
 # 3 was of a version before
 _STREAM = {"rooms": 0, "classified": 1, "unclassified": 2, "withheld": 4, "parts": 5, "detector": 6}
+_FEW = 8  # draws that are sooner seeded one by one
 # Of `SeedSequence`, whose algorithm is fixed: the words of its pool, the starts and factors of its
 # two hashes, and the factors of its mixture.
 _POOL = 4
@@ -34,16 +36,17 @@ class MaskStreams:
     def __init__(
         self, recipes: Sequence[MaskRecipe], scene_ids: Sequence[str], draws: Sequence[int]
     ) -> None:
-        digests = {scene: _digest(scene) for scene in set(scene_ids)}
-        words = [
-            [*_split(recipe.seed), *digests[scene], draw]
-            for recipe, scene, draw in zip(recipes, scene_ids, draws, strict=True)
-        ]
-        self._words = np.array(words, dtype=np.uint32)
+        keys = [(recipe.seed, scene) for recipe, scene in zip(recipes, scene_ids, strict=True)]
+        known = {(seed, scene): [*_split(seed), *_digest(scene)] for seed, scene in set(keys)}
+        words = np.array([known[key] for key in keys], dtype=np.uint32)
+        self._words = np.column_stack([words, np.array(draws, dtype=np.uint32)])
         self._pool: Words | None = None
 
     def list(self, stream: str) -> list[np.random.Generator]:
         """Return the generators of one part of the draws: a key of `_STREAM`."""
+        if len(self._words) < _FEW:
+            words = [np.append(row, np.uint32(_STREAM[stream])) for row in self._words]
+            return [np.random.Generator(np.random.PCG64(one)) for one in words]
         if self._pool is None:
             self._pool = _mix_words(self._words)
         absorbed = self._words.shape[1]
@@ -68,8 +71,8 @@ def mask_generator(
     recipe: MaskRecipe, *, scene_id: str, draw: int, stream: str
 ) -> np.random.Generator:
     """Return the generator of one part of one draw of one building."""
-    entropy = [*_split(recipe.seed), *_digest(scene_id), draw, _STREAM[stream]]
-    return np.random.Generator(np.random.PCG64(np.array(entropy, dtype=np.uint32)))
+    (rng,) = MaskStreams([recipe], [scene_id], [draw]).list(stream)
+    return rng
 
 
 def _digest(scene_id: str) -> list[int]:
@@ -102,14 +105,7 @@ def _absorb(pool: Words, word: Any, number: int) -> Words:
 
 def _hash(words: Words, factors: tuple[int, int], first: int) -> Words:
     """Return the hashes of words `[M, n]`, those with the numbers `first` and up."""
-    start, times = factors
-    constants = np.array(
-        [
-            start * pow(times, number, 2**32) % 2**32
-            for number in range(first, first + words.shape[1] + 1)
-        ],
-        dtype=np.uint32,
-    )
+    constants = _list_constants(factors, first, words.shape[1] + 1)
     mixed: Words = (words ^ constants[:-1]) * constants[1:]
     return mixed ^ mixed >> _SHIFT
 
@@ -117,3 +113,10 @@ def _hash(words: Words, factors: tuple[int, int], first: int) -> Words:
 def _mix(one: Words, other: Words) -> Words:
     mixed: Words = one * _LEFT - other * _RIGHT
     return mixed ^ mixed >> _SHIFT
+
+
+@lru_cache(maxsize=64)
+def _list_constants(factors: tuple[int, int], first: int, number: int) -> Words:
+    start, times = factors
+    powers = (pow(times, power, 2**32) for power in range(first, first + number))
+    return np.array([start * power % 2**32 for power in powers], dtype=np.uint32)

@@ -15,7 +15,7 @@ import pyarrow as pa
 from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.commit import name_by_content, revise
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import stack_histograms
+from bsg_data.dataset.histograms import stack_histograms, to_histograms
 from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import open_listed, write_parquet
@@ -25,7 +25,7 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import MASKS, Layout, sample_views
-from bsg_data.observation.view import View, hide_cells
+from bsg_data.observation.view import View, hide_cells, hide_often
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 
@@ -55,13 +55,16 @@ def sample_pairs(
     D draws, by default all of the recipe; `nameable` `[C]` as for `sample_view`.
     """
     numbers = range(recipe.draws) if draws is None else draws
-    layout, recipes = Layout(cells.shape, connections, nameable), [recipe.mask] * len(numbers)
+    mask, recipes = recipe.mask, [recipe.mask] * len(numbers)
     streams = MaskStreams(recipes, [scene_id] * len(numbers), numbers)
-    if MASKS[recipe.mask.strategy].varies or recipe.mask.withhold or recipe.mask.detector:
-        views = sample_views([layout] * len(numbers), recipes, streams)
-    else:
-        one = MaskStreams(recipes[:1], [scene_id], [0])
-        views = sample_views([layout], recipes[:1], one) * len(numbers)
+    layout = Layout(cells.shape, connections, nameable)
+    if not (MASKS[mask.strategy].varies or mask.withhold or mask.detector):
+        (view,) = sample_views([layout], [mask], MaskStreams([mask], [scene_id], [0]))
+        every = to_histograms(cells)
+        left = every - to_histograms(hide_often(cells, view, streams))
+        shape = -1, cells.shape[1]
+        return (view,) * len(numbers), left.reshape(shape), np.tile(every, (len(numbers), 1))
+    views = sample_views([layout] * len(numbers), recipes, streams)
     starts = np.cumsum([0, *(len(view.nodes) for view in views[:-1])])
     targets = np.concatenate([view.cut(cells) for view in views])
     inputs = targets - hide_cells(targets, views, streams)

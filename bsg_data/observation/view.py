@@ -8,7 +8,7 @@ the classified objects.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from itertools import pairwise
@@ -166,17 +166,25 @@ def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Co
     """
     withheld = np.concatenate([view.withheld for view in views])
     share = np.concatenate([view.hidden_share for view in views])
-    places = np.flatnonzero(cells)
-    ends = np.cumsum([0, *(len(view.nodes) * cells.shape[1] for view in views)])
+    places, width = np.flatnonzero(cells), cells.shape[1]
+    ends = places.searchsorted(np.cumsum([0, *(len(view.nodes) * width for view in views)]))
+    counts, share = cells.reshape(-1)[places], share[places // width]
+    drawn = _hide(counts, share, ends, views, streams.list("classified"))
     hidden = np.zeros_like(cells)
-    hidden.reshape(-1)[places] = _hide(
-        cells.reshape(-1)[places],
-        share[places // cells.shape[1]],
-        np.searchsorted(places, ends),
-        views,
-        streams.list("classified"),
-    )
+    hidden.reshape(-1)[places] = drawn
     return np.where(withheld, cells, hidden) if withheld.any() else hidden
+
+
+def hide_often(cells: Counts, view: View, streams: MaskStreams) -> Counts:
+    """Sample how many objects are hidden, as `hide_cells`, in draws of one view: `[D, N, C]`."""
+    generators, places = streams.list("classified"), np.flatnonzero(cells)
+    draw = _way_to_hide(
+        cells.reshape(-1)[places], view.hidden_share[places // cells.shape[1]], exact=view.exact
+    )
+    hidden = np.zeros((len(generators), cells.size), dtype=np.int64)
+    hidden[:, places] = [draw(rng) for rng in generators]
+    hidden = hidden.reshape(-1, *cells.shape)
+    return np.where(view.withheld, cells, hidden) if view.withheld.any() else hidden
 
 
 def _hide(
@@ -190,37 +198,42 @@ def _hide(
 
     Each view and generator is of the objects between two `ends` `[M + 1]`.
     """
-    hidden, before, lots = np.zeros_like(counts), None, []
-    blocks = pairwise(ends.tolist())
-    for view, rng, (first, last) in zip(views, generators, blocks, strict=True):
-        there, gone = counts[first:last], hidden[first:last]
-        if not view.exact:  # every object by itself
-            gone[:] = rng.binomial(there, share[first:last])
-            continue
-        if view is not before:  # all draws of one building may have one view
-            before, lots = view, _take_exactly(there, share[first:last])
-        for some, colours, number in lots:
-            gone[some] = (
-                colours
-                if number is None
-                else rng.multivariate_hypergeometric(colours, number, method="marginals")
-            )
+    hidden = np.zeros_like(counts)
+    for view, rng, first, last in zip(
+        views, generators, ends[:-1].tolist(), ends[1:].tolist(), strict=True
+    ):
+        draw = _way_to_hide(counts[first:last], share[first:last], exact=view.exact)
+        hidden[first:last] = draw(rng)
     return hidden
 
 
-def _take_exactly(counts: Counts, share: Floats) -> list[tuple[Ints, Counts, int | None]]:
-    """Return of each share the places of its objects, these, and how many are hidden; None: all.
+def _way_to_hide(
+    counts: Counts, share: Floats, *, exact: bool
+) -> Callable[[np.random.Generator], Counts]:
+    """Return a function that samples how many of the objects `[P]` of a building are hidden.
 
     Single objects taken without replacement, counted per cell, are multivariate hypergeometric.
     """
-    lots: list[tuple[Ints, Counts, int | None]] = []
-    for one in sorted(set(share.tolist())):
+    if not exact:
+        return lambda rng: rng.binomial(counts, share)
+    certain, lots = np.where(share == 1, counts, 0), list[tuple[Ints, Counts, int]]()
+    for one in sorted(set(share.tolist()) - {0.0, 1.0}):
         some = np.flatnonzero((share == one) & (counts > 0))
         # Exact in decimals: 0.29 of 100 is 29, not 28.
-        number = math.floor(Decimal(repr(one)) * int(counts[some].sum()))
-        if number:
-            lots.append((some, counts[some], None if one == 1 else number))
-    return lots
+        if number := math.floor(Decimal(repr(one)) * int(counts[some].sum())):
+            lots.append((some, counts[some], number))
+
+    if len(lots) == 1 and len(lots[0][0]) == len(counts):
+        _, _, number = lots[0]
+        return lambda rng: rng.multivariate_hypergeometric(counts, number)
+
+    def draw(rng: np.random.Generator) -> Counts:
+        hidden = certain.copy()
+        for some, colours, number in lots:
+            hidden[some] = rng.multivariate_hypergeometric(colours, number)
+        return hidden
+
+    return draw
 
 
 def sample_unknown(
