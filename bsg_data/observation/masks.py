@@ -385,14 +385,10 @@ def _withhold(
     for row, layout in zip(blind, layouts, strict=True):
         if layout.nameable is not None:
             row |= ~layout.nameable
-    if not (withheld.any() or blind.any()):
-        return views
-    return [
-        replace(
-            view, withheld=view.withheld | without | (unknown & (view.hidden_share > 0)[:, None])
-        )
-        for view, without, unknown in zip(views, blind, withheld, strict=True)
-    ]
+    changed = np.flatnonzero((withheld | blind).any(axis=1)).tolist()
+    for number in changed:
+        views[number] = views[number].withhold(withheld[number]).blind(blind[number])
+    return views
 
 
 def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int) -> Bools:

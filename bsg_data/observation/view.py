@@ -119,12 +119,12 @@ class View:
 
     def withhold(self, classes: Bools) -> View:
         """Return the view with some classes `[C]` withheld at all nodes that hide anything."""
-        without = classes & (self.hidden_share > 0)[:, None]
-        return replace(self, withheld=self.withheld | without)
+        return self.blind(classes & (self.hidden_share > 0)[:, None])
 
     def blind(self, classes: Bools) -> View:
         """Return the view of a robot whose detector does not know some classes `[C]`."""
-        return replace(self, withheld=self.withheld | classes)
+        withheld = self.withheld | classes
+        return View(self.visited, self.hidden_share, withheld, self.nodes, self.exact)
 
     def agrees(self, other: View) -> bool:
         """Say whether two views are equal, with shares in single precision."""
@@ -237,19 +237,34 @@ def _way_to_hide(
 
 
 def sample_unknown(
-    recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int, words: int = 0
-) -> tuple[Bools, Bools]:
-    """Sample which classes `[C]` and other words `[K]` the robot's detector does not know."""
+    recipe: MaskRecipe,
+    *,
+    scene_id: str,
+    draw: int,
+    classes: int,
+    others: OtherObjects | None = None,
+) -> tuple[Bools, Ints]:
+    """Sample which classes `[C]` the robot's detector does not know, and which kinds of others."""
     rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="detector")
-    return draw_unknown(rng, recipe, classes=classes, words=words)
+    return draw_unknown(rng, recipe, classes=classes, others=others)
 
 
 def draw_unknown(
-    rng: np.random.Generator, recipe: MaskRecipe, *, classes: int, words: int = 0
-) -> tuple[Bools, Bools]:
+    rng: np.random.Generator,
+    recipe: MaskRecipe,
+    *,
+    classes: int,
+    others: OtherObjects | None = None,
+) -> tuple[Bools, Ints]:
     """Return what `sample_unknown` does, from its generator."""
-    limited, known = rng.random() < recipe.detector, rng.random()
-    return limited & (rng.random(classes) > known), limited & (rng.random(words) > known)
+    kinds = np.zeros(0, dtype=np.int64)
+    if rng.random() >= recipe.detector:
+        return np.zeros(classes, dtype=bool), kinds
+    known = rng.random()
+    unknown = rng.random(classes) > known
+    if others is not None:
+        kinds = np.unique(others.kinds)
+    return unknown, kinds[rng.random(len(kinds)) > known]
 
 
 def sample_others(
@@ -315,10 +330,13 @@ def see_others(
         for rng, recipe, whole, one, left in zip(
             generators, recipes, others, found, seen, strict=True
         ):
-            words = np.unique(whole.kinds)
-            size = {"classes": len(classes), "words": len(words)}
-            left[np.isin(one.kinds, words[draw_unknown(rng, recipe, **size)[1]])] = 0
-    return [replace(one, counts=left) for one, left in zip(found, seen, strict=True)]
+            _, unknown = draw_unknown(rng, recipe, classes=len(classes), others=whole)
+            if len(unknown):
+                left[np.isin(one.kinds, unknown)] = 0
+    return [
+        OtherObjects(one.names, one.nodes, one.rows, one.kinds, left)
+        for one, left in zip(found, seen, strict=True)
+    ]
 
 
 def _find_rates(
