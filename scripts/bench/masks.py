@@ -13,13 +13,16 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from synthetic import build_synthetic
 from timing import Speed, time_both
 
 from bsg_data.arrays import Counts, Ints
+from bsg_data.build import build_dataset
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.pairs import sample_pairs
 from bsg_data.recipes import PairsRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
 
 BUILDINGS, DRAWS, DRAWS_OF_LOOP = 145, 100, 2
 Delete = Callable[[Counts, np.random.Generator], Counts]
@@ -28,7 +31,7 @@ Delete = Callable[[Counts, np.random.Generator], Counts]
 def measure(hm3d: Path | None) -> Iterator[Speed]:
     """Yield what all draws of all buildings take, beside each loop."""
     with tempfile.TemporaryDirectory() as folder:
-        data = build_synthetic(Path(folder), scenes=BUILDINGS)
+        data = build(Path(folder), hm3d)
         cells = {scene: data.cells(scene) for scene in data.scene_ids}
     for against, delete, target in (
         ("a NumPy loop over draws and objects", delete_rows, 30),
@@ -52,6 +55,14 @@ def measure(hm3d: Path | None) -> Iterator[Speed]:
             target=target,
             at_least=True,
         )
+
+
+def build(folder: Path, hm3d: Path | None) -> Dataset:
+    """Build HM3D's buildings, or as many synthetic ones, below a folder; open the dataset."""
+    if hm3d is None:
+        list(write_synthetic(folder / "buildings", scenes=BUILDINGS, seed=0))
+    build_dataset(HM3DFolder(hm3d or folder / "buildings"), folder / "dataset")
+    return Dataset.open(folder / "dataset")
 
 
 def draw(scene: str, cells: Counts) -> Counts:
