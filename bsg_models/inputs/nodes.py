@@ -45,6 +45,7 @@ class Nodes(_Arrays):
 
     x: Array  # [N, C] counts that were seen
     y: Array  # [N, C] true counts, below 0 where there is none; [0, C] if not given
+    hiding: Array  # [P] places, of N · C, of the cells of which objects are hidden
     edges: Any  # [2, E] from and to, or the form that the network takes
     building: Array  # [N] number of each node's building
     first: Array  # [B] row of each building's own node
@@ -86,6 +87,7 @@ def to_nodes(
     return Nodes(
         x=_floats(seen.inputs),
         y=_floats(seen.inputs[:0] if targets is None else targets),
+        hiding=np.flatnonzero(() if targets is None else targets > seen.inputs),
         edges=edges,
         building=building,
         first=seen.starts[:-1],
@@ -246,11 +248,18 @@ def _floats(values: npt.NDArray[Any]) -> Singles:
 
 
 def _move(value: Any, device: Any) -> Any:
-    """Return an array as a tensor on a device; also each of a dictionary, and records of ours."""
+    """Return an array as a tensor on a device; also each of a dictionary, and records of ours.
+
+    A GPU copies from pinned memory while it computes, and nobody waits for it.
+    """
     if isinstance(value, dict):
         return {name: _move(one, device) for name, one in value.items()}
+    if isinstance(value, _Arrays):
+        return value.to(device)
     if isinstance(value, np.ndarray):
         import torch  # only trainings come here
 
-        return torch.from_numpy(value.copy()).to(device)
-    return None if value is None else value.to(device)
+        value = torch.from_numpy(value if value.flags.writeable else value.copy())
+    if value is not None and device.type == "cuda" and value.device.type == "cpu":
+        value = value.pin_memory()
+    return None if value is None else value.to(device, non_blocking=True)

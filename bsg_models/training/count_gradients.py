@@ -14,7 +14,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.negative_binomial import log_negative_binomial
+from bsg_models.belief.negative_binomial import log_beyond_none, log_none, log_normaliser
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.layers import QUIET, Quiet
 from bsg_models.zoo.model import BeliefModel
@@ -68,27 +68,35 @@ class CountGradients(Network):
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean of −log P(hidden) over rooms and the classes that are known there."""
-        rooms = ~nodes.is_building
-        found: Posterior = self(nodes)
-        each: torch.Tensor = log_negative_binomial(
-            (nodes.y - nodes.x)[rooms].clamp(min=0),
-            found.mean[:, rooms].clamp(min=MIN_RATE),
-            found.dispersion[:, rooms],
-            [tilt[:, rooms] for tilt in found.tilts],
+        known, found = self._count(nodes), self(nodes)
+        mean, dispersion = found.mean.clamp(min=MIN_RATE), found.dispersion
+        hidden = (nodes.y - nodes.x).clamp(min=0)
+        none = log_none(mean, dispersion)
+        each = none - log_normaliser(found.tilts, mean, dispersion, none=none) + found.log_weight
+        for count, tilt in enumerate(found.tilts):
+            each = each + tilt * (hidden == count)
+        beyond = log_beyond_none(
+            hidden.flatten()[nodes.hiding],
+            *(one.flatten(1).index_select(1, nodes.hiding) for one in (mean, dispersion)),
         )
-        cells = torch.logsumexp(each + found.log_weight[:, rooms], dim=0)
-        cells = torch.where(nodes.known[rooms], cells, 0.0)
-        return -cells.sum() / max(self.cells_of(nodes), 1)  # a batch may have no rooms
+        each = each.flatten(1).index_add(1, nodes.hiding, beyond).view_as(each)
+        cells = torch.where(known, torch.logsumexp(each, dim=0), 0.0)
+        return -cells.sum() / known.sum().clamp(min=1)  # a batch may have no rooms
 
-    def cells_of(self, nodes: Nodes) -> int:
+    def _count(self, nodes: Nodes) -> torch.Tensor:
+        """Return which cells count, `[N, C]`: the known ones of rooms."""
+        counts: torch.Tensor = nodes.known & ~nodes.is_building[:, None]
+        return counts
+
+    def cells_of(self, nodes: Nodes) -> torch.Tensor:
         """Return the number of known cells of rooms."""
-        return int(nodes.known[~nodes.is_building].sum())
+        return self._count(nodes).sum()
 
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the loss over rooms and classes, and the number of these cells."""
         self.eval()
         with torch.no_grad():
-            cells = self.cells_of(nodes)
+            cells = int(self.cells_of(nodes))
             return (self.loss(nodes).item() * cells if cells else 0.0), cells
 
     def predict(self, seen: Observation) -> Expectation:

@@ -89,8 +89,8 @@ class GradientSteps:
         """
         if self.ranks.size == 1:
             return loss
-        cells = self.model.cells_of(nodes) if takes else 0
-        every = self.ranks.add(torch.tensor(float(cells), device=self._device))
+        cells = self.model.cells_of(nodes) * takes
+        every = self.ranks.add(cells.float())
         return loss * cells / every.clamp(min=1)
 
     def on_cpu(self) -> Network:

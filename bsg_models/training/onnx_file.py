@@ -191,6 +191,7 @@ class _OneBuilding(nn.Module):
         nodes = Nodes(
             x=seen,
             y=seen[:0],
+            hiding=building[:0],
             edges=self._network.edges_of_one(is_building),
             building=building,
             first=torch.zeros(1, dtype=torch.int64),

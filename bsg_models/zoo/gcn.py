@@ -81,11 +81,13 @@ class CECIGCN(Network):
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean squared error of the totals over nodes and classes (section IV-A)."""
-        return torch.nn.functional.mse_loss(self(nodes)[nodes.known], nodes.y[nodes.known])
+        errors = torch.where(nodes.known, self(nodes) - nodes.y, 0.0)
+        return (errors * errors).sum() / self.cells_of(nodes)
 
-    def cells_of(self, nodes: Nodes) -> int:
+    def cells_of(self, nodes: Nodes) -> torch.Tensor:
         """Return the number of known cells."""
-        return int(nodes.known.sum())
+        count: torch.Tensor = nodes.known.sum()
+        return count
 
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the squared error of the totals, clipped at 0, and the number of cells."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +47,11 @@ class Quiet:
 QUIET = Quiet()
 
 
+def _functions_of(x: Array) -> Any:
+    """Return torch's functions of networks: each is one step of a gradient instead of several."""
+    return library_of(x).nn.functional
+
+
 def linear_weights(
     name: str, width: int, out: int, *, bias: bool = True, zero: bool = False
 ) -> dict[str, Weight]:
@@ -57,8 +63,10 @@ def linear_weights(
 
 def linear(weights: Weights, name: str, x: Array) -> Array:
     """Return x Wᵀ + b, `[..., out]` of `[..., width]`."""
-    product = x @ weights[f"{name}.weight"].T
-    bias = weights.get(f"{name}.bias")
+    weight, bias = weights[f"{name}.weight"], weights.get(f"{name}.bias")
+    if not isinstance(x, np.ndarray):
+        return _functions_of(x).linear(x, weight, bias)
+    product = x @ weight.T
     return product if bias is None else product + bias
 
 
@@ -69,14 +77,19 @@ def norm_weights(name: str, width: int) -> dict[str, Weight]:
 
 def norm(weights: Weights, name: str, x: Array) -> Array:
     """Return x with mean 0 and variance 1 over its last axis, scaled and shifted."""
+    weight, bias = weights[f"{name}.weight"], weights[f"{name}.bias"]
+    if not isinstance(x, np.ndarray):
+        return _functions_of(x).layer_norm(x, weight.shape, weight, bias)
     centred = x - x.mean(axis=-1, keepdims=True)
     scale = ((centred * centred).mean(axis=-1, keepdims=True) + 1e-5) ** -0.5
-    return centred * scale * weights[f"{name}.weight"] + weights[f"{name}.bias"]
+    return centred * scale * weight + bias
 
 
 def silu(x: Array) -> Array:
     """Return x · sigmoid(x)."""
-    return x * (0.5 * library_of(x).tanh(0.5 * x) + 0.5)
+    if not isinstance(x, np.ndarray):
+        return _functions_of(x).silu(x)
+    return x * (0.5 * np.tanh(0.5 * x) + 0.5)
 
 
 def gelu(x: Array) -> Array:
@@ -104,6 +117,8 @@ def logit(x: Array) -> Array:
 def log_softmax(x: Array, *, axis: int) -> Array:
     """Return x minus the logarithm of the sum of its exponentials over an axis."""
     xp = library_of(x)
+    if xp is not np:
+        return xp.log_softmax(x, dim=axis)
     shifted = x - xp.amax(x, axis=axis, keepdims=True)
     return shifted - xp.log(xp.exp(shifted).sum(axis=axis, keepdims=True))
 

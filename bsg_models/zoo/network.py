@@ -71,12 +71,12 @@ class Network(BeliefModel, nn.Module):
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the loss that a training step lowers."""
 
-    def cells_of(self, nodes: Nodes) -> int:
+    def cells_of(self, nodes: Nodes) -> torch.Tensor:
         """Return the number of (node, class) cells that `loss` averages over.
 
         Several processes that train together weight their losses by it.
         """
-        return int(nodes.y.numel())
+        return torch.tensor(nodes.y.numel(), device=nodes.y.device)
 
     @abstractmethod
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
