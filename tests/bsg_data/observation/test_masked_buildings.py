@@ -16,6 +16,7 @@ from bsg_data.observation.masked_buildings import (
     stream_masked,
     vary_fractions,
 )
+from bsg_data.observation.masks import Layout
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.view import View
@@ -76,10 +77,10 @@ def test_pairs_that_another_numpy_drew_are_read_as_they_tell(
     """What is stored of the view holds for the objects outside the classes, too."""
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="rooms"), draws=1), force=True)
 
-    def view_of(shape: tuple[int, int], *_: object, **__: object) -> View:
-        return View.of_rooms(np.zeros(shape[0] - 1), classes=shape[1])
+    def views_of(layouts: list[Layout], *_: object) -> list[View]:
+        return [View.of_rooms(np.zeros(one.shape[0] - 1), classes=one.shape[1]) for one in layouts]
 
-    monkeypatch.setattr("bsg_data.observation.masked_buildings.sample_view", view_of)
+    monkeypatch.setattr("bsg_data.observation.masked_buildings.sample_views", views_of)
     seen = read_all(Dataset.open(dataset), "train", vocabulary=("wall",)).seen
     assert not seen.others[seen.hidden_share == 1].any()
     assert seen.others.any()
