@@ -53,7 +53,8 @@ class MaskStreams:
         pool = _absorb(self._pool, np.uint32(_STREAM[stream]), absorbed)
         hashed = _hash(np.tile(pool, 2), _OUT, 0)
         states = hashed.astype("<u4").view("<u8")
-        return [np.random.Generator(np.random.PCG64(_Seed(state))) for state in states]
+        seeds: list[Any] = [_Seed(state) for state in states]  # the stubs know no other seed
+        return [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
 
 
 class _Seed(ISeedSequence):
@@ -77,7 +78,8 @@ def mask_generator(
 
 def _digest(scene_id: str) -> list[int]:
     """Return four words that stand for a building."""
-    return np.frombuffer(hashlib.sha256(scene_id.encode()).digest()[:16], dtype="<u4").tolist()
+    digest = hashlib.sha256(scene_id.encode()).digest()
+    return [int(word) for word in np.frombuffer(digest[:16], dtype="<u4")]
 
 
 def _split(number: int) -> list[int]:

@@ -27,10 +27,10 @@ _LOUD = 4.0
 Singles = npt.NDArray[np.float32]
 
 
-_Form = TypeVar("_Form", bound="_Arrays")
+_Form = TypeVar("_Form", bound="Arrays")
 
 
-class _Arrays:
+class Arrays:
     """A dataclass of arrays, which may be nested."""
 
     def to(self: _Form, device: Any) -> _Form:
@@ -40,7 +40,7 @@ class _Arrays:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Nodes(_Arrays):
+class Nodes(Arrays):
     """N nodes of interest of B buildings, C classes; a building's rows are its own, then rooms."""
 
     x: Array  # [N, C] counts that were seen
@@ -101,7 +101,7 @@ def to_nodes(
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Neighbours(_Arrays):
+class Neighbours(Arrays):
     """The neighbours of every node, as weights of three sums instead of a list of edges.
 
     If every room sees every other, R rooms have R (R − 1) edges: 100 million for 10,000 rooms.
@@ -173,7 +173,7 @@ class Neighbours(_Arrays):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Rows(_Arrays):
+class Rows(Arrays):
     """The nodes of B buildings as rows of L places, the nodes of the largest building."""
 
     node: Array  # [B, L] the node at each place, N for none
@@ -254,7 +254,7 @@ def _move(value: Any, device: Any) -> Any:
     """
     if isinstance(value, dict):
         return {name: _move(one, device) for name, one in value.items()}
-    if isinstance(value, _Arrays):
+    if isinstance(value, Arrays):
         return value.to(device)
     if isinstance(value, np.ndarray):
         import torch  # only trainings come here

@@ -114,9 +114,12 @@ class Noise(Quiet):
     ) -> torch.Tensor:
         """Return values of which a share is 0 and the others scaled up, but for columns `kept`."""
         dropped = nn.functional.dropout(values, share) if share else values
-        for columns in kept if share else ():
-            dropped[:, columns] = values[:, columns]
-        return dropped
+        if not kept:
+            return dropped
+        whole = torch.zeros(values.shape[1], dtype=torch.bool, device=values.device)
+        for columns in kept:
+            whole[columns] = True
+        return torch.where(whole, values, dropped)
 
     def overlook(self, values: torch.Tensor, share: float) -> torch.Tensor:
         """Return values of which a share is 0: a robot overlooks things, too."""

@@ -6,6 +6,7 @@ ReLU and dropout." Input and output are histograms E × O of the nodes of intere
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
@@ -14,12 +15,13 @@ import torch
 from pydantic import Field
 from torch import nn
 from torch_geometric.nn import GCNConv
-from torch_geometric.nn.conv.gcn_conv import gcn_norm
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.observation import Observation
+from bsg_models.arrays import Array
 from bsg_models.belief.expectation import Expectation, from_totals
-from bsg_models.inputs.nodes import Nodes
+from bsg_models.inputs.edges import list_edges
+from bsg_models.inputs.nodes import Arrays, Nodes
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.network import Network
@@ -52,6 +54,24 @@ class _NormalisedConv(GCNConv):  # type: ignore[misc]
         """Generate nothing."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _NormalisedEdges(Arrays):
+    """The edges, and one of every node to itself, with their entries of D^-½ (A + I) D^-½.
+
+    They are computed once; otherwise every layer would compute its own.
+    """
+
+    pairs: Array  # [2, E + N] from and to
+    weights: Array  # [E + N]
+
+    @classmethod
+    def of(cls, pairs: Ints, nodes: int) -> _NormalisedEdges:
+        """Return those of pairs `[2, E]` of N nodes."""
+        every = np.concatenate([pairs, np.tile(np.arange(nodes), (2, 1))], axis=1)
+        scale = np.bincount(every[1], minlength=nodes).astype(np.float32) ** -0.5
+        return cls(every, scale[every[0]] * scale[every[1]])
+
+
 class CECIGCN(Network):
     """Predict the whole histogram of every node of interest from the seen histograms."""
 
@@ -68,13 +88,15 @@ class CECIGCN(Network):
             for width in widths[1 : blocks + 1]
         )
 
+    def edges_of(self, seen: Observation) -> _NormalisedEdges:
+        """Return the edges with their weights."""
+        return _NormalisedEdges.of(list_edges(seen, self.inputs.edges), len(seen.inputs))
+
     def forward(self, nodes: Nodes) -> torch.Tensor:
         """Return predicted totals E″ × O″, `[N, C]`; a linear last layer may go below 0."""
         x: torch.Tensor = nodes.x
-        # D^-½ (A + I) D^-½, computed once; otherwise every layer would compute its own.
-        edges, weights = gcn_norm(nodes.edges, num_nodes=len(x), dtype=x.dtype)
         for layer, convolution in enumerate(self.convolutions):
-            x = convolution(x, edges, weights)
+            x = convolution(x, nodes.edges.pairs, nodes.edges.weights)
             if layer < len(self.blocks):
                 x = self.blocks[layer](x)
         return x

@@ -360,7 +360,7 @@ def require_alike(theirs: nn.Module, ours: Network, masked: MaskedBuildings) -> 
     if isinstance(theirs, PlainGCN):
         names = theirs.state_dict()
         theirs.load_state_dict(dict(zip(names, state.values(), strict=True)))
-        batch.edge_index = nodes.edges
+        batch.edge_index = torch.from_numpy(list_edges(masked.seen, ("up", "down")))
     else:
         seen = masked.seen
         deaf = {name: one * 0 if "lin_l" in name else one for name, one in state.items()}

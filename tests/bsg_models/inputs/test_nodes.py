@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import combinations
 
 import numpy as np
@@ -137,3 +137,27 @@ def test_every_kind_of_evidence_has_one_encoding() -> None:
         less = to_nodes(seen.without(kind), reads=EVIDENCE).evidence
         hidden += [name for name in EVIDENCE if not np.array_equal(less[name], whole[name])]
     assert hidden == list(EVIDENCE)
+
+
+def test_a_gpu_copies_from_pinned_memory_and_nobody_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By what torch is asked for: there may be no GPU."""
+    pinned: list[torch.Tensor] = []
+    moved: list[tuple[str, bool]] = []
+
+    def pin(values: torch.Tensor) -> torch.Tensor:
+        pinned.append(values)
+        return values
+
+    def move(values: torch.Tensor, device: torch.device, *, non_blocking: bool) -> torch.Tensor:
+        assert any(values is one for one in pinned)
+        moved.append((device.type, non_blocking))
+        return values
+
+    monkeypatch.setattr(torch.Tensor, "pin_memory", pin)
+    monkeypatch.setattr(torch.Tensor, "to", move)
+    seen = observe_several()
+    edges = Neighbours.of(seen, ("complete",))
+    nodes = to_nodes(seen, edges=edges, targets=seen.inputs, reads=EVIDENCE)
+    nodes.to(torch.device("cuda"))
+    arrays = len(fields(nodes)) - 2 + len(fields(edges)) + len(EVIDENCE)
+    assert moved == [("cuda", True)] * arrays

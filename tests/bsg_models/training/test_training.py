@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from safetensors.numpy import load_file
 
 from bsg_data.dataset.dataset import Dataset
@@ -25,8 +26,10 @@ from bsg_models.runs.checkpoint import (
 from bsg_models.runs.run_folder import BEST, LAST, LOG, METRICS
 from bsg_models.studies.run_summary import summarise_run
 from bsg_models.training import training
-from bsg_models.training.buildings import validation_buildings
+from bsg_models.training.buildings import TrainingBuildings, validation_buildings
+from bsg_models.training.count_gradients import as_network
 from bsg_models.training.learning_curve import read_metrics
+from bsg_models.training.ranks import Ranks
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.model import State
@@ -225,3 +228,26 @@ def test_a_calibration_of_a_sample_says_so(
     assert re.fullmatch(
         r"calibrated on a random sample of \d of \d masked val buildings: at most 20 nodes", note
     )
+
+
+@pytest.mark.parametrize(
+    "name", ["ceci-gcn", "ceci-sage", "universal", "room-transformer", "universal-transformer"]
+)
+def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(
+    name: str, dataset: Path
+) -> None:
+    """Torch's device `meta` computes shapes: who reads a value there, or mixes devices, fails.
+
+    So a step on a GPU neither waits nor copies, and the CPU draws the next masks meanwhile.
+    """
+    data, config, meta = Dataset.open(dataset), find_config(name), torch.device("meta")
+    network = as_network(training.new_model(config, data))
+    assert network is not None
+    buildings = TrainingBuildings(config, data, vocabulary=network.vocabulary, ranks=Ranks())
+    some = next(buildings.batches(1))
+    assert some is not None
+    nodes = network.nodes_of(some.seen, some.targets).to(meta)
+    network.to(meta).train()
+    network.loss(nodes).backward()  # type: ignore[no-untyped-call]
+    norm = torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
+    assert norm.device == network.cells_of(nodes).device == meta
