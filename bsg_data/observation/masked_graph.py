@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +12,10 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import OtherObjects, count_cells, to_histograms
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.files import AnyPath
-from bsg_data.observation.masks import sample_view, sample_withheld
+from bsg_data.observation.mask_streams import MaskStreams
+from bsg_data.observation.masks import Layout, sample_views, sample_withheld
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.view import View, sample_hidden, sample_others, sample_unknown
+from bsg_data.observation.view import View, hide_cells, sample_unknown, see_others
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace
@@ -76,15 +76,22 @@ def _mask(
     nameable: Bools | bool = True,
 ) -> tuple[PartialGraph, Counts]:
     """Return the partial graph, and the true histograms `[N, C]` of its nodes."""
-    which: Any = {"scene_id": graph.scene_id, "draw": draw}
     ways = Connections.of_pairs((edge.source, edge.target) for edge in graph.adjacency)
     whole, others, columns = _count(graph, class_space)
-    view = sample_view(whole.shape, recipe, connections=ways, **which)
-    cells = view.cut(whole)
-    hidden = sample_hidden(cells, view, recipe, **which)
-    seen = sample_others(
-        others, view, recipe, there=cells, hidden=hidden, classes=class_space.classes, **which
+    streams = MaskStreams([recipe], [graph.scene_id], [draw])
+    views = sample_views([Layout(whole.shape, ways)], [recipe], streams)
+    cells = views[0].cut(whole)
+    hidden = hide_cells(cells, views, streams)
+    (shown,) = see_others(
+        [others],
+        views,
+        [recipe],
+        streams,
+        there=cells,
+        hidden=hidden,
+        classes=class_space.classes,
     )
+    seen, view = shown.place(others.columns, len(others.categories)), views[0]
     rows = {node: row for row, node in enumerate(view.nodes.tolist())}
     rooms = [room for room in graph.rooms if room.room_index in rows]
     partial = PartialGraph(
@@ -96,7 +103,7 @@ def _mask(
         adjacency=tuple((a, b) for a, b in ways.among(view.nodes).pairs.tolist()),
         building_kind=graph.building_kind if graph.building_kind in BUILDING_KINDS else None,
         source=graph.source,
-        detector=_list_known(recipe, class_space, nameable, **which),
+        detector=_list_known(recipe, class_space, nameable, streams),
     )
     return partial, to_histograms(cells)
 
@@ -105,13 +112,12 @@ def _list_known(
     recipe: MaskRecipe,
     class_space: ClassSpace,
     nameable: Bools | bool,
-    *,
-    scene_id: str,
-    draw: int,
+    streams: MaskStreams,
 ) -> tuple[tuple[str, int], ...] | None:
     """Return the classes that the robot's detector knows; None: all."""
     names = class_space.classes
-    unknown, _ = sample_unknown(recipe, scene_id=scene_id, draw=draw, classes=len(names))
+    (rng,) = streams.list("detector")
+    unknown, _ = sample_unknown(rng, recipe, classes=len(names))
     unknown = unknown | ~(np.ones(len(names), dtype=bool) & nameable)
     if not unknown.any():
         return None

@@ -42,7 +42,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.mask_streams import MaskStreams, mask_generator
-from bsg_data.observation.view import View, draw_unknown
+from bsg_data.observation.view import View, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
@@ -381,7 +381,7 @@ def _withhold(
             row[:] = rng.random(classes) < recipe.withhold
     if any(recipe.detector for recipe in recipes):
         for row, rng, recipe in zip(blind, streams.list("detector"), recipes, strict=True):
-            row[:] = draw_unknown(rng, recipe, classes=classes)[0]
+            row[:] = sample_unknown(rng, recipe, classes=classes)[0]
     for row, layout in zip(blind, layouts, strict=True):
         if layout.nameable is not None:
             row |= ~layout.nameable

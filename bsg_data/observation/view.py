@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.histograms import OtherObjects
-from bsg_data.observation.mask_streams import MaskStreams, mask_generator
+from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
 
@@ -237,26 +237,16 @@ def _way_to_hide(
 
 
 def sample_unknown(
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draw: int,
-    classes: int,
-    others: OtherObjects | None = None,
-) -> tuple[Bools, Ints]:
-    """Sample which classes `[C]` the robot's detector does not know, and which kinds of others."""
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="detector")
-    return draw_unknown(rng, recipe, classes=classes, others=others)
-
-
-def draw_unknown(
     rng: np.random.Generator,
     recipe: MaskRecipe,
     *,
     classes: int,
     others: OtherObjects | None = None,
 ) -> tuple[Bools, Ints]:
-    """Return what `sample_unknown` does, from its generator."""
+    """Sample which classes `[C]` the robot's detector does not know, and which kinds of others.
+
+    The generator is that of the stream `detector`; with it the classes are the same at every call.
+    """
     kinds = np.zeros(0, dtype=np.int64)
     if rng.random() >= recipe.detector:
         return np.zeros(classes, dtype=bool), kinds
@@ -265,30 +255,6 @@ def draw_unknown(
     if others is not None:
         kinds = np.unique(others.kinds)
     return unknown, kinds[rng.random(len(kinds)) > known]
-
-
-def sample_others(
-    others: OtherObjects,
-    view: View,
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draw: int,
-    there: Counts,
-    hidden: Counts,
-    classes: Sequence[str],
-) -> Counts:
-    """Return what `see_others` does of one building, by its K categories: `[N, K]`."""
-    (seen,) = see_others(
-        [others],
-        [view],
-        [recipe],
-        MaskStreams([recipe], [scene_id], [draw]),
-        there=there,
-        hidden=hidden,
-        classes=classes,
-    )
-    return seen.place(others.columns, len(others.categories))
 
 
 def see_others(
@@ -330,7 +296,7 @@ def see_others(
         for rng, recipe, whole, one, left in zip(
             generators, recipes, others, found, seen, strict=True
         ):
-            _, unknown = draw_unknown(rng, recipe, classes=len(classes), others=whole)
+            _, unknown = sample_unknown(rng, recipe, classes=len(classes), others=whole)
             if len(unknown):
                 left[np.isin(one.kinds, unknown)] = 0
     return [

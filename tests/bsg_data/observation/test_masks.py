@@ -247,7 +247,8 @@ def test_a_detector_that_knows_few_words_shows_no_other_class_in_any_room() -> N
     shares = []
     for draw in range(400):
         view = sample_view((5, 45), recipe, scene_id="s", draw=draw)
-        unknown, _ = sample_unknown(recipe, scene_id="s", draw=draw, classes=45)
+        rng = mask_generator(recipe, scene_id="s", draw=draw, stream="detector")
+        unknown, _ = sample_unknown(rng, recipe, classes=45)
         assert (view.withheld == unknown).all()
         shares.append(unknown.mean())
         other = sample_view((5, 45), plain, scene_id="s", draw=draw)

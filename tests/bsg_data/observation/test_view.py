@@ -6,8 +6,9 @@ import numpy as np
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.histograms import OtherObjects
+from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import sample_view
-from bsg_data.observation.view import View, sample_hidden, sample_others
+from bsg_data.observation.view import View, sample_hidden, see_others
 from bsg_data.recipes import MaskRecipe
 
 NOBODY = np.zeros(4, dtype=bool)
@@ -55,17 +56,16 @@ def hide(recipe: MaskRecipe, draw: int) -> tuple[Counts, Counts]:
     """Return what is hidden of the curtains and beds, and of the rods and lamps."""
     view = sample_view(CURTAINS.shape, recipe, scene_id="s", draw=draw)
     hidden = sample_hidden(CURTAINS, view, recipe, scene_id="s", draw=draw)
-    seen = sample_others(
-        OTHERS,
-        view,
-        recipe,
-        scene_id="s",
-        draw=draw,
+    (seen,) = see_others(
+        [OTHERS],
+        [view],
+        [recipe],
+        MaskStreams([recipe], ["s"], [draw]),
         there=CURTAINS,
         hidden=hidden,
         classes=("curtain", "bed"),
     )
-    return hidden, RODS - seen
+    return hidden, RODS - seen.place(np.arange(2), 2)
 
 
 def test_parts_are_seen_only_with_a_whole() -> None:
