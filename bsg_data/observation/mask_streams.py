@@ -9,7 +9,7 @@ after another, that would take longer than the masks.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -42,19 +42,29 @@ class MaskStreams:
         self._words = np.column_stack([words, np.array(draws, dtype=np.uint32)])
         self._pool: Words | None = None
 
-    def list(self, stream: str) -> list[np.random.Generator]:
-        """Return the generators of one part of the draws: a key of `_STREAM`."""
+    def __len__(self) -> int:
+        """Return the number of draws M."""
+        return len(self._words)
+
+    def of(self, stream: str) -> Iterator[np.random.Generator]:
+        """Yield the generators of one part of the draws: a key of `_STREAM`.
+
+        Each is made when it is asked for, since one that is new is fastest.
+        """
         if len(self._words) < _FEW:
-            words = [np.append(row, np.uint32(_STREAM[stream])) for row in self._words]
-            return [np.random.Generator(np.random.PCG64(one)) for one in words]
+            for row in self._words:
+                word = np.uint32(_STREAM[stream])
+                yield np.random.Generator(np.random.PCG64(np.append(row, word)))
+            return
         if self._pool is None:
             self._pool = _mix_words(self._words)
         absorbed = self._words.shape[1]
         pool = _absorb(self._pool, np.uint32(_STREAM[stream]), absorbed)
         hashed = _hash(np.tile(pool, 2), _OUT, 0)
         states = hashed.astype("<u4").view("<u8")
-        seeds: list[Any] = [_Seed(state) for state in states]  # the stubs know no other seed
-        return [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
+        for state in states:
+            seed: Any = _Seed(state)  # NumPy's stubs do not know it for a seed
+            yield np.random.Generator(np.random.PCG64(seed))
 
 
 class _Seed(ISeedSequence):
@@ -72,7 +82,7 @@ def mask_generator(
     recipe: MaskRecipe, *, scene_id: str, draw: int, stream: str
 ) -> np.random.Generator:
     """Return the generator of one part of one draw of one building."""
-    (rng,) = MaskStreams([recipe], [scene_id], [draw]).list(stream)
+    (rng,) = MaskStreams([recipe], [scene_id], [draw]).of(stream)
     return rng
 
 

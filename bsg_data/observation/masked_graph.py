@@ -116,7 +116,7 @@ def _list_known(
 ) -> tuple[tuple[str, int], ...] | None:
     """Return the classes that the robot's detector knows; None: all."""
     names = class_space.classes
-    (rng,) = streams.list("detector")
+    (rng,) = streams.of("detector")
     unknown, _ = sample_unknown(rng, recipe, classes=len(names))
     unknown = unknown | ~(np.ones(len(names), dtype=bool) & nameable)
     if not unknown.any():

@@ -362,7 +362,7 @@ def sample_views(
     masks = {name: MASKS[name] for name in {recipe.strategy for recipe in recipes}}
     looked = [
         masks[recipe.strategy].look(layout.shape, recipe, connections=layout.connections, rng=rng)
-        for layout, recipe, rng in zip(layouts, recipes, streams.list("rooms"), strict=True)
+        for layout, recipe, rng in zip(layouts, recipes, streams.of("rooms"), strict=True)
     ]
     return _withhold(looked, layouts, recipes, streams)
 
@@ -377,10 +377,10 @@ def _withhold(
     classes = layouts[0].shape[1]
     withheld, blind = np.zeros((2, len(views), classes), dtype=bool)
     if any(recipe.withhold for recipe in recipes):
-        for row, rng, recipe in zip(withheld, streams.list("withheld"), recipes, strict=True):
+        for row, rng, recipe in zip(withheld, streams.of("withheld"), recipes, strict=True):
             row[:] = rng.random(classes) < recipe.withhold
     if any(recipe.detector for recipe in recipes):
-        for row, rng, recipe in zip(blind, streams.list("detector"), recipes, strict=True):
+        for row, rng, recipe in zip(blind, streams.of("detector"), recipes, strict=True):
             row[:] = sample_unknown(rng, recipe, classes=classes)[0]
     for row, layout in zip(blind, layouts, strict=True):
         if layout.nameable is not None:

@@ -60,8 +60,8 @@ def sample_pairs(
     layout = Layout(cells.shape, connections, nameable)
     if not (MASKS[mask.strategy].varies or mask.withhold or mask.detector):
         (view,) = sample_views([layout], [mask], MaskStreams([mask], [scene_id], [0]))
-        every = to_histograms(cells)
-        left = every - to_histograms(hide_often(cells, view, streams))
+        left, every = cells - hide_often(cells, view, streams), to_histograms(cells)
+        left[:, 0] = left.sum(axis=1)
         shape = -1, cells.shape[1]
         return (view,) * len(numbers), left.reshape(shape), np.tile(every, (len(numbers), 1))
     views = sample_views([layout] * len(numbers), recipes, streams)

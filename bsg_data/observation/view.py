@@ -8,7 +8,7 @@ the classified objects.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from itertools import pairwise
@@ -169,7 +169,7 @@ def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Co
     places, width = np.flatnonzero(cells), cells.shape[1]
     ends = places.searchsorted(np.cumsum([0, *(len(view.nodes) * width for view in views)]))
     counts, share = cells.reshape(-1)[places], share[places // width]
-    drawn = _hide(counts, share, ends, views, streams.list("classified"))
+    drawn = _hide(counts, share, ends, views, streams.of("classified"))
     hidden = np.zeros_like(cells)
     hidden.reshape(-1)[places] = drawn
     return np.where(withheld, cells, hidden) if withheld.any() else hidden
@@ -177,12 +177,12 @@ def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Co
 
 def hide_often(cells: Counts, view: View, streams: MaskStreams) -> Counts:
     """Sample how many objects are hidden, as `hide_cells`, in draws of one view: `[D, N, C]`."""
-    generators, places = streams.list("classified"), np.flatnonzero(cells)
+    places = np.flatnonzero(cells)
     draw = _way_to_hide(
         cells.reshape(-1)[places], view.hidden_share[places // cells.shape[1]], exact=view.exact
     )
-    hidden = np.zeros((len(generators), cells.size), dtype=np.int64)
-    hidden[:, places] = [draw(rng) for rng in generators]
+    hidden = np.zeros((len(streams), cells.size), dtype=np.int64)
+    hidden[:, places] = [draw(rng) for rng in streams.of("classified")]
     hidden = hidden.reshape(-1, *cells.shape)
     return np.where(view.withheld, cells, hidden) if view.withheld.any() else hidden
 
@@ -192,7 +192,7 @@ def _hide(
     share: Floats,
     ends: Ints,
     views: Sequence[View],
-    generators: Sequence[np.random.Generator],
+    generators: Iterable[np.random.Generator],
 ) -> Counts:
     """Sample how many of some objects `[P]` are hidden, by the shares `[P]` of their nodes.
 
@@ -284,15 +284,15 @@ def see_others(
     if any(recipe.parts for recipe in recipes):
         rate = _find_rates(found, views, recipes, there=there, hidden=hidden, classes=classes)
     alone = np.where(np.isnan(rate), counts, 0)
-    gone = _hide(alone, np.concatenate(share), ends, views, streams.list("unclassified"))
+    gone = _hide(alone, np.concatenate(share), ends, views, streams.of("unclassified"))
     blocks = list(pairwise(ends.tolist()))
     if not np.isnan(rate).all():
-        for rng, (first, last) in zip(streams.list("parts"), blocks, strict=True):
+        for rng, (first, last) in zip(streams.of("parts"), blocks, strict=True):
             parts = first + np.flatnonzero(~np.isnan(rate[first:last]))
             gone[parts] = rng.binomial(counts[parts], rate[parts])
     seen = [counts[first:last] - gone[first:last] for first, last in blocks]
     if any(recipe.detector for recipe in recipes):
-        generators = streams.list("detector")
+        generators = streams.of("detector")
         for rng, recipe, whole, one, left in zip(
             generators, recipes, others, found, seen, strict=True
         ):

@@ -45,7 +45,7 @@ def measure(hm3d: Path | None) -> Iterator[Speed]:
         ours, theirs = time_both(
             lambda: [len(draw(*one)) for one in cells.items()],
             partial(loop, cells, delete),
-            repeats=5,
+            repeats=7,
         )
         yield Speed(
             what=f"{DRAWS} draws of masks of {BUILDINGS} buildings",

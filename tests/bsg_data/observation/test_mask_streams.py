@@ -28,7 +28,7 @@ def test_many_draws_are_seeded_as_numpy_seeds_each(
     recipe, (scenes, numbers) = MaskRecipe(seed=number), zip(*draws, strict=True)
     streams = MaskStreams([recipe] * len(draws), scenes, numbers)
     for stream in STREAMS:
-        for rng, (scene, draw) in zip(streams.list(stream), draws, strict=True):
+        for rng, (scene, draw) in zip(streams.of(stream), draws, strict=True):
             theirs = np.random.Generator(np.random.PCG64(seed(recipe, scene, draw, stream)))
             expected = theirs.random(4).tolist()
             assert rng.random(4).tolist() == expected
