@@ -37,29 +37,32 @@ class MaskStreams:
         self, recipes: Sequence[MaskRecipe], scene_ids: Sequence[str], draws: Sequence[int]
     ) -> None:
         keys = [(recipe.seed, scene) for recipe, scene in zip(recipes, scene_ids, strict=True)]
-        known = {(seed, scene): [*_split(seed), *_digest(scene)] for seed, scene in set(keys)}
-        words = np.array([known[key] for key in keys], dtype=np.uint32)
-        self._words = np.column_stack([words, np.array(draws, dtype=np.uint32)])
+        places = {key: place for place, key in enumerate(dict.fromkeys(keys))}
+        words = [[*_split(seed), *_digest(scene)] for seed, scene in places]
+        self._words = np.array(words, dtype=np.uint32)  # of each building, in any draw
+        self._building = [places[key] for key in keys]
+        self._draws = np.array(draws, dtype=np.uint32)
         self._pool: Words | None = None
 
     def __len__(self) -> int:
         """Return the number of draws M."""
-        return len(self._words)
+        return len(self._draws)
 
     def of(self, stream: str) -> Iterator[np.random.Generator]:
         """Yield the generators of one part of the draws: a key of `_STREAM`.
 
         Each is made when it is asked for, since one that is new is fastest.
         """
-        if len(self._words) < _FEW:
-            for row in self._words:
-                word = np.uint32(_STREAM[stream])
-                yield np.random.Generator(np.random.PCG64(np.append(row, word)))
+        word = np.uint32(_STREAM[stream])
+        if len(self) < _FEW:
+            for building, draw in zip(self._words[self._building], self._draws, strict=True):
+                yield np.random.Generator(np.random.PCG64(np.append(building, [draw, word])))
             return
+        number = self._words.shape[1]
         if self._pool is None:
-            self._pool = _mix_words(self._words)
-        absorbed = self._words.shape[1]
-        pool = _absorb(self._pool, np.uint32(_STREAM[stream]), absorbed)
+            pool = _mix_words(self._words)[self._building]
+            self._pool = _absorb(pool, self._draws[:, None], number)
+        pool = _absorb(self._pool, word, number + 1)
         hashed = _hash(np.tile(pool, 2), _OUT, 0)
         states = hashed.astype("<u4").view("<u8")
         for state in states:

@@ -25,7 +25,7 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import MASKS, Layout, sample_views
-from bsg_data.observation.view import View, hide_cells, hide_often
+from bsg_data.observation.view import View, hide_cells, show_often
 from bsg_data.recipes import PairsRecipe
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 
@@ -60,7 +60,7 @@ def sample_pairs(
     layout = Layout(cells.shape, connections, nameable)
     if not (MASKS[mask.strategy].varies or mask.withhold or mask.detector):
         (view,) = sample_views([layout], [mask], MaskStreams([mask], [scene_id], [0]))
-        left, every = cells - hide_often(cells, view, streams), to_histograms(cells)
+        left, every = show_often(cells, view, streams), to_histograms(cells)
         left[:, 0] = left.sum(axis=1)
         shape = -1, cells.shape[1]
         return (view,) * len(numbers), left.reshape(shape), np.tile(every, (len(numbers), 1))

@@ -175,16 +175,14 @@ def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Co
     return np.where(withheld, cells, hidden) if withheld.any() else hidden
 
 
-def hide_often(cells: Counts, view: View, streams: MaskStreams) -> Counts:
-    """Sample how many objects are hidden, as `hide_cells`, in draws of one view: `[D, N, C]`."""
-    places = np.flatnonzero(cells)
-    draw = _way_to_hide(
-        cells.reshape(-1)[places], view.hidden_share[places // cells.shape[1]], exact=view.exact
-    )
-    hidden = np.zeros((len(streams), cells.size), dtype=np.int64)
-    hidden[:, places] = [draw(rng) for rng in streams.of("classified")]
-    hidden = hidden.reshape(-1, *cells.shape)
-    return np.where(view.withheld, cells, hidden) if view.withheld.any() else hidden
+def show_often(cells: Counts, view: View, streams: MaskStreams) -> Counts:
+    """Sample what is left of cells `[N, C]` in draws of one view, `[D, N, C]`; see `hide_cells`."""
+    places, left = np.flatnonzero(cells), np.tile(cells.reshape(-1), (len(streams), 1))
+    counts, share = cells.reshape(-1)[places], view.hidden_share[places // cells.shape[1]]
+    draw = _way_to_hide(counts, share, exact=view.exact)
+    left[:, places] = counts - np.array([draw(rng) for rng in streams.of("classified")])
+    left = left.reshape(-1, *cells.shape)
+    return np.where(view.withheld, 0, left) if view.withheld.any() else left
 
 
 def _hide(
