@@ -167,7 +167,8 @@ def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> 
     recipe = data.manifest.pairs
     recipes = [recipe.mask if recipe else MaskRecipe()] * len(scenes)
     streams = MaskStreams(recipes, scenes, draws.tolist())
-    buildings = [data.building(scene) for scene in scenes]
+    known = {scene: data.building(scene) for scene in dict.fromkeys(scenes)}
+    buildings = [known[scene] for scene in scenes]
     views = [stored.take(*span) for span in pairwise([*starts.tolist(), nodes])]
     if vocabulary:
         drawn = sample_views(_lay_out(buildings), recipes, streams)
