@@ -29,6 +29,7 @@ Arrays are of B searches at once:
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -145,13 +146,7 @@ def expected_costs(ways: Floats, miss: Floats, order: Ints, *, single: bool) -> 
     """Return the expected cost of an order of each search, `[B]`; arguments as in `order_rooms`."""
     if not single:
         miss = miss.prod(axis=2, keepdims=True)
-    before, after = _products(miss, order)
-    goes_on = _goes_on(before, after, before[:, -1:], single)[:, :-1]
-    places = _append_start(order, miss)
-    legs = np.take_along_axis(
-        ways[np.arange(len(order))[:, None], places[:, :-1]], order[..., None], 2
-    )
-    return np.asarray((legs[..., 0] * goes_on).sum(axis=1))
+    return _Orders.of(ways, miss, single=single).expect(order)
 
 
 def _by_number(rooms: Bools) -> Iterator[tuple[Ints, Ints]]:
@@ -175,20 +170,6 @@ def _goes_on(before: Floats, after: Floats, every: Floats, single: bool) -> Floa
     somewhere = np.broadcast_to(1 - every, np.broadcast_shapes(before.shape, every.shape))
     left = np.divide(before - every, somewhere, out=np.zeros(somewhere.shape), where=somewhere > 0)
     return np.asarray(1 - (1 - left).prod(axis=-1))
-
-
-def _products(miss: Floats, order: Ints) -> tuple[Floats, Floats]:
-    """Return the products of q over the rooms before each place and from it on, `[B, n + 1, A]`."""
-    ordered = np.take_along_axis(miss, order[..., None], axis=1)
-    one = np.ones((len(order), 1, miss.shape[2]))
-    before = np.concatenate([one, ordered], axis=1).cumprod(axis=1)
-    after = np.concatenate([one, ordered[:, ::-1]], axis=1).cumprod(axis=1)[:, ::-1]
-    return before, after
-
-
-def _append_start(order: Ints, miss: Floats) -> Ints:
-    """Return the places of an order with the robot's before them, `[B, n + 1]`."""
-    return np.concatenate([np.full((len(order), 1), miss.shape[1]), order], axis=1)
 
 
 def _order_exactly(ways: Floats, miss: Floats, single: bool) -> Ints:
@@ -236,54 +217,112 @@ def _order_many(ways: Floats, miss: Floats, single: bool, *, chances: int) -> In
     lots = np.repeat(np.random.default_rng(0).random((chances, rooms)), searches, axis=0)
     ranks = np.concatenate([-likely, near, -likely / (near + _LEAST_COST), lots])
     turns = np.argsort(ranks, axis=1, kind="stable")
-    ways, miss = np.tile(ways, (3 + chances, 1, 1)), np.tile(miss, (3 + chances, 1, 1))
+    orders = _Orders.of(ways, miss, single=single, copies=3 + chances)
     order = turns[:, :0]
-    for room in turns.T:
-        order = _insert(ways, miss, order, room, single)
-    order = _improve(ways, miss, order, single)
-    costs = expected_costs(ways, miss, order, single=single).reshape(-1, searches)
-    best = costs.argmin(axis=0) * searches + np.arange(searches)
+    for room in turns.T[:, :, None]:
+        order = _put(order, room, orders.find_place(order, room))
+    order, costs = _improve(orders, order)
+    best = costs.reshape(-1, searches).argmin(axis=0) * searches + np.arange(searches)
     return np.asarray(order[best])
 
 
-def _improve(ways: Floats, miss: Floats, order: Ints, single: bool) -> Ints:
+def _improve(orders: _Orders, order: Ints) -> tuple[Ints, Floats]:
     """Take out each room and insert it again, as long as that improves an order."""
-    cost = expected_costs(ways, miss, order, single=single)
+    cost = orders.expect(order)
     going = np.arange(len(order))
     while len(going):
-        some, of_ways, of_miss = order[going], ways[going], miss[going]
-        for room in range(order.shape[1]):
-            rest = some[some != room].reshape(len(some), -1)
-            some = _insert(of_ways, of_miss, rest, np.full(len(some), room), single)
-        now = expected_costs(of_ways, of_miss, some, single=single)
+        some, own = order[going], orders.take(going)
+        for number in range(order.shape[1]):
+            stay = some != number
+            rest, room = some[stay].reshape(len(some), -1), np.full((len(some), 1), number)
+            place = own.find_place(rest, room)
+            moved = np.flatnonzero(stay[np.arange(len(some)), place[:, 0]])
+            if len(moved):
+                some[moved] = _put(rest[moved], room[moved], place[moved])
+        now = own.expect(some)
         better = now < cost[going] * (1 - _LEAST_SHARE)
         going, some, now = going[better], some[better], now[better]
         order[going], cost[going] = some, now
-    return order
+    return order, cost
 
 
-def _insert(ways: Floats, miss: Floats, order: Ints, room: Ints, single: bool) -> Ints:
-    """Insert a room `[B]` into orders of m other rooms where it costs least, `[B, m + 1]`.
+def _put(order: Ints, room: Ints, place: Ints) -> Ints:
+    """Return orders `[B, m + 1]` with a room each `[B, 1]` at a place `[B, 1]`."""
+    at = np.arange(order.shape[1] + 1)
+    before, after = (np.concatenate(parts, axis=1) for parts in ((order, room), (room, order)))
+    new = np.where(at < place, before, after)
+    np.put_along_axis(new, place, room, axis=1)
+    return new
 
-    Legs before it are walked as if it were unvisited, later ones as if it were visited.
-    """
-    e, of_room = np.arange(len(order)), miss[np.arange(len(order)), room][:, None]
-    (before, after), every = _products(miss, order), miss.prod(axis=1, keepdims=True)
-    unvisited = _goes_on(before, after * of_room, every, single)
-    visited = _goes_on(before * of_room, after, every, single)
-    places, none = _append_start(order, miss), np.zeros((len(order), 1))
-    legs = ways[e[:, None], places[:, :-1], order]
-    head = np.concatenate([none, legs * unvisited[:, :-1]], axis=1).cumsum(axis=1)
-    tail = np.concatenate([none, (legs * visited[:, :-1])[:, ::-1]], axis=1).cumsum(axis=1)[:, ::-1]
-    tail = np.concatenate([tail[:, 1:], none], axis=1)
-    into = ways[e[:, None], places, room[:, None]] * unvisited
-    onwards = np.concatenate(
-        [ways[e[:, None], room[:, None], order] * visited[:, :-1], none], axis=1
-    )
-    place = (head + into + onwards + tail).argmin(axis=1)[:, None]
-    at, new = np.arange(order.shape[1] + 1), room[:, None]
-    return np.where(
-        at < place,
-        np.concatenate([order, new], axis=1),
-        np.where(at == place, new, np.concatenate([new, order], axis=1)),
-    )
+
+@dataclass(frozen=True, eq=False)
+class _Orders:
+    """What B orders of S searches cost."""
+
+    ways: Floats  # `[S · W · W]` for W = n + 1
+    miss: Floats  # `[A, S · n]`
+    every: Floats  # `[A, B, 1]` product of q over all rooms
+    given: Floats  # `[A, B, 1]` 1 / P(it is somewhere); 0 if it is nowhere
+    search: Ints  # `[B, 1]` of each order
+    rooms: int  # n
+    single: bool
+
+    @classmethod
+    def of(cls, ways: Floats, miss: Floats, *, single: bool, copies: int = 1) -> _Orders:
+        """Return what some orders of each search cost; arguments as in `order_rooms`."""
+        searches, rooms, classes = miss.shape
+        search = np.tile(np.arange(searches), copies)
+        every = miss.prod(axis=1).T[:, search, None]
+        given = np.divide(1, 1 - every, out=np.zeros_like(every), where=every < 1)
+        flat = np.ascontiguousarray(miss.transpose(2, 0, 1)).reshape(classes, -1)
+        return cls(ways.ravel(), flat, every, given, search[:, None], rooms, single)
+
+    def take(self, some: Ints) -> _Orders:
+        """Return what some of the orders cost."""
+        every, given = self.every[:, some], self.given[:, some]
+        return replace(self, every=every, given=given, search=self.search[some])
+
+    def expect(self, order: Ints) -> Floats:
+        """Return the expected costs of orders `[B, n]`, `[B]`."""
+        legs = self.ways.take(self._from(order)[:, :-1] + order)
+        return np.asarray((legs * self._goes_on(self._products(order))[:, :-1]).sum(axis=1))
+
+    def find_place(self, order: Ints, room: Ints) -> Ints:
+        """Return where a room `[B, 1]` costs least in orders of m other rooms, `[B, 1]`.
+
+        Legs before it are walked as if it were unvisited, later ones as if it were visited. The
+        costs are those above the cost of visiting it first and for nothing.
+        """
+        products, q = self._products(order), self.miss.take(self.search * self.rooms + room, 1)
+        parts = (products, products * q) if self.single else (products * q, products)
+        unvisited, visited = (self._goes_on(part) for part in parts)
+        leave = self._from(order)
+        legs = self.ways.take(leave[:, :-1] + order)
+        costs = self.ways.take(leave + room) * unvisited
+        onwards = self.ways.take((self.search * (self.rooms + 1) + room) * (self.rooms + 1) + order)
+        costs[:, :-1] += (onwards - legs) * visited[:, :-1]
+        costs[:, 1:] += (legs * (unvisited - visited)[:, :-1]).cumsum(axis=1)
+        return costs.argmin(axis=1, keepdims=True)
+
+    def _from(self, order: Ints) -> Ints:
+        """Return where the costs from the robot's place and from m rooms begin, `[B, m + 1]`."""
+        first = np.full_like(self.search, self.rooms)
+        places = np.concatenate([first, order], axis=1)
+        return (places + self.search * (self.rooms + 1)) * (self.rooms + 1)
+
+    def _products(self, order: Ints) -> Floats:
+        """Return the products of q before each place, or from it on for `all`, `[A, B, m + 1]`."""
+        ordered = self.miss.take(self.search * self.rooms + order, axis=1)
+        products = np.ones((*ordered.shape[:2], ordered.shape[2] + 1))
+        if self.single:
+            ordered.cumprod(axis=2, out=products[:, :, 1:])
+        else:
+            ordered[:, :, ::-1].cumprod(axis=2, out=products[:, :, -2::-1])
+        return products
+
+    def _goes_on(self, products: Floats) -> Floats:
+        """Return w of products, `[B, m + 1]`."""
+        if not self.single:
+            return np.asarray(1 - products[0])
+        left = (products - self.every) * self.given
+        return left[0] if len(left) == 1 else np.asarray(1 - (1 - left).prod(axis=0))
