@@ -31,6 +31,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -43,6 +44,7 @@ LEAST = 1e-6  # least presence: a wrong belief must not end a search
 _CELLS = 1 << 19  # of tables; more searches are ordered in turns
 _LEAST_COST = 1e-9  # that a room's likelihood is divided by
 _LEAST_SHARE = 1e-9  # least relative improvement
+_SHORT = 64  # numbers of a row
 
 
 def choose_rooms(
@@ -146,7 +148,7 @@ def expected_costs(ways: Floats, miss: Floats, order: Ints, *, single: bool) -> 
     """Return the expected cost of an order of each search, `[B]`; arguments as in `order_rooms`."""
     if not single:
         miss = miss.prod(axis=2, keepdims=True)
-    return _Orders.of(ways, miss, single=single).expect(order)
+    return _Orders.of(ways, miss, single=single).expect(order.T)
 
 
 def _by_number(rooms: Bools) -> Iterator[tuple[Ints, Ints]]:
@@ -216,113 +218,124 @@ def _order_many(ways: Floats, miss: Floats, single: bool, *, chances: int) -> In
     likely, near = 1 - miss.min(axis=2), ways[:, rooms, :rooms]
     lots = np.repeat(np.random.default_rng(0).random((chances, rooms)), searches, axis=0)
     ranks = np.concatenate([-likely, near, -likely / (near + _LEAST_COST), lots])
-    turns = np.argsort(ranks, axis=1, kind="stable")
+    turns = np.argsort(ranks, axis=1, kind="stable").T
     orders = _Orders.of(ways, miss, single=single, copies=3 + chances)
-    order = turns[:, :0]
-    for room in turns.T[:, :, None]:
+    order = turns[:0]
+    for room in turns:
         order = _put(order, room, orders.find_place(order, room))
     order, costs = _improve(orders, order)
     best = costs.reshape(-1, searches).argmin(axis=0) * searches + np.arange(searches)
-    return np.asarray(order[best])
+    return np.asarray(order[:, best].T)
 
 
 def _improve(orders: _Orders, order: Ints) -> tuple[Ints, Floats]:
-    """Take out each room and insert it again, as long as that improves an order."""
-    cost = orders.expect(order)
-    going = np.arange(len(order))
+    """Take out each room and insert it again, as long as that improves an order `[n, B]`."""
+    cost, at = orders.expect(order), np.arange(len(order))[:, None]
+    going = np.arange(order.shape[1])
     while len(going):
-        some, own = order[going], orders.take(going)
-        for number in range(order.shape[1]):
-            stay = some != number
-            rest, room = some[stay].reshape(len(some), -1), np.full((len(some), 1), number)
-            place = own.find_place(rest, room)
-            moved = np.flatnonzero(stay[np.arange(len(some)), place[:, 0]])
+        some, own = order[:, going], orders.take(going)
+        for room in range(len(order)):
+            place = (some == room).argmax(axis=0)
+            rest = np.where(at[:-1] < place, some[:-1], some[1:])
+            new = own.find_place(rest, room)
+            moved = np.flatnonzero(new != place)
             if len(moved):
-                some[moved] = _put(rest[moved], room[moved], place[moved])
+                some[:, moved] = _put(rest[:, moved], room, new[moved])
         now = own.expect(some)
         better = now < cost[going] * (1 - _LEAST_SHARE)
-        going, some, now = going[better], some[better], now[better]
-        order[going], cost[going] = some, now
+        going, some, now = going[better], some[:, better], now[better]
+        order[:, going], cost[going] = some, now
     return order, cost
 
 
-def _put(order: Ints, room: Ints, place: Ints) -> Ints:
-    """Return orders `[B, m + 1]` with a room each `[B, 1]` at a place `[B, 1]`."""
-    at = np.arange(order.shape[1] + 1)
-    before, after = (np.concatenate(parts, axis=1) for parts in ((order, room), (room, order)))
-    new = np.where(at < place, before, after)
-    np.put_along_axis(new, place, room, axis=1)
+def _put(order: Ints, room: Ints | int, place: Ints) -> Ints:
+    """Return orders `[m + 1, B]` of m rooms and another one each, at a place `[B]`."""
+    gap = np.empty((1, order.shape[1]), dtype=order.dtype)
+    at = np.arange(len(order) + 1)[:, None]
+    new = np.where(at < place, np.concatenate([order, gap]), np.concatenate([gap, order]))
+    new[place, np.arange(len(place))] = room
     return new
+
+
+def _accumulate(combine: np.ufunc, rows: Floats) -> Floats:
+    """Combine each row with all before it, in place; NumPy's own way is slow for long rows."""
+    if len(rows) and rows[0].size < _SHORT:
+        return np.asarray(combine.accumulate(rows, out=rows))
+    for before, row in pairwise(rows):
+        combine(row, before, out=row)
+    return rows
 
 
 @dataclass(frozen=True, eq=False)
 class _Orders:
-    """What B orders of S searches cost."""
+    """What B orders of S searches cost; W = n + 1 places, as rows for sums without broadcasting."""
 
-    ways: Floats  # `[S · W · W]` for W = n + 1
-    miss: Floats  # `[A, S · n]`
-    every: Floats  # `[A, B, 1]` product of q over all rooms
-    given: Floats  # `[A, B, 1]` 1 / P(it is somewhere); 0 if it is nowhere
-    search: Ints  # `[B, 1]` of each order
-    rooms: int  # n
+    ways: Floats  # `[S · W · W]`
+    miss: Floats  # `[S · W, A]`
+    every: Floats  # `[W, B, A]` product of q over all rooms
+    given: Floats  # `[W, B, A]` 1 / P(it is somewhere); 0 if it is nowhere
+    first: Ints  # `[W, B]` number of the search's first place
     single: bool
 
     @classmethod
     def of(cls, ways: Floats, miss: Floats, *, single: bool, copies: int = 1) -> _Orders:
         """Return what some orders of each search cost; arguments as in `order_rooms`."""
-        searches, rooms, classes = miss.shape
-        search = np.tile(np.arange(searches), copies)
-        every = miss.prod(axis=1).T[:, search, None]
+        every, places = np.tile(miss.prod(axis=1), (copies, 1)), miss.shape[1] + 1
         given = np.divide(1, 1 - every, out=np.zeros_like(every), where=every < 1)
-        flat = np.ascontiguousarray(miss.transpose(2, 0, 1)).reshape(classes, -1)
-        return cls(ways.ravel(), flat, every, given, search[:, None], rooms, single)
+        first = np.tile(np.arange(len(miss)) * places, copies)
+        rows = (np.repeat(values[None], places, axis=0) for values in (every, given, first))
+        q = np.concatenate([miss, np.ones_like(miss[:, :1])], axis=1)
+        return cls(ways.ravel(), q.reshape(-1, miss.shape[2]), *rows, single)
 
     def take(self, some: Ints) -> _Orders:
         """Return what some of the orders cost."""
-        every, given = self.every[:, some], self.given[:, some]
-        return replace(self, every=every, given=given, search=self.search[some])
+        every, given, first = (part[:, some] for part in (self.every, self.given, self.first))
+        return replace(self, every=every, given=given, first=first)
 
     def expect(self, order: Ints) -> Floats:
-        """Return the expected costs of orders `[B, n]`, `[B]`."""
-        legs = self.ways.take(self._from(order)[:, :-1] + order)
-        return np.asarray((legs * self._goes_on(self._products(order))[:, :-1]).sum(axis=1))
+        """Return the expected costs of orders `[n, B]`, `[B]`."""
+        places = order + self.first[1:]
+        legs = self.ways.take(self._from(places)[:-1] + order)
+        return np.asarray((legs * self._goes_on(self._products(places))[:-1]).sum(axis=0))
 
-    def find_place(self, order: Ints, room: Ints) -> Ints:
-        """Return where a room `[B, 1]` costs least in orders of m other rooms, `[B, 1]`.
+    def find_place(self, order: Ints, room: Ints | int) -> Ints:
+        """Return where a room costs least in orders `[m, B]` of others, `[B]`.
 
-        Legs before it are walked as if it were unvisited, later ones as if it were visited. The
-        costs are those above the cost of visiting it first and for nothing.
+        Legs before it are walked as if it were unvisited, later ones as if it were visited. Costs
+        are compared with those of visiting it first, by a way that costs nothing.
         """
-        products, q = self._products(order), self.miss.take(self.search * self.rooms + room, 1)
+        places, there = order + self.first[: len(order)], self.first[0] + room
+        products, q = self._products(places), self.miss[there]
         parts = (products, products * q) if self.single else (products * q, products)
         unvisited, visited = (self._goes_on(part) for part in parts)
-        leave = self._from(order)
-        legs = self.ways.take(leave[:, :-1] + order)
-        costs = self.ways.take(leave + room) * unvisited
-        onwards = self.ways.take((self.search * (self.rooms + 1) + room) * (self.rooms + 1) + order)
-        costs[:, :-1] += (onwards - legs) * visited[:, :-1]
-        costs[:, 1:] += (legs * (unvisited - visited)[:, :-1]).cumsum(axis=1)
-        return costs.argmin(axis=1, keepdims=True)
+        leave = self._from(places)
+        legs = self.ways.take(leave[:-1] + order)
+        costs = self.ways.take(leave + room)
+        costs *= unvisited
+        onwards = self.ways.take(order + there * len(self.first))
+        onwards -= legs
+        onwards *= visited[:-1]
+        costs[:-1] += onwards
+        unvisited -= visited
+        legs *= unvisited[:-1]
+        costs[1:] += _accumulate(np.add, legs)
+        return costs.argmin(axis=0)
 
-    def _from(self, order: Ints) -> Ints:
-        """Return where the costs from the robot's place and from m rooms begin, `[B, m + 1]`."""
-        first = np.full_like(self.search, self.rooms)
-        places = np.concatenate([first, order], axis=1)
-        return (places + self.search * (self.rooms + 1)) * (self.rooms + 1)
+    def _from(self, places: Ints) -> Ints:
+        """Return where the costs from the robot's place and from m rooms begin, `[m + 1, B]`."""
+        start = self.first[:1] + (len(self.first) - 1)
+        return np.concatenate([start, places]) * len(self.first)
 
-    def _products(self, order: Ints) -> Floats:
-        """Return the products of q before each place, or from it on for `all`, `[A, B, m + 1]`."""
-        ordered = self.miss.take(self.search * self.rooms + order, axis=1)
-        products = np.ones((*ordered.shape[:2], ordered.shape[2] + 1))
-        if self.single:
-            ordered.cumprod(axis=2, out=products[:, :, 1:])
-        else:
-            ordered[:, :, ::-1].cumprod(axis=2, out=products[:, :, -2::-1])
-        return products
+    def _products(self, places: Ints) -> Floats:
+        """Return the products of q before each place, or from it on for `all`, `[m + 1, B, A]`."""
+        one = np.ones((1, places.shape[1], self.miss.shape[1]))
+        parts = (one, self.miss.take(places[:: 1 if self.single else -1], axis=0))
+        return _accumulate(np.multiply, np.concatenate(parts))[:: 1 if self.single else -1]
 
     def _goes_on(self, products: Floats) -> Floats:
-        """Return w of products, `[B, m + 1]`."""
+        """Return w of products, `[m + 1, B]`."""
         if not self.single:
-            return np.asarray(1 - products[0])
-        left = (products - self.every) * self.given
-        return left[0] if len(left) == 1 else np.asarray(1 - (1 - left).prod(axis=0))
+            return np.asarray(1 - products[..., 0])
+        left = products - self.every[: len(products)]
+        left *= self.given[: len(products)]
+        return left[..., 0] if left.shape[2] == 1 else np.asarray(1 - (1 - left).prod(axis=2))
