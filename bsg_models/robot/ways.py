@@ -15,7 +15,7 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.recipes import read_number
 from bsg_models.robot.words import find_room
 from bsg_models.search.catalogue import AnyPlanner
-from bsg_models.search.knowledge import Task, Travel, find_ways, go_straight
+from bsg_models.search.knowledge import Task, find_costs
 from bsg_models.search.planners import next_room_by
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
@@ -28,13 +28,8 @@ class Ways:
     """The edges between rooms, and the cheapest ways over them; the building is node 0."""
 
     edges: Floats  # [1 + R, 1 + R] costs ≥ 0, ∞ without an edge
-    travel: Travel  # over the cheapest ways
+    costs: Floats  # [1 + R, 1 + R] of the cheapest ways, ∞ if there is none
     unit: Unit
-
-    @property
-    def costs(self) -> Floats:
-        """Costs of the cheapest ways, `[1 + R, 1 + R]`; ∞ if there is none."""
-        return np.asarray(self.travel.costs[0])
 
 
 def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
@@ -71,9 +66,13 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
         what = f"costs: {ends[0]!r} to {ends[1]!r}"
         edges[one, other] = edges[other, one] = read_number(what, cost, most=math.inf)
     unit: Unit = "given" if costs else "m" if len(known) else "rooms"
-    if not graph.adjacency and costs is None and np.isfinite(lines[1:, 1:]).all():
-        return Ways(edges, go_straight(edges[None]), unit)  # a straight line is cheapest
-    return Ways(edges, find_ways(edges[None]), unit)
+    if graph.adjacency or costs:
+        return Ways(edges, find_costs(edges), unit)
+    # A straight line is cheapest, but for two usual ways by a room whose place is unknown.
+    nowhere = ~np.isfinite(np.diagonal(lines)[1:]).all()
+    straight = np.where(nowhere & (edges > 2 * usual) & np.isfinite(edges), 2 * usual, edges)
+    np.fill_diagonal(straight, 0.0)
+    return Ways(edges, straight, unit)
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:
@@ -137,7 +136,7 @@ def choose_destination(
     place, chosen = here, None
     while True:
         beyond = next_room_by(
-            ways.travel, here=place, explored=known, presence=presence, task=task, planner=planner
+            ways.costs, here=place, explored=known, presence=presence, task=task, planner=planner
         )
         if beyond is None:
             return chosen

@@ -16,7 +16,7 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.spelling import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
+from bsg_models.search.knowledge import Knowledge, Task, Travel, find_costs
 from bsg_models.search.orders import choose_cover, choose_rooms
 
 _ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
@@ -140,7 +140,7 @@ def next_room(
             f"task {show_value(task)}: expected single or all", code="task-unknown", where="task"
         )
     return next_room_by(
-        find_ways(edges[None]),
+        find_costs(edges),
         here=here,
         explored=np.asarray(explored, dtype=bool),
         presence=presence,
@@ -151,7 +151,7 @@ def next_room(
 
 
 def next_room_by(
-    travel: Travel,
+    costs: Floats,
     *,
     here: int,
     explored: Bools,
@@ -160,7 +160,7 @@ def next_room_by(
     task: Task = "single",
     planner: AnyPlanner = "expected-cost",
 ) -> int | None:
-    """Return what `next_room` does, by ways that were found before, of one graph."""
+    """Return what `next_room` does, by the costs `[N, N]` of the cheapest ways in its graph."""
     chosen, nodes = find_planner(planner), len(explored)
     if chosen.reads == "truth":
         raise RecipeError(
@@ -168,7 +168,7 @@ def next_room_by(
             code="planner-reads-truth",
             where=planner,
         )
-    unexplored = ~explored & np.isfinite(travel.costs[0, here])
+    unexplored = ~explored & np.isfinite(costs[here])
     unexplored[0] = False
     if not unexplored.any():
         return None
@@ -179,7 +179,7 @@ def next_room_by(
     known = Knowledge(
         task=task,
         here=np.array([here]),
-        travel=travel,
+        travel=Travel(costs[None]),
         rows=np.array([0]),
         unexplored=unexplored[None],
         wanted=np.ones((1, likely.shape[1]), dtype=bool),

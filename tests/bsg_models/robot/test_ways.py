@@ -20,6 +20,7 @@ from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_models.robot.ways import Ways, choose_destination, measure_ways
 from bsg_models.robot.words import find_room, set_hidden_shares
+from bsg_models.search.knowledge import find_ways
 from bsg_models.search.planners import next_room
 
 
@@ -42,6 +43,12 @@ def test_ways_go_through_rooms_that_connect() -> None:
 def test_a_room_whose_place_is_unknown_is_as_far_as_others_are() -> None:
     ways = measure_ways(graph_of([[0, 0, 0], [2, 0, 0], None, [6, 0, 0]], [(1, 2), (2, 3), (2, 4)]))
     assert ways.edges[2, 3] == 3  # the mean of 2 and 4
+
+
+def test_without_connections_ways_are_straight_or_by_rooms_whose_place_is_unknown() -> None:
+    for places in ([[0, 0, 0], [9, 0, 0], [10, 0, 0]], [[0, 0, 0], [20, 0, 0], [10, 0, 0], None]):
+        ways = measure_ways(graph_of([*places, [0, 1, 0]], []))
+        np.testing.assert_allclose(ways.costs, find_ways(ways.edges[None]).costs[0])
 
 
 def test_parts_that_no_edge_joins_are_joined_where_they_are_nearest() -> None:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_data.arrays import Floats
+from bsg_models.search import orders
 from bsg_models.search.knowledge import find_ways
 from bsg_models.search.orders import (
     choose_cover,
@@ -84,9 +85,9 @@ def test_the_exact_order_is_the_best_of_all(
     """Of two searches at once."""
     cases = [sample_case(seed + more, rooms, classes) for more in range(2)]
     ways, miss = (np.stack(parts) for parts in zip(*cases, strict=True))
-    orders = order_rooms(ways, miss, single=single)
-    found = expected_costs(ways, miss, orders, single=single)
-    for one, order, cost in zip(cases, orders, found, strict=True):
+    chosen = order_rooms(ways, miss, single=single)
+    found = expected_costs(ways, miss, chosen, single=single)
+    for one, order, cost in zip(cases, chosen, found, strict=True):
         assert sorted(order.tolist()) == list(range(rooms))
         every = itertools.permutations(range(rooms))
         assert cost == pytest.approx(min(expect_one(*one, other, single=single) for other in every))
@@ -106,6 +107,20 @@ def test_the_order_of_many_rooms_is_nearly_exact(single: bool, classes: int, mos
     excess = found / best - 1
     assert excess.min() > -1e-9
     assert excess.mean() < most
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_beyond_a_number_of_rooms_one_order_is_nearly_the_best(
+    single: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cases = [sample_case(seed, 30, 1) for seed in range(20)]
+    ways, miss = (np.stack(parts) for parts in zip(*cases, strict=True))
+    best = expected_costs(ways, miss, order_rooms(ways, miss, single=single), single=single)
+    monkeypatch.setattr(orders, "_SEVERAL", 10)
+    found = order_rooms(ways, miss, single=single)
+    excess = expected_costs(ways, miss, found, single=single) / best - 1
+    assert (np.sort(found, axis=1) == np.arange(30)).all()
+    assert 0 < excess.mean() < 0.02
 
 
 @pytest.mark.parametrize("exact", [2, 1])

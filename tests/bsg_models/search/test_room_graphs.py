@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import shortest_path
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.connections import Connections
-from bsg_models.search.knowledge import find_ways
+from bsg_models.search.knowledge import find_costs, find_ways
 from bsg_models.search.room_graphs import (
     DEFAULT_WORLDS,
     WorldRecipe,
@@ -125,6 +125,14 @@ def test_costs_are_those_of_networkx_and_ways_lead_there(
                     assert walked == pytest.approx(expected)
 
 
+@given(room_graphs())
+def test_the_costs_in_one_graph_are_those_of_ways(
+    edges: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> None:
+    for one, costs in zip(edges, find_ways(edges).costs, strict=True):
+        np.testing.assert_allclose(find_costs(one), costs, rtol=1e-14)
+
+
 def test_the_first_wanted_room_on_the_way_by_hand() -> None:
     edges = np.full((1, 5, 5), np.inf)  # 1 – 2 – 3 – 4 in a row
     for a in (1, 2, 3):
@@ -145,6 +153,19 @@ def test_a_large_graph_has_the_ways_of_its_parts() -> None:
     np.testing.assert_allclose(among.costs[:, :20, :20], alone.costs, rtol=1e-14)
     np.testing.assert_array_equal(among.steps[:, :20, :20], alone.steps)
     assert np.isinf(among.costs[:, :20, 20:]).all()
+
+
+@pytest.mark.parametrize("more", [0, 100])
+def test_costs_in_one_large_graph_are_scipys(more: int) -> None:
+    """Of a tree of 300 rooms with further edges, some of cost 0 and some of one direction."""
+    rng = np.random.default_rng(0)
+    edges, rooms = np.full((301, 301), np.inf), np.arange(2, 301)
+    joined = (rng.random(299) * (rooms - 1)).astype(int) + 1
+    edges[rooms, joined], edges[joined, rooms] = rng.integers(0, 9, (2, 299))
+    edges[tuple(rng.integers(1, 301, (2, more)))] = rng.integers(0, 9, more)
+    source, target = np.nonzero(np.isfinite(edges))
+    listed = csr_array((edges[source, target], (source, target)), shape=edges.shape)
+    np.testing.assert_allclose(find_costs(edges), shortest_path(listed))
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.6])
