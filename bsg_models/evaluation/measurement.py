@@ -23,7 +23,7 @@ from bsg_models.evaluation.metric_kinds import (
 from bsg_models.evaluation.metrics import mean_known
 from bsg_models.evaluation.presence import PresenceHistograms
 from bsg_models.evaluation.truth import Prediction, Truth
-from bsg_models.zoo.model import BeliefModel
+from bsg_models.zoo.model import BeliefModel, one_thread
 
 # Version of the metrics and of the reading of predictions: it rises if equal predictions would get
 # another value. So results of one version can be compared.
@@ -70,7 +70,8 @@ def measure(folds: Sequence[Fold], *, resamples: int = 0, seed: int = 0) -> Boot
     that mean.
     """
     weights = _weigh_folds([fold.scene_ids for fold in folds], resamples=resamples, seed=seed)
-    measured = [measure_fold(fold, own) for fold, own in zip(folds, weights, strict=True)]
+    with one_thread():
+        measured = [measure_fold(fold, own) for fold, own in zip(folds, weights, strict=True)]
     there = np.stack([own.any(axis=0) for own in weights])
     values = {
         name: _average(np.stack([one[name] for one, _ in measured]), there)

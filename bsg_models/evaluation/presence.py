@@ -17,6 +17,7 @@ Both are 0 if no bin has different scores.
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,13 +25,14 @@ import numpy.typing as npt
 from scipy import sparse
 
 from bsg_data.arrays import Bools, Floats, Ints
+from bsg_models.arrays import accumulate
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.truth import Truth
 
 SELECTIONS = ("all", "unseen", "unvisited")
 BINS = 1 << 18
 _REACH = 20.0  # presence beyond these log odds, 2e-9 and its complement, is in the outer bins
-_COLUMNS = 32  # weights for which histograms are dense at a time
+_COLUMNS, _CELLS = 32, 1 << 20  # weights at least, and cells, that are dense at a time
 _Weights = npt.NDArray[Any]
 _Counts = tuple[Ints, Bools, Ints, Ints]  # bin, hidden, building and number of some cells
 
@@ -88,15 +90,17 @@ class PresenceHistograms:
     def ranks(self) -> Ranks:
         """AUROC and average precision of all cells."""
         cells, counts = map(np.concatenate, zip(*self._cells, strict=True))
-        own, which, flags, building = np.unravel_index(cells, self._shape)
-        hidden = (flags & 1) > 0
+        order = np.argsort(cells, kind="stable")  # by class, then by bin
+        own, which, flags, building = np.unravel_index(cells[order], self._shape)
+        table = (which, (flags & 1) > 0, building, counts[order])
         ranks = Ranks({}, {})
         for number, name in enumerate(SELECTIONS, 1):
             there = (flags >> number & 1) > 0
-            table = (which[there], hidden[there], building[there], counts[there])
-            classes = [own[there] == c for c in range(self._classes)]
-            each = [_rank(_take(table, some), self._weights) for some in classes]
-            both = zip(_rank(table, self._weights), *each, strict=True)
+            chosen = _take(table, there)
+            ends = np.searchsorted(own[there], np.arange(self._classes + 1))
+            classes = [slice(*two) for two in pairwise(ends.tolist())]
+            every = (chosen, *(_take(chosen, some) for some in classes))
+            both = zip(*(_rank(some, self._weights) for some in every), strict=True)
             ranks.auroc[name], ranks.precision[name] = map(np.stack, both)
         return ranks
 
@@ -105,26 +109,31 @@ class PresenceHistograms:
         return self._classes, BINS, 2 << len(SELECTIONS), len(self._weights)
 
 
-def _rank_bins(true: Floats, false: Floats) -> tuple[Floats, Floats]:
+def _rank_bins(true: Floats, tied: Floats, false: Floats) -> tuple[Floats, Floats]:
     """Return AUROC and average precision of histograms, both `[W]`; nan if not defined.
 
     Args:
-        true: `[T, W]` weight of the hidden cells in each bin, from the highest bin.
-        false: `[T, W]` weight of the others.
+        true: `[T, W]` weight of the hidden cells in each bin that has any, from the highest bin.
+        tied: `[T, W]` weight of the others in these bins.
+        false: `[T + 1, W]` weight of all others in each of these bins and in the bins above it up
+            to the one before; the last row is of the bins below.
     """
-    above, others = np.cumsum(true, axis=0), np.cumsum(false, axis=0)
-    ends = np.zeros((2, true.shape[1])) if not len(true) else np.stack([above[-1], others[-1]])
-    area = (true * (ends[1] - others + false / 2)).sum(axis=0)
-    precision = np.divide(above, above + others, out=np.zeros_like(true), where=above > 0)
+    others, above = accumulate(np.add, false), accumulate(np.add, true.copy())
+    ends = np.stack([above[-1] if len(above) else np.zeros(true.shape[1]), others[-1]])
+    np.subtract(tied / 2, others[:-1], out=tied)
+    area = np.einsum("tw,tw->w", true, tied) + ends.prod(axis=0)
+    np.add(above, others[:-1], out=tied)
+    precision = np.divide(above, tied, out=above, where=tied > 0)
+    ranked = np.einsum("tw,tw->w", true, precision)
     unknown = np.full_like(ends[0], np.nan)
     both = ends.prod(axis=0)
     return (
         np.divide(area, both, out=unknown.copy(), where=both > 0),
-        np.divide((true * precision).sum(axis=0), ends[0], out=unknown, where=ends[0] > 0),
+        np.divide(ranked, ends[0], out=unknown, where=ends[0] > 0),
     )
 
 
-def _take(cells: _Counts, rows: Bools) -> _Counts:
+def _take(cells: _Counts, rows: Bools | slice) -> _Counts:
     bins, hidden, building, counts = cells
     return bins[rows], hidden[rows], building[rows], counts[rows]
 
@@ -132,15 +141,17 @@ def _take(cells: _Counts, rows: Bools) -> _Counts:
 def _rank(cells: _Counts, weights: _Weights) -> tuple[Floats, Floats]:
     """Return AUROC and average precision of some cells under every weight."""
     bins, hidden, building, counts = cells
-    present, place = np.unique(-bins, return_inverse=True)
-    shape = (len(present), len(weights))
+    filled = np.unique(-bins[hidden])  # only these bins add to either
+    place = np.searchsorted(filled, -bins)
+    tied = ~hidden & np.isin(bins, -filled)
     tables = [
-        sparse.csr_array((np.where(some, counts, 0), (place, building)), shape=shape)
-        for some in (hidden, ~hidden)
+        sparse.csr_array((counts[own], (place[own], building[own])), shape=(rows, len(weights)))
+        for own, rows in ((hidden, len(filled)), (tied, len(filled)), (~hidden, len(filled) + 1))
     ]
+    columns = max(_COLUMNS, _CELLS // (len(filled) + 1))
     pieces = [
         _rank_bins(*(table @ some.astype(float) for table in tables))
-        for some in np.split(weights, range(_COLUMNS, weights.shape[1], _COLUMNS), axis=1)
+        for some in np.split(weights, range(columns, weights.shape[1], columns), axis=1)
     ]
     auroc, precision = (np.concatenate(values) for values in zip(*pieces, strict=True))
     return auroc, precision

@@ -33,11 +33,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from itertools import pairwise
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
+from bsg_models.arrays import accumulate
 
 EXACT = 10  # rooms; each further room doubles time and memory
 CHANCES = 5  # orders that begin at random; more are better and take longer
@@ -49,7 +49,6 @@ _LEAST_SHARE = 1e-9  # least relative improvement
 # Of more rooms, only the order that costs least at first is improved, as long as it gains more.
 _SEVERAL, _LEAST_OF_MANY = 100, 1e-3
 _ROOMS = 2000  # of all orders that begin at random, so that many rooms have fewer
-_SHORT = 64  # numbers of a row
 
 
 def choose_rooms(
@@ -270,15 +269,6 @@ def _put(order: Ints, room: Ints | int, place: Ints) -> Ints:
     return new
 
 
-def _accumulate(combine: np.ufunc, rows: Floats) -> Floats:
-    """Combine each row with all before it, in place; NumPy's own way is slow for long rows."""
-    if len(rows) and rows[0].size < _SHORT:
-        return np.asarray(combine.accumulate(rows, out=rows))
-    for before, row in pairwise(rows):
-        combine(row, before, out=row)
-    return rows
-
-
 @dataclass(frozen=True, eq=False)
 class _Orders:
     """What B orders of S searches cost; W = n + 1 places, as rows for sums without broadcasting."""
@@ -337,7 +327,7 @@ class _Orders:
         costs[:-1] += onwards
         unvisited -= visited
         legs *= unvisited[:-1]
-        costs[1:] += _accumulate(np.add, legs)
+        costs[1:] += accumulate(np.add, legs)
         return np.asarray(costs.argmin(axis=0))
 
     def _begin(self, order: Ints) -> Ints:
@@ -354,7 +344,7 @@ class _Orders:
         rooms = places[1:] if self.single else places[:0:-1]
         one = np.ones((1, path.shape[1], self.miss.shape[1]))
         products = np.concatenate([one, self.miss.take(rooms, axis=0)])
-        _accumulate(np.multiply, products)
+        accumulate(np.multiply, products)
         places *= len(self.first)
         legs = self.ways.take(places[:-1] + path[1:])
         return legs, products if self.single else products[::-1]
