@@ -28,22 +28,24 @@ class, f is that of the class.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
+    TINY,
     hidden_posterior,
     hidden_tilts,
-    log_beyond_none,
     log_negative_binomial,
     log_none,
     log_normaliser,
+    tilt_gains,
 )
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
@@ -119,51 +121,84 @@ class RoomTypeMixture(CalibratedModel):
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
-        rooms = _Rooms(seen)
-        means = self.means[:, None]
-        posterior = self._posterior(rooms, self.log_types[:, None], means)
-        if not self.config.building:
-            return posterior
-        types, habit = self._learn_habits(rooms, posterior.weights[..., 0])
-        return self._posterior(rooms, types, means * habit)
+        return self.learned_rooms(seen, np.arange(len(seen.inputs)), None)
 
-    def _posterior(self, rooms: _Rooms, log_types: Floats, means: Floats) -> CountDistribution:
-        """Return the hidden counts given the prior of types `[K, rooms or 1]` and their means."""
-        r = self.dispersions[:, None]
-        hidden, dispersions = hidden_posterior(r, r / means, rooms.seen, rooms.share)
-        dispersions = np.broadcast_to(dispersions, hidden.shape)
+    def learned_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None
+    ) -> CountDistribution:
+        """Return the uncalibrated hidden counts of some rooms; all that they show says the type."""
+        rooms = _Rooms(
+            seen=seen.inputs.astype(np.float64),
+            share=seen.cell_share,
+            looked_into=seen.looked_into & ~seen.is_building,
+        )
+        own, types, means = rooms.take(rows), self.log_types[:, None], self.means[:, None]
+        if self.config.building:
+            alone, every = rooms.find_distinct() if len(seen) > 1 else (rooms, slice(None))
+            posterior = self._weigh(alone, types, means)[:, every]
+            types, habit = self._learn_habits(rooms, seen.building, posterior)
+            types, means = types[:, rows], means * habit[rows]
+        weights = self._weigh(own, types, means)[:, :, None]
+        r, prior = self.dispersions[:, None], self.tilts[:, :, None] if self.config.tilted else None
+        told, share = own.seen, own.share
+        if columns is not None:
+            r, means, told, share = (_take(part, columns) for part in (r, means, told, share))
+            prior = prior if prior is None else _take(prior, columns)
+        hidden, dispersions = hidden_posterior(r, r / means, told, share)
+        tilts = None if prior is None else np.stack(hidden_tilts(prior, told))
+        return CountDistribution(hidden, np.broadcast_to(dispersions, hidden.shape), weights, tilts)
+
+    def _weigh(self, rooms: _Rooms, log_types: Floats, means: Floats) -> Floats:
+        """Return P(type | seen) `[K, rooms]`, from the prior of types and their means."""
         log_seen = self._log_seen(rooms, means)
-        tilts = None
-        if self.config.tilted:
-            prior = self.tilts[:, :, None]
-            tilts = np.stack(hidden_tilts(prior, rooms.seen))
-            log_seen += log_normaliser(tilts, hidden, dispersions).sum(axis=2)
-            log_seen -= log_normaliser(prior, means, r).sum(axis=2)
         log_posterior = log_types + self.config.temper * log_seen * rooms.looked_into
         log_posterior -= log_sum_exp(log_posterior, axis=0)
-        weights = np.exp(log_posterior)[:, :, None]
-        return CountDistribution(hidden, dispersions, weights, tilts)
+        return np.exp(log_posterior)
 
     def _log_seen(self, rooms: _Rooms, means: Floats) -> Floats:
-        """Return log NB(seen counts) under every type without tilts, `[K, rooms]`."""
-        kept = 1 - rooms.share
-        rows, columns = np.nonzero(rooms.seen)
-        seen = rooms.seen[rows, columns]
-        log_seen = np.empty((len(means), len(rooms.seen)))
-        for k, r in enumerate(self.dispersions):
-            mean = np.maximum(kept * means[k], _LEAST)
-            log_seen[k] = log_none(mean, r).sum(axis=1)
-            np.add.at(log_seen[k], rows, log_beyond_none(seen, mean[rows, columns], r[columns]))
+        """Return log P(seen counts) under every type, `[K, rooms]`.
+
+        Most counts are 0, whose probability is the sum of those of the true counts, all hidden: see
+        `CountDistribution.log_seen`.
+        """
+        r, share = self.dispersions[:, None], rooms.share
+        none = np.exp(log_none(np.maximum((1 - share) * means, _LEAST), r))
+        if self.config.tilted:
+            gains = tilt_gains(self.tilts[:, :, None], means, r)
+            none += gains[0]
+            for count, gain in enumerate(gains[1:], 1):
+                none += share**count * gain
+            none /= np.maximum(1 + sum(gains), TINY)
+        row, column = np.nonzero(rooms.seen)
+        none[:, row, column] = 1.0
+        log_seen = np.asarray(np.log(np.maximum(none, TINY)).sum(axis=2))
+        starts, some = find_runs(row)
+        if len(some):
+            means = means[:, row * (means.shape[1] > 1), column]
+            each = self._log_some(rooms.seen[row, column], share[row, column], means, column)
+            log_seen[:, some] += np.add.reduceat(each, starts, axis=1)
         return log_seen
 
-    def _learn_habits(self, rooms: _Rooms, posterior: Floats) -> tuple[Floats, Floats]:
+    def _log_some(self, seen: Floats, share: Floats, means: Floats, column: Ints) -> Floats:
+        """Return log P(a seen count) of S cells under every type, `[K, S]`."""
+        r, kept = self.dispersions[:, column], np.maximum((1 - share) * means, _LEAST)
+        each: Floats = log_negative_binomial(seen, kept, r)
+        if self.config.tilted:
+            prior, hidden = self.tilts[:, :, column], hidden_posterior(r, r / means, seen, share)
+            each += log_normaliser(np.stack(hidden_tilts(prior, seen)), *hidden)
+            each -= log_normaliser(prior, means, r)
+        return each
+
+    def _learn_habits(
+        self, rooms: _Rooms, building: Ints, posterior: Floats
+    ) -> tuple[Floats, Floats]:
         """Return log π_b `[K, rooms]` and g_b `[rooms, C]`, from the other rooms."""
         looked_into = rooms.looked_into[:, None].astype(float)
         belonging = posterior.T * looked_into
         tilts = self.tilts if self.config.tilted else None
         usual = tilted_means(self.means, self.dispersions, tilts)
         types, found, expected = (
-            _sum_others(values, rooms.building)
+            _sum_others(values, building)
             for values in (
                 belonging,
                 rooms.seen * looked_into,
@@ -176,14 +211,31 @@ class RoomTypeMixture(CalibratedModel):
         return np.log(types / types.sum(axis=1, keepdims=True)).T, gain
 
 
+@dataclass(frozen=True, eq=False)
 class _Rooms:
     """What N nodes show; a building itself says nothing of its rooms, as if nobody looked."""
 
-    def __init__(self, seen: Observation) -> None:
-        self.seen: Floats = seen.inputs.astype(np.float64)  # [N, C]
-        self.share = seen.cell_share  # [N, C] that is hidden
-        self.looked_into = seen.looked_into & ~seen.is_building  # [N]
-        self.building = seen.building  # [N] number of the building
+    seen: Floats  # [N, C]
+    share: Floats  # [N, C] that is hidden
+    looked_into: Bools  # [N]
+
+    def take(self, rows: Ints) -> _Rooms:
+        """Return some of the nodes."""
+        return _Rooms(self.seen[rows], self.share[rows], self.looked_into[rows])
+
+    def find_distinct(self) -> tuple[_Rooms, Ints]:
+        """Return the nodes that differ, and which of them each is: states of a search share many."""
+        shown = np.column_stack([self.seen, self.share, self.looked_into])
+        number: dict[bytes, int] = {}
+        every = np.array([number.setdefault(row.tobytes(), len(number)) for row in shown])
+        return self.take(np.unique(every, return_index=True)[1]), every
+
+
+def _take(part: Floats, columns: Ints) -> Floats:
+    """Return some classes `[M, A]` of `[..., M, C]`, or of `[..., 1, C]`."""
+    shape = (*part.shape[:-2], *columns.shape)
+    whole = np.broadcast_to(part, (*shape[:-1], part.shape[-1]))
+    return np.take_along_axis(whole, np.broadcast_to(columns, shape), axis=-1)
 
 
 def read_rooms(
