@@ -32,7 +32,7 @@ from bsg_models.evaluation.truth import Truth
 SELECTIONS = ("all", "unseen", "unvisited")
 BINS = 1 << 18
 _REACH = 20.0  # presence beyond these log odds, 2e-9 and its complement, is in the outer bins
-_COLUMNS, _CELLS = 32, 1 << 20  # weights at least, and cells, that are dense at a time
+_COLUMNS, _CELLS = 32, 1 << 22  # weights at least, and cells, that are dense at a time
 _Weights = npt.NDArray[Any]
 _Counts = tuple[Ints, Bools, Ints, Ints]  # bin, hidden, building and number of some cells
 
@@ -90,18 +90,18 @@ class PresenceHistograms:
     def ranks(self) -> Ranks:
         """AUROC and average precision of all cells."""
         cells, counts = map(np.concatenate, zip(*self._cells, strict=True))
-        order = np.argsort(cells, kind="stable")  # by class, then by bin
-        own, which, flags, building = np.unravel_index(cells[order], self._shape)
-        table = (which, (flags & 1) > 0, building, counts[order])
+        own, which, flags, building = np.unravel_index(cells, self._shape)
+        hidden = (flags & 1) > 0
         ranks = Ranks({}, {})
         for number, name in enumerate(SELECTIONS, 1):
             there = (flags >> number & 1) > 0
-            chosen = _take(table, there)
-            ends = np.searchsorted(own[there], np.arange(self._classes + 1))
-            classes = [slice(*two) for two in pairwise(ends.tolist())]
-            every = (chosen, *(_take(chosen, some) for some in classes))
-            both = zip(*(_rank(some, self._weights) for some in every), strict=True)
-            ranks.auroc[name], ranks.precision[name] = map(np.stack, both)
+            table = (which[there], hidden[there], building[there], counts[there])
+            both = zip(
+                _rank(table, self._weights, np.zeros_like(own[there]), groups=1),
+                _rank(table, self._weights, own[there], groups=self._classes),
+                strict=True,
+            )
+            ranks.auroc[name], ranks.precision[name] = map(np.concatenate, both)
         return ranks
 
     @property
@@ -133,25 +133,33 @@ def _rank_bins(true: Floats, tied: Floats, false: Floats) -> tuple[Floats, Float
     )
 
 
-def _take(cells: _Counts, rows: Bools | slice) -> _Counts:
+def _rank(cells: _Counts, weights: _Weights, group: Ints, *, groups: int) -> tuple[Floats, Floats]:
+    """Return AUROC and average precision of each group of cells under every weight, `[G, W]`."""
     bins, hidden, building, counts = cells
-    return bins[rows], hidden[rows], building[rows], counts[rows]
-
-
-def _rank(cells: _Counts, weights: _Weights) -> tuple[Floats, Floats]:
-    """Return AUROC and average precision of some cells under every weight."""
-    bins, hidden, building, counts = cells
-    filled = np.unique(-bins[hidden])  # only these bins add to either
-    place = np.searchsorted(filled, -bins)
-    tied = ~hidden & np.isin(bins, -filled)
+    keys = group * BINS + (BINS - 1 - bins)
+    filled = np.unique(keys[hidden])  # only these bins add to either
+    place, ends = (
+        np.searchsorted(filled, keys),
+        np.searchsorted(filled, BINS * np.arange(groups + 1)),
+    )
+    tied = ~hidden & np.isin(keys, filled)
     tables = [
-        sparse.csr_array((counts[own], (place[own], building[own])), shape=(rows, len(weights)))
-        for own, rows in ((hidden, len(filled)), (tied, len(filled)), (~hidden, len(filled) + 1))
+        sparse.csr_array((counts[own], (rows[own], building[own])), shape=(number, len(weights)))
+        for own, rows, number in (
+            (hidden, place, len(filled)),
+            (tied, place, len(filled)),
+            (~hidden, place + group, len(filled) + groups),  # each group has a row for bins below
+        )
     ]
-    columns = max(_COLUMNS, _CELLS // (len(filled) + 1))
-    pieces = [
-        _rank_bins(*(table @ some.astype(float) for table in tables))
-        for some in np.split(weights, range(columns, weights.shape[1], columns), axis=1)
-    ]
-    auroc, precision = (np.concatenate(values) for values in zip(*pieces, strict=True))
+    columns = max(_COLUMNS, _CELLS // (len(filled) + groups))
+    pieces = []
+    for some in np.split(weights, range(columns, weights.shape[1], columns), axis=1):
+        true, alike, false = (table @ some.astype(float) for table in tables)
+        pieces.append(
+            [
+                _rank_bins(true[a:b], alike[a:b], false[a + number : b + number + 1])
+                for number, (a, b) in enumerate(pairwise(ends.tolist()))
+            ]
+        )
+    auroc, precision = np.concatenate([np.array(one).swapaxes(0, 1) for one in pieces], axis=-1)
     return auroc, precision

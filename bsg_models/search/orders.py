@@ -48,7 +48,7 @@ _LEAST_COST = 1e-9  # that a room's likelihood is divided by
 _LEAST_SHARE = 1e-9  # least relative improvement
 # Of more rooms, only the order that costs least at first is improved, as long as it gains more.
 _SEVERAL, _LEAST_OF_MANY = 100, 1e-3
-_ROOMS = 2000  # of all orders that begin at random, so that many rooms have fewer
+_ROOMS = 1000  # of all orders that begin at random, so that many rooms have fewer
 
 
 def choose_rooms(

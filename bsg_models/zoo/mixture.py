@@ -224,7 +224,7 @@ class _Rooms:
         return _Rooms(self.seen[rows], self.share[rows], self.looked_into[rows])
 
     def find_distinct(self) -> tuple[_Rooms, Ints]:
-        """Return the nodes that differ, and which of them each is: states of a search share many."""
+        """Return the nodes that differ, and which of them each is: a search repeats many."""
         shown = np.column_stack([self.seen, self.share, self.looked_into])
         number: dict[bytes, int] = {}
         every = np.array([number.setdefault(row.tobytes(), len(number)) for row in shown])
