@@ -37,6 +37,7 @@ from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surrounding
 HELD_BYTES = 256 * 2**20  # bound of the parts in memory
 _NODE_BYTES = 250  # about what is held of a node besides its cells
 _OBJECT_BYTES = 40
+_WORDS = ("scene_id", "category", "kind", "method")  # columns of few words
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,8 +83,12 @@ class Dataset:
     @cached_property
     def scene_ids(self) -> tuple[str, ...]:
         """The ids of the scenes, in the order of the tables."""
-        table = read_table(self.path, "scenes", columns=["scene_id"], manifest=self.manifest)
-        return tuple(table["scene_id"].to_pylist())
+        return tuple(self._scenes["scene_id"].to_pylist())
+
+    @cached_property
+    def _scenes(self) -> pa.Table:
+        columns = ["scene_id", "num_rooms", *SCENE_COLUMNS]
+        return read_table(self.path, "scenes", columns=columns, manifest=self.manifest)
 
     @cached_property
     def splits(self) -> dict[str, tuple[str, ...]]:
@@ -211,8 +216,14 @@ class Dataset:
             for files in self._files
         )
         return lru_cache(maxsize=max(2, HELD_BYTES // max(weights, default=1)))(
-            lambda number: _Part(self.path, self.manifest, self._files[number])
+            lambda number: _Part(
+                self.path, self.manifest, self._files[number], self._scenes_of(number)
+            )
         )
+
+    def _scenes_of(self, part: int) -> pa.Table:
+        rows = self._files[part]["scenes"].rows
+        return self._scenes.slice(int(self._ends[part]) - rows, rows)
 
 
 @lru_cache(maxsize=8)
@@ -238,6 +249,7 @@ class _Part:
     dataset: Path  # folder of the dataset
     manifest: Manifest  # its manifest
     files: Mapping[str, FileEntry]  # table → file of this part
+    scenes: pa.Table  # its rows of the table of scenes
 
     def rows_of(self, place: int) -> slice:
         """Return the rows of the nodes of the scene with an index in the part."""
@@ -277,7 +289,7 @@ class _Part:
             np.array(table["method"].to_pylist(), dtype=str),
             pc.fill_null(table["distance_m"], np.nan).to_numpy(),
         )
-        numbers = np.arange(len(self._scenes) + 1)
+        numbers = np.arange(len(self.scenes) + 1)
         return np.searchsorted(self._number_scenes(table), numbers), every
 
     @cached_property
@@ -285,26 +297,26 @@ class _Part:
         """What is known of all scenes, one after another."""
         rooms = self._read("rooms", ["scene_id", "room_index", *ROOM_COLUMNS])
         nodes = int(self._starts[-1])
-        return Surroundings.of_tables(
-            self._scenes, rooms, rows=self._find_nodes(rooms), nodes=nodes
-        )
+        return Surroundings.of_tables(self.scenes, rooms, rows=self._find_nodes(rooms), nodes=nodes)
 
     def _read(self, table: str, columns: list[str]) -> pa.Table:
-        return read_file(self.dataset, self.files[table], manifest=self.manifest, columns=columns)
+        return read_file(
+            self.dataset,
+            self.files[table],
+            manifest=self.manifest,
+            columns=columns,
+            dictionaries=[name for name in columns if name in _WORDS],
+        )
 
     @cached_property
     def sources(self) -> list[str]:
         """The kind of source of every scene."""
-        return list(self._scenes["source"].to_pylist())
-
-    @cached_property
-    def _scenes(self) -> pa.Table:
-        return self._read("scenes", ["scene_id", "num_rooms", *SCENE_COLUMNS])
+        return list(self.scenes["source"].to_pylist())
 
     @cached_property
     def _starts(self) -> Ints:
         """Row of the first node of every scene, and the end, `[B + 1]`."""
-        return np.cumsum([0, *(self._scenes["num_rooms"].to_numpy() + 1)])
+        return np.cumsum([0, *(self.scenes["num_rooms"].to_numpy() + 1)])
 
     @cached_property
     def _objects(self) -> tuple[Ints, pa.ChunkedArray, pa.ChunkedArray]:
@@ -320,12 +332,13 @@ class _Part:
         """
         nodes, classes, categories = self._objects
         outside = classes.is_null()
-        encoded = pc.fill_null(categories.filter(outside), NO_CATEGORY)
-        encoded = encoded.combine_chunks().dictionary_encode()
-        given = [NO_CATEGORY if is_nameless(one) else one for one in encoded.dictionary.to_pylist()]
+        encoded = categories.filter(outside).combine_chunks()
+        words = [*encoded.dictionary.to_pylist(), NO_CATEGORY]
+        given = [NO_CATEGORY if is_nameless(one) else one for one in words]
         names, kinds = np.unique(np.array(given, dtype=str), return_inverse=True)
-        width = max(len(names), 1)
-        key = nodes[outside.to_numpy()] * width + kinds[encoded.indices.to_numpy()]
+        width = len(names)
+        places = encoded.indices.fill_null(len(words) - 1).to_numpy()
+        key = nodes[outside.to_numpy()] * width + kinds[places]
         pairs, counts = np.unique(key, return_counts=True)
         rows, columns = np.divmod(pairs, width)
         return rows, columns, counts, tuple(names.tolist()), np.searchsorted(rows, self._starts)
@@ -337,5 +350,7 @@ class _Part:
 
     def _number_scenes(self, table: pa.Table) -> Ints:
         """Return the place of the scene of every row of a table."""
-        places = pc.index_in(table["scene_id"], value_set=self._scenes["scene_id"])
-        return np.asarray(places.to_numpy(), dtype=np.int64)
+        words = table["scene_id"].combine_chunks()
+        places = pc.index_in(words.dictionary, value_set=self.scenes["scene_id"])
+        places = np.asarray(places.to_numpy(zero_copy_only=False), dtype=np.int64)
+        return np.asarray(places[words.indices.to_numpy()])

@@ -14,9 +14,10 @@ from dataclasses import fields
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.dataset.manifest import FORMAT_VERSION, FileEntry, Manifest, read_manifest
@@ -43,7 +44,7 @@ from bsg_data.scene.scene_graph import (
 )
 
 _Columns = dict[str, list[Any]]
-_Row = dict[str, Any]
+_Record = TypeVar("_Record")
 
 
 def write_shards(
@@ -121,7 +122,7 @@ def _collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> 
             **_spread_boxes("box", [obj.box for obj in objects]),
             **_spread_boxes("part", [obj.part_box for obj in objects]),
         },
-        "edges": {name: [edge[i] for edge in edges] for i, name in enumerate(EDGES.names)},
+        "edges": dict(zip(EDGES.names, zip(*edges, strict=True), strict=bool(edges))),
     }
 
 
@@ -143,10 +144,10 @@ def _take(names: Iterable[str], records: Sequence[object]) -> _Columns:
 
 
 def _spread_points(name: str, points: Sequence[Point | None]) -> _Columns:
-    return {
-        f"{name}_{axis}": [point and point[number] for point in points]
-        for number, axis in enumerate("xyz")
-    }
+    axes = [f"{name}_{axis}" for axis in "xyz"]
+    if not any(points):  # as in a text without a mesh
+        return dict.fromkeys(axes, pa.nulls(len(points), pa.float64()))
+    return {axis: [point and point[number] for point in points] for number, axis in enumerate(axes)}
 
 
 def _spread_boxes(name: str, boxes: Sequence[Box | None]) -> _Columns:
@@ -155,51 +156,73 @@ def _spread_boxes(name: str, boxes: Sequence[Box | None]) -> _Columns:
     return {**_spread_points(f"{name}_min", low), **_spread_points(f"{name}_max", high)}
 
 
-def _group_rows(table: pa.Table) -> dict[str, list[_Row]]:
-    """Return scene id → its rows."""
-    rows: dict[str, list[_Row]] = {}
-    for row in table.to_pylist():
-        rows.setdefault(row["scene_id"], []).append(row)
-    return rows
-
-
 def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
     """Assemble scene graphs from one part of every table: the inverse of `make_tables`."""
-    scenes, rooms, objects, edges = map(_group_rows, tables)
-    for scene_id, (scene,) in scenes.items():
-        adjacent = (row for row in edges.get(scene_id, ()) if row["kind"] == "adjacent")
+    scenes, rooms, objects, edges = tables
+    room_of, object_of = _group(rooms, _read_rooms(rooms)), _group(objects, _read_objects(objects))
+    edges = edges.filter(pc.equal(edges["kind"], "adjacent"))
+    edge_of = _group(edges, _read_edges(edges))
+    for row in scenes.to_pylist():
+        scene = row["scene_id"]
         yield SceneGraph(
-            **{name: scene[name] for name in _SCENE},
-            rooms=tuple(map(_room, rooms.get(scene_id, ()))),
-            objects=tuple(map(_object, objects.get(scene_id, ()))),
-            adjacency=tuple(
-                Edge(row["source_index"], row["target_index"], *(row[name] for name in _EDGE))
-                for row in adjacent
-            ),
+            **{name: row[name] for name in _SCENE},
+            rooms=tuple(room_of.get(scene, ())),
+            objects=tuple(object_of.get(scene, ())),
+            adjacency=tuple(edge_of.get(scene, ())),
         )
 
 
-def _room(row: _Row) -> Room:
-    corners = row["footprint"]
-    row["footprint"] = corners and tuple(zip(corners[::2], corners[1::2], strict=True))
-    own = {name: row[name] for name in _ROOM}
-    return Room(**own, centroid=_point(row, "centroid"), box=_box(row, "box"))
+def _group(table: pa.Table, records: Iterable[_Record]) -> dict[str, list[_Record]]:
+    """Return scene id → the records of its rows."""
+    found: dict[str, list[_Record]] = {}
+    for scene, record in zip(table["scene_id"].to_pylist(), records, strict=True):
+        found.setdefault(scene, []).append(record)
+    return found
 
 
-def _object(row: _Row) -> SceneObject:
-    own = {name: row[name] for name in _OBJECT}
-    centroid, box, part = _point(row, "centroid"), _box(row, "box"), _box(row, "part")
-    return SceneObject(**own, centroid=centroid, box=box, part_box=part)
+def _read_rooms(table: pa.Table) -> Iterator[Room]:
+    columns = _read_columns(table, _ROOM)
+    columns["footprint"] = [
+        corners and tuple(zip(corners[::2], corners[1::2], strict=True))
+        for corners in columns["footprint"]
+    ]
+    columns["centroid"], columns["box"] = _read_points(table, "centroid"), _read_boxes(table, "box")
+    return _make(Room, columns)
 
 
-def _point(row: _Row, name: str) -> Point | None:
-    x, y, z = (row[f"{name}_{axis}"] for axis in "xyz")
-    return None if x is None else (x, y, z)
+def _read_objects(table: pa.Table) -> Iterator[SceneObject]:
+    columns = _read_columns(table, _OBJECT)
+    columns["centroid"] = _read_points(table, "centroid")
+    columns["box"], columns["part_box"] = _read_boxes(table, "box"), _read_boxes(table, "part")
+    return _make(SceneObject, columns)
 
 
-def _box(row: _Row, name: str) -> Box | None:
-    minimum, maximum = _point(row, f"{name}_min"), _point(row, f"{name}_max")
-    return None if minimum is None or maximum is None else Box(minimum, maximum)
+def _read_edges(table: pa.Table) -> Iterator[Edge]:
+    ends = {end: table[f"{end}_index"].to_pylist() for end in ("source", "target")}
+    return _make(Edge, ends | _read_columns(table, _EDGE))
+
+
+def _make(record: type[_Record], columns: _Columns) -> Iterator[_Record]:
+    """Make records of columns with the names of their fields."""
+    return map(record, *(columns[one.name] for one in fields(cast(Any, record))))
+
+
+def _read_columns(table: pa.Table, names: Iterable[str]) -> _Columns:
+    return {name: _read_column(table[name]) for name in names}
+
+
+def _read_column(column: pa.ChunkedArray) -> list[Any]:
+    return [None] * len(column) if column.null_count == len(column) else column.to_pylist()
+
+
+def _read_points(table: pa.Table, name: str) -> list[Point | None]:
+    axes = (_read_column(table[f"{name}_{axis}"]) for axis in "xyz")
+    return [None if point[0] is None else point for point in zip(*axes, strict=True)]
+
+
+def _read_boxes(table: pa.Table, name: str) -> list[Box | None]:
+    corners = (_read_points(table, f"{name}_{end}") for end in ("min", "max"))
+    return [a and b and Box(a, b) for a, b in zip(*corners, strict=True)]
 
 
 def write_parquet(
@@ -284,11 +307,16 @@ def stream_table(
 
 
 def read_file(
-    dataset: Path, entry: FileEntry, *, manifest: Manifest, columns: list[str] | None = None
+    dataset: Path,
+    entry: FileEntry,
+    *,
+    manifest: Manifest,
+    columns: list[str] | None = None,
+    dictionaries: Sequence[str] = (),
 ) -> pa.Table:
     """Read one parquet file of a dataset; see `open_listed`."""
     # No threads: files are small, and Arrow may abort a process that ends while it starts one.
-    with open_listed(dataset, entry, manifest=manifest) as file:
+    with open_listed(dataset, entry, manifest=manifest, dictionaries=dictionaries) as file:
         table = file.read(columns=columns, use_threads=False)
     if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
         for scene in table["scene_id"].to_pylist():
@@ -299,8 +327,13 @@ def read_file(
 
 
 @contextmanager
-def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Iterator[pq.ParquetFile]:
-    """Open one parquet file of a dataset; its bytes are read once, hashed, and then trusted."""
+def open_listed(
+    dataset: Path, entry: FileEntry, *, manifest: Manifest, dictionaries: Sequence[str] = ()
+) -> Iterator[pq.ParquetFile]:
+    """Open one parquet file of a dataset; its bytes are read once, hashed, and then trusted.
+
+    Columns of words that repeat may be read as dictionaries.
+    """
     path = dataset / entry.path
     try:
         data = path.read_bytes() if path.stat().st_size == entry.bytes else b""
@@ -314,8 +347,12 @@ def open_listed(dataset: Path, entry: FileEntry, *, manifest: Manifest) -> Itera
     if hashlib.sha256(data).hexdigest() != entry.sha256:
         message = f"{path}: is not what the manifest says; run `bsg-data check` for details"
         raise DatasetError(message, code="file-changed", where=entry.path)
-    with pq.ParquetFile(pa.BufferReader(data)) as file:
+    with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
         expected = schema_of(entry.path.partition("/")[0], manifest.class_space)
+        for name in dictionaries:
+            field = expected.field(name)
+            words = field.with_type(pa.dictionary(pa.int32(), field.type))
+            expected = expected.set(expected.get_field_index(name), words)
         if not file.schema_arrow.equals(expected, check_metadata=False):
             plain = [{*map(pa.Field.remove_metadata, one)} for one in (file.schema_arrow, expected)]
             names = ", ".join(sorted({field.name for field in plain[0] ^ plain[1]}))

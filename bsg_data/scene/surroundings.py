@@ -187,7 +187,10 @@ def check_building_kind(kind: str | None) -> str | None:
 def _measure_rooms(rooms: pa.Table) -> Floats:
     """Return the floor area of every room `[R]`, from its shape where the source says none."""
     areas = np.array(rooms["floor_area"].to_numpy(), dtype=np.float64)  # NaN for null
-    silent = np.flatnonzero(~((areas > 0) & (areas <= MAX_FLOOR_AREA)))
+    unsaid = ~((areas > 0) & (areas <= MAX_FLOOR_AREA))
+    areas[unsaid] = np.nan
+    shaped = rooms["footprint"].is_valid().to_numpy() | rooms[_BOX[0]].is_valid().to_numpy()
+    silent = np.flatnonzero(unsaid & shaped)
     for row, room in zip(silent, rooms.take(silent).to_pylist(), strict=True):
         corners = room["footprint"] or ()
         ends = [room[name] for name in _BOX]
