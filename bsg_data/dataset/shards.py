@@ -122,7 +122,7 @@ def _collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> 
             **_spread_boxes("box", [obj.box for obj in objects]),
             **_spread_boxes("part", [obj.part_box for obj in objects]),
         },
-        "edges": dict(zip(EDGES.names, zip(*edges, strict=True), strict=bool(edges))),
+        "edges": {name: [edge[i] for edge in edges] for i, name in enumerate(EDGES.names)},
     }
 
 
