@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -113,20 +114,22 @@ class LabelSheet:
 
         The `spots` `[2, V]` are column and row of the vertices, in texels.
         """
+        height, width = self.labels.shape
+        halves = (np.floor(spots) + np.ceil(spots)).astype(np.int64)  # odd within a texel
         bounds, beyond = [], np.zeros(faces.shape[1], dtype=bool)
-        for axis, size in ((1, self.labels.shape[0]), (0, self.labels.shape[1])):
-            low, high = (
-                side[0] for side in find_spans(*take_corners(spots[axis : axis + 1], faces))
-            )
-            turns = np.floor(low / size) * size  # textures repeat
-            first = np.minimum((low - turns).astype(np.int32), size - 1)
-            last = np.maximum(np.ceil(high - turns).astype(np.int32), first + 1)
+        for axis, size in ((1, height), (0, width)):
+            low, high = find_spans(*take_corners(halves[axis], faces))
+            first = low >> 1
+            turns = first // size * size  # textures repeat
+            first -= turns
+            last = np.maximum((high + 1 >> 1) - turns, first + 1)
             beyond |= last > size
-            bounds += [first, np.minimum(last, size)]
+            bounds += [first, np.minimum(last, size, out=last)]
         top, below, left, right = bounds
-        sums = self._changes
-        inside = sums[below, right] - sums[top, right] - sums[below, left] + sums[top, left]
-        return self.labels[top, left], beyond | (inside > 0)
+        sums, above, under = self._changes, top * (width + 1), below * (width + 1)
+        inside = sums.take(under + right) - sums.take(above + right)
+        inside += sums.take(above + left) - sums.take(under + left)
+        return self.labels.take(top * width + left), beyond | (inside > 0)
 
 
 def _codes(rgb: npt.NDArray[np.generic]) -> npt.NDArray[np.uint32]:
@@ -145,8 +148,8 @@ def _unpack(
         if image.mode == "P":
             palette = np.array(image.getpalette("RGB"), dtype=np.uint8)
             return np.asarray(image), _codes(palette.reshape(-1, 3))
-        four = np.ascontiguousarray(np.asarray(image.convert("RGBA")))
-        return four.view("<u4")[..., 0], None
+        four = (image if image.mode == "RGB" else image.convert("RGB")).tobytes("raw", "RGBX")
+        return np.frombuffer(four, dtype="<u4").reshape(image.height, image.width), None
     except (OSError, SyntaxError, ValueError) as error:
         raise MeshError(f"a texture is damaged ({str(error)[:100]})") from error
     finally:
@@ -159,13 +162,8 @@ def _sum_changes(labels: Labels) -> np.ndarray[tuple[int, int], np.dtype[np.int3
     change = np.zeros(labels.shape, dtype=bool)
     change[:, 1:] = labels[:, 1:] != labels[:, :-1]
     change[1:] |= labels[1:] != labels[:-1]
-    # Changes are few: how many there were up to each texel is quicker repeated than summed.
-    places = np.flatnonzero(change)
-    gaps = np.diff(places, prepend=0, append=change.size)
-    until = np.repeat(np.arange(len(gaps), dtype=np.int32), gaps).reshape(labels.shape)
     sums = np.zeros((height + 1, width + 1), dtype=np.int32)
-    sums[1:, 1:] = until
-    sums[2:, 1:] -= until[:-1, -1:]
-    for row in range(1, len(sums)):  # a cumsum down the columns takes ten times as long
-        sums[row] += sums[row - 1]
+    np.cumsum(change, axis=1, out=sums[1:, 1:])
+    for above, row in pairwise(sums):  # a cumsum down the columns takes ten times as long
+        row += above
     return sums

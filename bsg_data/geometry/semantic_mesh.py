@@ -28,7 +28,6 @@ from bsg_data.geometry.surfaces import (
     join_cells,
     keep_largest_parts,
     measure_areas,
-    split_corners,
     take_corners,
 )
 from bsg_data.inputs.bounded_file import hash_file
@@ -101,14 +100,17 @@ class _Tally:
     """The sums over all faces, by label, and the cells that each label reaches."""
 
     def __init__(self, labels: int) -> None:
-        self.area = np.zeros(labels)
+        self._totals = np.zeros((4, labels))  # area, and area times x, y and z
         self.uncoloured = 0.0
         self.faces = 0
-        self._moment = np.zeros((labels, 3))
-        self._low, self._high = np.full((labels, 3), np.inf), np.full((labels, 3), -np.inf)
         self._cells: list[SurfaceCells] = []
         self._held = 0
         self._samples = 0
+
+    @property
+    def area(self) -> Floats:
+        """The surface of every label, square metres."""
+        return np.asarray(self._totals[0])
 
     def add(self, part: MeshPart, sheet: LabelSheet | None, palette: ColourLabels) -> None:
         """Add the faces of a part."""
@@ -125,14 +127,14 @@ class _Tally:
             faces = np.ascontiguousarray(part.faces[start : start + _BATCH].T)
             if sheet is not None and spots is not None:
                 labels, mixed = sheet.find_labels(spots, faces)
-                self._add_whole(vertices, faces[:, ~mixed], labels[~mixed])
-                divided = faces[:, mixed].T
-                self._add_divided(part.vertices[divided], spots.T[divided], sheet.labels)
+                self._add_whole(vertices, faces.compress(~mixed, axis=1), labels[~mixed])
+                divided = faces.compress(mixed, axis=1)
+                self._add_divided(vertices[:, divided], spots[:, divided], sheet.labels)
             elif vertex_labels is not None:
                 three = vertex_labels[faces.T]
                 mixed = (three[:, 0] != three[:, 1]) | (three[:, 0] != three[:, 2])
                 self._add_whole(vertices, faces[:, ~mixed], three[~mixed, 0])
-                self._add_thirds(part.vertices[faces[:, mixed].T], three[mixed])
+                self._add_thirds(vertices[:, faces[:, mixed]], three[mixed])
             else:
                 self.uncoloured += float(measure_areas(*take_corners(vertices, faces)).sum())
 
@@ -140,54 +142,48 @@ class _Tally:
         """Add faces `[3, F]` of one label each, of vertices `[3, V]`."""
         a, b, c = take_corners(vertices, faces)
         self._add_moments(labels, measure_areas(a, b, c), (a + b + c) / 3)
-        low, high = find_spans(a, b, c)
-        self._extend(labels, low, high)
         # A vertex is noted once, for the last of its faces; faces of another label note theirs.
         last = np.zeros(vertices.shape[1], dtype=np.uint16)
         for corner in faces:
             last[corner] = labels
         self._reach(vertices, last)
         for corner in faces:
-            other = last[corner] != labels
-            self._reach(vertices[:, corner[other]], labels[other])
+            other = np.flatnonzero(last.take(corner) != labels)
+            self._reach(vertices.take(corner[other], axis=1), labels[other])
+        low, high = find_spans(a, b, c)
         x, y, z = high - low
         long = np.flatnonzero(x * x + y * y + z * z > CELL**2)  # no side is longer than this
         parts = np.ceil(find_longest(a[:, long], b[:, long], c[:, long]) / CELL)
+        corners = vertices.take(faces[:, long], axis=1)
         for chosen, weights, _ in self._subdivide(parts):
-            points = weights @ vertices.T[faces[:, long[chosen]].T]
-            self._reach(points.reshape(-1, 3).T, np.repeat(labels[long[chosen]], len(weights)))
+            points = _spread(corners[:, :, chosen], weights)
+            self._reach(points, np.repeat(labels[long[chosen]], len(weights)))
 
     def _add_divided(self, corners: Floats, spots: Floats, sheet: Labels) -> None:
-        """Add faces `[F, 3, 3]` that straddle labels: equal pieces, each its texel's."""
+        """Add faces that straddle labels, corners `[3, 3, F]`: equal pieces, each its texel's."""
         first, second = spots[:, 1] - spots[:, 0], spots[:, 2] - spots[:, 0]
-        texels = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+        texels = np.abs(first[0] * second[1] - first[1] * second[0]) / 2
         texels = np.minimum(texels, sheet.size)  # a texture that repeats tells nothing new
-        a, b, c = split_corners(corners)
+        a, b, c = corners.transpose(1, 0, 2)
         areas, longest = measure_areas(a, b, c), find_longest(a, b, c)
         parts = np.maximum(np.ceil(np.sqrt(_FINE * texels)), np.ceil(longest / CELL))
         parts = np.clip(parts, 2, 2 * max(sheet.shape))
         for faces, weights, pieces in self._subdivide(parts):
-            points = np.ascontiguousarray((weights @ corners[faces]).reshape(-1, 3).T)
-            spot = np.floor((weights @ spots[faces]).reshape(-1, 2)).astype(np.int64)
-            labels = sheet[spot[:, 1] % sheet.shape[0], spot[:, 0] % sheet.shape[1]]
-            area = np.repeat(areas[faces] / pieces, len(weights))
-            self._add_moments(labels, area, points)
-            self._extend(labels, points, points)
+            points = _spread(corners[:, :, faces], weights)
+            column, row = np.floor(_spread(spots[:, :, faces], weights)).astype(np.int64)
+            labels = sheet.take(row % sheet.shape[0] * sheet.shape[1] + column % sheet.shape[1])
+            self._add_moments(labels, np.repeat(areas[faces] / pieces, len(weights)), points)
             self._reach(points, labels)
 
     def _add_thirds(self, corners: Floats, labels: Labels) -> None:
         """Add faces of several vertex labels: the third nearest to each vertex is that label's."""
-        centre = corners.mean(axis=1)
-        areas = measure_areas(*split_corners(corners)) / 3
-        for corner in range(3):
-            own, one, other = (corners[:, (corner + k) % 3] for k in range(3))
-            ends = [own, (own + one) / 2, centre, (own + other) / 2]  # of that third
-            low, high = np.min(ends, axis=0).T, np.max(ends, axis=0).T
-            middle = (22 * own + 7 * (one + other)) / 36  # its centroid
-            self._add_moments(labels[:, corner], areas, middle.T)
-            self._extend(labels[:, corner], low, high)
-            for end in ends:
-                self._reach(end.T, labels[:, corner])
+        a, b, c = corners.transpose(1, 0, 2)
+        centre, areas = (a + b + c) / 3, measure_areas(a, b, c) / 3
+        for own, one, other, label in ((a, b, c, 0), (b, c, a, 1), (c, a, b, 2)):
+            middle = (22 * own + 7 * (one + other)) / 36  # of that third
+            self._add_moments(labels[:, label], areas, middle)
+            for end in (own, (own + one) / 2, centre, (own + other) / 2):
+                self._reach(end, labels[:, label])
 
     def _subdivide(self, parts: Floats) -> Iterator[tuple[Ints, Floats, int]]:
         """Group faces by the number of parts that their sides are cut into.
@@ -211,25 +207,15 @@ class _Tally:
 
     def _add_moments(self, labels: Labels, area: Floats, points: Floats) -> None:
         """Add areas `[P]` at points `[3, P]`."""
-        self.area += np.bincount(labels, area, minlength=len(self.area))
-        for axis in range(3):
-            moment = np.bincount(labels, area * points[axis], minlength=len(self.area))
-            self._moment[:, axis] += moment
-
-    def _extend(self, labels: Labels, low: Floats, high: Floats) -> None:
-        """Widen the boxes of labels `[P]` by those from `low` to `high`, `[3, P]` each."""
-        if not len(labels):
-            return
         starts, named = find_runs(labels)  # neighbours mostly have one label
-        low = np.minimum.reduceat(low, starts, axis=1).T
-        high = np.maximum.reduceat(high, starts, axis=1).T
-        np.minimum.at(self._low, named, low)
-        np.maximum.at(self._high, named, high)
+        if not len(named):
+            return
+        for total, values in zip(self._totals, (area, *(area * points)), strict=True):
+            total += np.bincount(named, np.add.reduceat(values, starts), minlength=len(total))
 
     def _reach(self, points: Floats, labels: Labels) -> None:
         """Note the cells that points `[3, P]` of instances lie in."""
-        listed = labels >= FIRST
-        self._cells.append(SurfaceCells.of_points(points[:, listed], labels[listed]))
+        self._cells.append(SurfaceCells.of_points(points, labels, first=FIRST))
         self._held += len(self._cells[-1].keys)
         if self._held > _MOST_CELLS:
             self._cells = [join_cells(self._cells)]
@@ -256,23 +242,37 @@ class _Tally:
 
     def summarise(self, coverage: MeshCoverage) -> MeshSurvey:
         """Return what was measured of every instance."""
-        area = self.area[FIRST:]
+        area, *moment = self._totals[:, FIRST:]
         there = area > 0
-        nothing = np.where(there, 1.0, np.nan)[:, None]
-        cells = keep_largest_parts(join_cells(self._cells))
-        owner = (cells.keys >> np.uint64(48)).astype(np.int64) - FIRST
-        starts, named = find_runs(owner)
-        part_box = np.full((len(area), 2, 3), np.nan)
-        if len(owner):
-            part_box[named, 0] = np.minimum.reduceat(cells.low, starts, axis=0)
-            part_box[named, 1] = np.maximum.reduceat(cells.high, starts, axis=0)
-        box = np.stack([self._low[FIRST:], self._high[FIRST:]], axis=1)
+        cells = join_cells(self._cells)
+        box = _surround(cells, len(area))
+        cells = keep_largest_parts(cells)
         return MeshSurvey(
             area=area,
-            centroid=self._moment[FIRST:] / np.where(there, area, 1.0)[:, None] * nothing,
+            centroid=np.where(there, moment, np.nan).T / np.where(there, area, 1.0)[:, None],
             box=np.where(there[:, None, None], box, np.nan),
-            part_box=part_box,
-            cells=np.stack([cells.low, cells.high], axis=1),
-            owner=owner,
+            part_box=_surround(cells, len(area)),
+            cells=np.stack([cells.low.T, cells.high.T], axis=1),
+            owner=_find_owners(cells),
             coverage=coverage,
         )
+
+
+def _spread(corners: Floats, weights: Floats) -> Floats:
+    """Return points `[D, F · S]` in triangles, corners `[D, 3, F]`, by their weights `[S, 3]`."""
+    return np.asarray(corners.swapaxes(1, 2) @ weights.T).reshape(len(corners), -1)
+
+
+def _find_owners(cells: SurfaceCells) -> Ints:
+    """Return the instance of every cell `[P]`."""
+    return (cells.keys >> np.uint64(48)).astype(np.int64) - FIRST
+
+
+def _surround(cells: SurfaceCells, instances: int) -> Floats:
+    """Return the box around the cells of every instance `[I, 2, 3]`; NaN without any."""
+    boxes = np.full((instances, 2, 3), np.nan)
+    starts, named = find_runs(_find_owners(cells))
+    if len(named):
+        boxes[named, 0] = np.minimum.reduceat(cells.low, starts, axis=1).T
+        boxes[named, 1] = np.maximum.reduceat(cells.high, starts, axis=1).T
+    return boxes

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.geometry.surfaces import CELL, SurfaceCells, keep_largest_parts
+from bsg_data.geometry.surfaces import CELL, SurfaceCells, join_cells, keep_largest_parts
 
 # A label and the middle of a cell, in cells.
 spots = st.lists(
@@ -17,7 +17,8 @@ spots = st.lists(
 
 def make_cells(some: list[tuple[int, ...]]) -> SurfaceCells:
     points = (np.array([place for _, *place in some], dtype=np.float64) + 0.5) * CELL
-    return SurfaceCells.of_points(points.T, np.array([label for label, *_ in some], np.uint16))
+    labels = np.array([label for label, *_ in some], np.uint16)
+    return join_cells([SurfaceCells.of_points(points.T, labels, first=0)])
 
 
 @given(spots)
@@ -25,13 +26,13 @@ def test_the_box_of_a_cell_is_of_its_points(some: list[tuple[int, ...]]) -> None
     rng = np.random.default_rng(0)
     labels = np.array([label for label, *_ in some], np.uint16)
     points = rng.uniform(-0.3, 0.3, (len(some), 3))
-    cells = SurfaceCells.of_points(points.T, labels)
+    cells = join_cells([SurfaceCells.of_points(points.T, labels, first=0)])
     held: dict[tuple[int, ...], list[np.ndarray]] = {}
     for label, point in zip(labels.tolist(), points, strict=True):
         held.setdefault((label, *np.floor(point / CELL).astype(int)), []).append(point)
     names = sorted(held)
-    np.testing.assert_array_equal(cells.low, [np.min(held[name], axis=0) for name in names])
-    np.testing.assert_array_equal(cells.high, [np.max(held[name], axis=0) for name in names])
+    np.testing.assert_array_equal(cells.low.T, [np.min(held[name], axis=0) for name in names])
+    np.testing.assert_array_equal(cells.high.T, [np.max(held[name], axis=0) for name in names])
     assert (cells.keys[1:] > cells.keys[:-1]).all()
 
 
