@@ -65,17 +65,18 @@ class Dataset:
     sha256: str
 
     @classmethod
-    def open(cls, path: AnyPath) -> Dataset:
+    def open(cls, path: AnyPath, *, sha256: str | None = None) -> Dataset:
         """Open a dataset; an unchanged dataset is returned from memory.
 
-        A file is compared with its hash when it is read.
+        A file is compared with its hash when it is read. Give the hash of the manifest if it is
+        known not to change: it is then not read again, which takes long in large datasets.
 
         Raises:
             DatasetError: if the dataset is missing, unfinished or damaged.
         """
         path = Path(path)
         try:
-            return _open_once(path.absolute(), hash_manifest(path))
+            return _open_once(path.absolute(), sha256 or hash_manifest(path))
         except OSError:
             read_manifest(path)  # raises an error that says what is missing
             raise

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,19 +15,20 @@ import numpy.typing as npt
 from bsg_data.arrays import Floats, Ints, find_runs
 
 Labels = npt.NDArray[np.uint16]
+_Numbers = TypeVar("_Numbers", Floats, Ints)
 
 CELL = 0.1  # metres; what is closer than two of these is one part
 # Columns beside that of a cell, as differences of keys: half of the eight.
 _COLUMNS = tuple(np.uint64(x * 2**32 + y * 2**16) for x, y in ((0, 1), (1, -1), (1, 0), (1, 1)))
 
 
-def take_corners(points: Floats, faces: Ints) -> tuple[Floats, Floats, Floats]:
+def take_corners(points: _Numbers, faces: Ints) -> tuple[_Numbers, _Numbers, _Numbers]:
     """Return the corners `[..., F]` each of faces `[3, F]` of points `[..., V]`."""
     a, b, c = (points.take(corner, axis=-1) for corner in faces)
     return a, b, c
 
 
-def find_spans(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats]:
+def find_spans(a: _Numbers, b: _Numbers, c: _Numbers) -> tuple[_Numbers, _Numbers]:
     """Return the lowest and the highest coordinates of triangles."""
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
 

@@ -16,7 +16,7 @@ from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.commit import name_by_content, revise
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import stack_histograms, to_histograms
-from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest
+from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest, hash_manifest
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import open_listed, write_parquet
 from bsg_data.dataset.splits import read_splits
@@ -112,7 +112,8 @@ def write_pairs(
             key=lambda file: file[1][0],
         )
         # A worker may run in another folder.
-        tasks = [(dataset.absolute(), name, scenes, recipe) for name, scenes in plan]
+        place, sha256 = dataset.absolute(), hash_manifest(dataset)
+        tasks = [(place, sha256, name, scenes, recipe) for name, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
         for scene in chain.from_iterable(scenes for _, scenes in written):
             if left_out is not None:
@@ -180,10 +181,10 @@ def split_of_file(path: str) -> str:
 
 
 def _write_file(
-    dataset: Path, name: str, scenes: tuple[str, ...], recipe: PairsRecipe
+    dataset: Path, sha256: str, name: str, scenes: tuple[str, ...], recipe: PairsRecipe
 ) -> tuple[FileEntry, tuple[str, ...]]:
     """Stage one file of pairs; return its entry and the scenes left out."""
-    data = Dataset.open(dataset)
+    data = Dataset.open(dataset, sha256=sha256)
     space = data.manifest.class_space
     schema = pairs_schema(len(space.classes))
     left_out = tuple(scene for scene in scenes if not fits_pairs(data.cells(scene)))
