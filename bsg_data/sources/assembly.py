@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import measure_area
-from bsg_data.scene.class_map import Classified, ClassMap
+from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 from bsg_data.sources.source import SceneRef
@@ -47,7 +47,6 @@ def assemble(
     told = {room.region_id: room for room in rooms}
     regions = sorted({o.room_index for o in listed if o.room_index >= 0} | set(told))
     room_of = {region: index for index, region in enumerate(regions, start=1)}
-    known = {name: class_map.classify(name) for name in {obj.raw_category for obj in listed}}
     graph = SceneGraph(
         scene_id=ref.scene_id,
         source=kind,
@@ -59,8 +58,7 @@ def assemble(
             for region, index in room_of.items()
         ),
         objects=tuple(
-            _classify(obj, index, room_of, known[obj.raw_category])
-            for index, obj in enumerate(listed, start=1)
+            _classify(obj, index, room_of, class_map) for index, obj in enumerate(listed, start=1)
         ),
         class_map=class_map.version,
         building_kind=building_kind,
@@ -103,8 +101,9 @@ def _number_room(room: Room, index: int, kind: str) -> Room:
 
 
 def _classify(
-    obj: SceneObject, index: int, room_of: Mapping[int, int], known: Classified
+    obj: SceneObject, index: int, room_of: Mapping[int, int], class_map: ClassMap
 ) -> SceneObject:
+    known = class_map.classify(obj.raw_category)
     return SceneObject(  # `replace` takes three times as long, which a dataset of HM3D's size feels
         object_index=index,
         instance_id=obj.instance_id,

@@ -216,11 +216,10 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[SceneObject, ...]:
         match = _ROW.fullmatch(line.rstrip())
         if match is None:
             raise malformed(path, number, line, expected=_EXPECTED)
-        digits, code, name, region = match.groups()
-        instance_id, colour = int(digits), code.upper().zfill(6)
+        instance_id, colour, region = int(match[1]), match[2].upper().zfill(6), int(match[4])
         if instance_id in objects or colour in colours:
             raise malformed(path, number, line, expected="an id and a colour of no earlier line")
-        objects[instance_id] = SceneObject(0, instance_id, int(region), name, colour=colour)
+        objects[instance_id] = SceneObject(0, instance_id, region, match[3], colour=colour)
         colours.add(colour)
     if not objects:
         raise malformed(path, 1, lines[0], expected="at least one annotated instance below")
