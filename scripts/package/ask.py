@@ -3,8 +3,9 @@
     python scripts/package/ask.py docs/home.json
 
 It prints a table: processor time of the import with the first answer, memory, and milliseconds of
-one more answer (the rooms of a word) in random graphs of several sizes. In these, a third of the
-rooms was not entered; the hidden shares of the others are told, or not.
+one more answer in random graphs of several sizes: the rooms of a word, and the same with the ways
+there and the room to go to next. A third of the rooms was not entered; the hidden shares of the
+others are told, or not.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 ROOMS = (4, 8, 14, 50, 250)
@@ -31,9 +33,9 @@ def main(path: str) -> None:
     for rooms in ROOMS:
         for told in (True, False):
             seen = open_graph(make_graph(rooms, told=told))
-            found = measure(lambda seen=seen: ask_again(seen))  # type: ignore[misc]
+            rooms_of, next_room = (measure(partial(ask, seen)) for ask in (ask_again, go_on))
             shares = "shares told" if told else "no shares"
-            print(f"| one more answer, {rooms} rooms, {shares} | {found:.1f} ms |")
+            print(f"| {rooms} rooms, {shares} | {rooms_of:.1f} ms | {next_room:.1f} ms |")
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
     print(f"| memory after all of these | {memory:.0f} MB |")
 
@@ -67,6 +69,13 @@ def ask_again(seen: Any) -> None:
     known = seen.graph.objects[0]
     seen.saw(seen.rooms[0], known.raw_category, object_id=known.name)
     seen.where(THING)
+
+
+def go_on(seen: Any) -> None:
+    """Ask as a robot does that wants to move: with the ways, and for the next room."""
+    ask_again(seen)
+    seen.where(THING, here=seen.rooms[0])
+    seen.next_room(THING, here=seen.rooms[0])
 
 
 def measure(ask: Callable[[], None]) -> float:
