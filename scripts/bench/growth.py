@@ -70,6 +70,7 @@ def measure(hm3d: Path | None, *, few: int = FEW, many: int = MANY) -> Iterator[
                 ours_s=(other - start) / (many - MADE),
                 theirs_s=(one - start) / (few - MADE),
                 target=TARGET,
+                kind="growth",
             )
 
 

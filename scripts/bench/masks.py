@@ -54,7 +54,7 @@ def measure(hm3d: Path | None) -> Iterator[Speed]:
         lambda: [len(draw(*one)) for one in cells.items()],
         lambda: [draw_counts(there) for there in cells.values()],
     )
-    yield Speed(what, "the bound: NumPy's hypergeometric distribution alone", ours, theirs, 2)
+    yield Speed(what, "NumPy's hypergeometric distribution alone", ours, theirs, 2, kind="bound")
 
 
 def build(folder: Path, hm3d: Path | None) -> Dataset:

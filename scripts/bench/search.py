@@ -66,7 +66,8 @@ def measure_orders() -> Iterator[Speed]:
     miss = 1 - rng.beta(0.3, 1.5, (1, ROOMS, 1)).clip(1e-6, 1)
     for task, target in (("single", 0.025), ("all", 0.05)):
         taken = time_least(lambda one=task == "single": order_rooms(ways, miss, single=one))
-        yield Speed(f"expected-cost in {ROOMS} rooms, {task}", "", taken, None, target)
+        what = f"expected-cost in {ROOMS} rooms, {task}"
+        yield Speed(what, "", taken, None, target, kind="growth")
     began = time.process_time()
     theirs = order_with_or_tools(ways[0])
     other = time.process_time() - began
@@ -127,7 +128,8 @@ def measure_decisions() -> Iterator[Speed]:
             seen = open_graph(write_graph(rooms, connected=connected))
             taken = time_least(lambda one=seen: decide(one), repeats=2)
             how = "of which few connect" if connected else "without connections"
-            yield Speed(f"a decision among {rooms:,} rooms {how}", "", taken, None, target)
+            what = f"a decision among {rooms:,} rooms {how}"
+            yield Speed(what, "", taken, None, target, kind="growth")
 
 
 def decide(seen: SeenBuilding) -> None:

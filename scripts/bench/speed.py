@@ -30,6 +30,11 @@ READING = (
     "unless a row says otherwise. With target “≥”, ours must be at least that many times as fast. "
     "With “≤”, ours may take at most that many times as long, or at most that time."
 )
+TABLES = {
+    "use": ("Beside what you would use instead", READING),
+    "growth": ("As the data grow", "The same work with more buildings, or among more rooms."),
+    "bound": ("Appendix: bounds", "The least that the work could take: a part of it, run alone."),
+}
 
 
 def list_benchmarks() -> list[str]:
@@ -56,11 +61,13 @@ def main(argv: Sequence[str] | None = None) -> None:
             found = pool.submit(measure, name, options.hm3d).result()
         speeds += found
         print(format_text([one.cells() for one in found], header=HEADER), flush=True)
-    rows = [one.cells() for one in speeds]
     met = f"{sum(one.is_met for one in speeds)} of {len(speeds)} targets are met."
     if options.out:
-        table = ResultsTable("Times and targets", HEADER, rows, READING)
-        write_page(options.out, "Speed", [table], argv=argv or sys.argv, found=met)
+        tables = [
+            ResultsTable(title, HEADER, [o.cells() for o in speeds if o.kind == kind], reading)
+            for kind, (title, reading) in TABLES.items()
+        ]
+        write_page(options.out, "Speed", tables, argv=argv or sys.argv, found=met)
     else:
         print(met)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 HEADER = ("work", "compared with", "ours", "theirs", "ratio", "target", "met")
 
@@ -25,6 +26,8 @@ class Speed:
         target: of `ratio`; in seconds, if there is nothing to compare with.
         at_least: whether the target is how many times as fast we should be at least; otherwise it
             is how many times as long we may take at most.
+        kind: what it is compared with: what people would `use` instead, itself with less data
+            (`growth`), or the least that the work could take (`bound`).
     """
 
     what: str
@@ -33,6 +36,7 @@ class Speed:
     theirs_s: float | None
     target: float
     at_least: bool = False
+    kind: Literal["use", "growth", "bound"] = "use"
 
     @property
     def ratio(self) -> float | None:

@@ -87,6 +87,7 @@ def measure_step(name: str, data: Dataset) -> Iterator[Speed]:
             theirs_s=taken[1] / len(loader),
             target=target,
             at_least=batches is loader,
+            kind="use" if batches is loader else "bound",
         )
 
 
