@@ -312,6 +312,8 @@ def _explain(error: ValidationError, said: Any) -> str:
     faults = error.errors(include_url=False, include_input=False)
     fault = next((one for one in faults if one["type"] in _UNKNOWN_KEY), faults[0])
     what = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
+    if fault["type"] == "too_long":
+        what = f"expected at most {fault['ctx']['max_length']:,} entries, found more"
     first, *path = fault["loc"] or ("",)  # of the simplest map as a whole
     entry = ""
     if first in _ENTRIES and path:

@@ -8,7 +8,7 @@ adds one for each of the likeliest classes of which the room shows none.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.spelling import show_value
 from bsg_models.belief.expectation import Expectation
 
 Mode = Literal["complete", "unseen"]
@@ -85,8 +86,15 @@ def believe(
         model: name to put into the result.
 
     Raises:
-        RecipeError: if the expectation does not belong to this graph.
+        RecipeError: if the expectation does not belong to this graph, or there is no such mode.
     """
+    if mode not in get_args(Mode):
+        expected = " or ".join(get_args(Mode))
+        raise RecipeError(
+            f"mode: expected {expected}, found {show_value(mode)}",
+            code="mode-unknown",
+            where="mode",
+        )
     inputs = graph.histograms().astype(np.float64)
     if not np.array_equal(expectation.inputs, inputs):
         raise RecipeError(

@@ -47,8 +47,9 @@ from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning, find_room, set_hidden_shares
 from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.runs.predictor import Predictor
-from bsg_models.search.catalogue import AnyPlanner
+from bsg_models.search.catalogue import AnyPlanner, find_planner
 from bsg_models.search.knowledge import Task
+from bsg_models.search.planners import require_task
 
 # Models besides the building's own, and their class maps.
 _OTHERS = {1: (WIDE_MODEL, WIDE_MAP), 2: (DEFAULT_MODEL, DEFAULT_CLASS_MAP)}
@@ -408,6 +409,8 @@ class SeenBuilding:
         Raises:
             RecipeError: also if the planner cannot be used.
         """
+        require_task(task)
+        find_planner(planner)
         answers = [self._look_up(one) for one in ([things] if isinstance(things, str) else things)]
         if not answers:
             raise RecipeError("things: expected one word or more, found none", code="things-none")

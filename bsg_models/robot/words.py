@@ -24,7 +24,7 @@ _LISTED = 8  # rooms listed in an error
 _Near: TypeAlias = tuple[str, int, int, float]  # name, model, class, likeness
 # What follows says where a thing is, not what it is.
 _PLACE = re.compile(r"\s(?:on|in|under|behind|beside|near|by|at|from)\s(?:the|my|your|a)\s")
-_MARKS = " ?!.,;:\"'`“”„‘’«»"  # around a name that was copied from a sentence
+_MARKS = " ?!.,;:…\"'`“”„‘’«»‹›()[]*¿¡？"  # around a name that was copied from a sentence
 _NONE: Mapping[str, float] = MappingProxyType({})
 LIKE_A_MISSPELLING = 0.85  # difflib's ratio: accepts microwav, refridgerator; not boots for books
 

@@ -135,10 +135,7 @@ def next_room(
         _refuse_array("share", share, f"{list(presence.shape)}")
     if np.shape(explored) != (nodes,) or not 0 <= here < nodes:
         _refuse_array("explored", explored, f"[{nodes}], and here, {here}, among them")
-    if not isinstance(task, str) or task not in get_args(Task):
-        raise RecipeError(
-            f"task {show_value(task)}: expected single or all", code="task-unknown", where="task"
-        )
+    require_task(task)
     return next_room_by(
         find_costs(edges),
         here=here,
@@ -148,6 +145,14 @@ def next_room(
         task=task,
         planner=planner,
     )
+
+
+def require_task(task: object) -> None:
+    """Refuse what is no task."""
+    if not isinstance(task, str) or task not in get_args(Task):
+        raise RecipeError(
+            f"task {show_value(task)}: expected single or all", code="task-unknown", where="task"
+        )
 
 
 def next_room_by(

@@ -20,7 +20,7 @@ from bsg_cli.serve.bounds import MOST_BYTES, MOST_CONNECTIONS, Bounds, Fault, re
 from bsg_cli.serve.questions import Contents, Expect, Find, Found, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
-from bsg_data.spelling import SHOWN
+from bsg_data.spelling import SHOWN, ask_if_meant
 
 _LOCAL = ("localhost", "127.0.0.1", "[::1]")
 _FAULTS = {
@@ -91,13 +91,17 @@ async def _explain(_: Request, error: Exception) -> JSONResponse:
     )
 
 
-async def _explain_question(_: Request, error: Exception) -> JSONResponse:
+async def _explain_question(request: Request, error: Exception) -> JSONResponse:
     faults = error.errors()  # type: ignore[attr-defined]
     # A wrong key is named before the key that is missing for it.
     fault = next((one for one in faults if one["type"] == "extra_forbidden"), faults[0])
     where = ".".join(str(part)[:SHOWN] for part in fault["loc"][1:]) or "the question"
     is_whole = len(fault["loc"]) == 1
     said = "expected a JSON object" if is_whole else fault["msg"].removeprefix("Value error, ")
+    if fault["type"] == "extra_forbidden":
+        keys = (Find if request.url.path == "/find" else Expect).model_fields
+        hint = ask_if_meant(where, keys) or f"known are {', '.join(keys)}"
+        said = f"is no key; {hint}"
     return refuse(422, f"{where}: {said}", code="question-malformed", where=where)
 
 

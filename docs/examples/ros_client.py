@@ -1,6 +1,7 @@
 """Ask a running `bsg-ros` where things are, or tell it what a robot sees.
 
     python ros_client.py microwave "coffee table"
+    python ros_client.py --topic entered kitchen
     python ros_client.py --topic saw '{"thing": "sink", "room": "kitchen"}'
 
 It needs `rclpy` and `std_msgs` of ROS 2. docs/ros.md describes the topics.
@@ -19,6 +20,7 @@ import rclpy
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import String
 
+TOPICS = ("discovered", "entered", "saw", "searched", "where", "expected")
 SECONDS = 10.0  # that a question waits for its answer
 
 
@@ -51,11 +53,16 @@ def ask(topic: str, **said: Any) -> dict[str, Any]:
 def main() -> None:
     """Print the likeliest room of each thing, and where to go first; or the answer of a topic."""
     parser = argparse.ArgumentParser(description="Ask a running bsg-ros where things are.")
-    parser.add_argument("--topic", help="another topic; its text is one JSON object: docs/ros.md")
+    parser.add_argument("--topic", choices=TOPICS, help="what to say; docs/ros.md lists the keys")
     parser.add_argument("things", nargs="+", help="things to look for, or the text of the topic")
     asked = parser.parse_args(remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
-    said = json.loads(asked.things[0]) if asked.topic else {"thing": asked.things}
+    said: Any = {"thing": asked.things}
+    if asked.topic:
+        word = asked.things[0]
+        said = {"thing" if asked.topic in ("saw", "where") else "room": word}
+        if word.startswith("{"):
+            said = json.loads(word)
     answer = ask(asked.topic or "where", **said)
     if "error" in answer:
         sys.exit(answer["error"])

@@ -71,7 +71,10 @@ and cola in a bedroom. `nearest` always begins with the room where it is.
   {things} classes of the model, each from a random room without it. Worlds are of the first
   buildings, by id, that have enough rooms.
 - **pyrobosim's own worlds** are asked for every thing from every room. Three of the four have the
-  same three rooms, and the shipped model answers."""
+  same three rooms, and the shipped model answers.
+
+`make robot` runs this in pyrobosim's own worlds and in ten synthetic ones: 5 minutes, and an
+environment of 0.7 GB."""
 
 
 # Worlds, and what the robot knows of them
