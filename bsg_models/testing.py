@@ -320,7 +320,7 @@ class MetricContract:
 def _measure(name: str, batches: Sequence[Prediction], weights: Weights) -> Values:
     """Return a row of `METRICS` for the buildings of the first batch, under weights `[B, W]`."""
     fold = Fold(batches[0].truth.scene_ids, [(one.truth, one.expectation) for one in batches])
-    return measure_metrics({name: METRICS[name]}, fold, weights)[name]
+    return measure_metrics({name: METRICS[name]}, [fold], weights)[0][name]
 
 
 def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:

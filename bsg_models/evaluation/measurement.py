@@ -28,6 +28,7 @@ from bsg_models.zoo.model import BeliefModel, one_thread
 # Version of the metrics and of the reading of predictions: it rises if equal predictions would get
 # another value. So results of one version can be compared.
 EVALUATOR_VERSION = 1
+_Measured = tuple[dict[str, Floats], dict[str, int]]  # values and numbers of nodes, by metric
 
 
 def read_truth(masked: MaskedBuildings) -> Truth:
@@ -69,48 +70,61 @@ def measure(folds: Sequence[Fold], *, resamples: int = 0, seed: int = 0) -> Boot
     fold in which a metric is not defined, or of which a resample has no building, is left out of
     that mean.
     """
-    weights = _weigh_folds([fold.scene_ids for fold in folds], resamples=resamples, seed=seed)
+    return measure_models({"": folds}, resamples=resamples, seed=seed)[""]
+
+
+def measure_models(
+    models: Mapping[str, Sequence[Fold]], *, resamples: int = 0, seed: int = 0
+) -> dict[str, Bootstrap]:
+    """Return what `measure` does of models that have the same folds, in batches of the same nodes.
+
+    The models take turns, batch by batch: so what they all read of a dataset is read once.
+    """
+    folds = list(zip(*models.values(), strict=True))  # each of all models
+    scenes = [of_models[0].scene_ids for of_models in folds]
+    weights = _weigh_folds(scenes, resamples=resamples, seed=seed)
     with one_thread():
-        measured = [measure_fold(fold, own) for fold, own in zip(folds, weights, strict=True)]
+        measured = [measure_fold(*both) for both in zip(folds, weights, strict=True)]
     there = np.stack([own.any(axis=0) for own in weights])
-    values = {
-        name: _average(np.stack([one[name] for one, _ in measured]), there)
-        for name in list_values()
+    return {
+        name: _average(of_folds, there) for name, *of_folds in zip(models, *measured, strict=True)
     }
-    return Bootstrap(
-        point={name: float(value[0]) for name, value in values.items()},
-        resampled={name: value[1:] for name, value in values.items()},
-        nodes={name: sum(nodes[name] for _, nodes in measured) for name in values},
-    )
 
 
-def measure_fold(fold: Fold, weights: Weights) -> tuple[dict[str, Floats], dict[str, int]]:
-    """Return metric → its values `[W]` under weights `[B, W]`, and its number of nodes."""
-    values: dict[str, Floats] = {}
-    nodes: dict[str, int] = {}
-    for row, found in measure_metrics(METRICS.load_all()[0], fold, weights).items():
-        values |= {name_value(row, *key): value for key, value in found.values.items()}
-        nodes |= {name_value(row, *key): number for key, number in found.nodes.items()}
-    return values, nodes
+def measure_fold(of_models: Sequence[Fold], weights: Weights) -> list[_Measured]:
+    """Return metric → its values `[W]` under weights `[B, W]`, and its number of nodes.
+
+    One such pair is returned for each model.
+    """
+    measured = []
+    for found in measure_metrics(METRICS.load_all()[0], of_models, weights):
+        values: dict[str, Floats] = {}
+        nodes: dict[str, int] = {}
+        for row, own in found.items():
+            values |= {name_value(row, *key): value for key, value in own.values.items()}
+            nodes |= {name_value(row, *key): number for key, number in own.nodes.items()}
+        measured.append((values, nodes))
+    return measured
 
 
 def measure_metrics(
-    metrics: Mapping[str, Metric], fold: Fold, weights: Weights
-) -> dict[str, Values]:
-    """Return some metrics of a fold under weights of its buildings `[B, W]`, by name."""
-    number_of = {scene: number for number, scene in enumerate(fold.scene_ids)}
-    cells = PresenceHistograms(weights)
+    metrics: Mapping[str, Metric], of_models: Sequence[Fold], weights: Weights
+) -> list[dict[str, Values]]:
+    """Return some metrics of each model's fold under weights of its buildings `[B, W]`, by name."""
+    number_of = {scene: number for number, scene in enumerate(of_models[0].scene_ids)}
     ranked = any(isinstance(metric, RankMetric) for metric in metrics.values())
-    sums = {name: Sums(weights, cells) for name in metrics}
-    for truth, expectation in fold.batches:
-        numbers = np.array([number_of[scene] for scene in truth.scene_ids], dtype=np.int64)
-        batch = Batch(Prediction(truth, expectation), numbers[truth.building], weights)
-        if ranked:
-            rooms = batch.prediction.rows["rooms"]
-            cells.add(truth, expectation, rooms, batch.building[rooms])
-        for name, metric in metrics.items():
-            metric.add(batch, sums[name])
-    return {name: metric.finish(sums[name]) for name, metric in metrics.items()}
+    cells = [PresenceHistograms(weights) for _ in of_models]
+    sums = [{name: Sums(weights, own) for name in metrics} for own in cells]
+    for batches in zip(*(fold.batches for fold in of_models), strict=True):
+        for (truth, expectation), counted, own in zip(batches, cells, sums, strict=True):
+            numbers = np.array([number_of[scene] for scene in truth.scene_ids], dtype=np.int64)
+            batch = Batch(Prediction(truth, expectation), numbers[truth.building], weights)
+            if ranked:
+                rooms = batch.prediction.rows["rooms"]
+                counted.add(truth, expectation, rooms, batch.building[rooms])
+            for name, metric in metrics.items():
+                metric.add(batch, own[name])
+    return [{name: metric.finish(own[name]) for name, metric in metrics.items()} for own in sums]
 
 
 def _weigh_folds(folds: Sequence[Sequence[str]], *, resamples: int, seed: int) -> list[Weights]:
@@ -122,6 +136,15 @@ def _weigh_folds(folds: Sequence[Sequence[str]], *, resamples: int, seed: int) -
     return [weights[[number[scene] for scene in fold]] for fold in folds]
 
 
-def _average(values: Floats, there: Bools) -> Floats:
-    """Return the mean over folds, `[W]` of `[F, W]`, of the values that exist and are not nan."""
-    return values[0] if len(values) == 1 else mean_known(np.where(there, values, np.nan))
+def _average(measured: Sequence[_Measured], there: Bools) -> Bootstrap:
+    """Return the means over folds of the values that exist, `there` `[F, W]`, and are not nan."""
+    found = {name: np.stack([one[name] for one, _ in measured]) for name in list_values()}
+    values = {
+        name: own[0] if len(own) == 1 else mean_known(np.where(there, own, np.nan))
+        for name, own in found.items()
+    }
+    return Bootstrap(
+        point={name: float(value[0]) for name, value in values.items()},
+        resampled={name: value[1:] for name, value in values.items()},
+        nodes={name: sum(nodes[name] for _, nodes in measured) for name in values},
+    )

@@ -25,7 +25,7 @@ from bsg_models.evaluation.details import ClassErrors, ShownCollector, ShownNode
 from bsg_models.evaluation.measurement import (
     EVALUATOR_VERSION,
     Fold,
-    measure,
+    measure_models,
     predict_all,
     read_truth,
 )
@@ -190,10 +190,13 @@ def compare_runs(
     baselines = BASELINES if trains else UNTRAINED
     openers |= {name: partial(_fit_baseline, name, data) for name in baselines}
     measuring = _Measuring(request, data, surveys, len(openers), progress, fresh)
-    bootstraps = {
-        name: measuring.measure(name, opener, write if name in chosen[: len(loaded)] else None)
+    models = {
+        name: measuring.folds_of(name, opener, write if name in chosen[: len(loaded)] else None)
         for name, opener in openers.items()
     }
+    many = len(measuring.buildings) > 1  # one building has no interval
+    resamples = request.resamples if many else 0
+    bootstraps = measure_models(models, resamples=resamples, seed=request.seed)
     classes = data.manifest.class_space.classes
     tables = [one.tabulate(name, classes) for name, one in measuring.classes.items()]
     return Comparison(
@@ -245,17 +248,14 @@ class _Measuring:
         """Number k such that every k-th masked building is shown."""
         return max(1, -(-int((self.survey.rooms + 1).sum()) // _MOST_SHOWN))
 
-    def measure(self, name: str, opener: _Opener, write: _Writer | None) -> Bootstrap:
-        """Return the metrics of a model, which is predicted batch by batch."""
+    def folds_of(self, name: str, opener: _Opener, write: _Writer | None) -> list[Fold]:
+        """Return what a model is measured on; it is predicted batch by batch."""
         self.classes[name] = ClassErrors()
         self.shown[name] = ShownCollector(self.stride, self.buildings[len(self.buildings) // 2])
-        folds = [
+        return [
             Fold(tuple(survey.scene_id.unique()), self._predict(name, opener, fold, write))
             for fold, survey in self.surveys.items()
         ]
-        many = self.survey.scene_id.nunique() > 1  # one building has no interval
-        resamples = self.request.resamples if many else 0
-        return measure(folds, resamples=resamples, seed=self.request.seed)
 
     def _predict(
         self, name: str, opener: _Opener, fold: int | None, write: _Writer | None

@@ -54,7 +54,7 @@ def evaluate(
 ) -> tuple[dict[str, float], dict[str, int]]:
     truth = prediction.truth
     fold = Fold(truth.scene_ids, [(truth, prediction.expectation)])
-    values, nodes = measure_fold(fold, np.array(weights)[:, None])
+    ((values, nodes),) = measure_fold([fold], np.array(weights)[:, None])
     return {name: float(value[0]) for name, value in values.items()}, nodes
 
 

@@ -43,7 +43,7 @@ def evaluate(
     """Return every metric under one weight for each building, and the nodes behind it."""
     each = np.ones(len(truth.scene_ids)) if weights is None else weights
     fold = Fold(truth.scene_ids, [(truth, expectation)])
-    values, nodes = measure_fold(fold, each[:, None])
+    ((values, nodes),) = measure_fold([fold], each[:, None])
     return {name: float(value[0]) for name, value in values.items()}, nodes
 
 
