@@ -35,8 +35,8 @@ from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surroundings
 
 HELD_BYTES = 256 * 2**20  # bound of the parts in memory
-_NODE_BYTES = 250  # about what is held of a node besides its cells
-_OBJECT_BYTES = 40
+_NODE_BYTES = 170  # about what is held of a node besides its cells
+_OBJECT_BYTES = 23
 _WORDS = ("scene_id", "category", "kind", "method")  # columns of few words
 
 
