@@ -61,9 +61,12 @@ def measure(hm3d: Path | None, *, few: int = FEW, many: int = MANY) -> Iterator[
         raw, made = Path(folder, "raw"), Path(folder, "made")
         list(write_synthetic(raw, scenes=MADE, seed=11))
         build_dataset(HM3DFolder(raw), made, scenes_per_shard=MADE)
-        paths = [repeat(made, Path(folder, str(n)), times=n // MADE) for n in (MADE, few, many)]
+        paths = [
+            repeat(made, Path(folder, f"{turn}"), times=n // MADE)
+            for turn, n in enumerate((MADE, MADE, few, many))
+        ]
         for name, run in JOBS.items():
-            start, one, other = (time_call(run, path) for path in paths)  # the first starts it
+            _, start, one, other = (time_call(run, path) for path in paths)  # the first imports
             yield Speed(
                 what=f"{name}: one more building of {many:,}",
                 against=f"one more of {few:,}",
