@@ -38,8 +38,8 @@ class MaskStreams:
     ) -> None:
         keys = [(recipe.seed, scene) for recipe, scene in zip(recipes, scene_ids, strict=True)]
         places = {key: place for place, key in enumerate(dict.fromkeys(keys))}
-        words = [[*_split(seed), *_digest(scene)] for seed, scene in places]
-        self._words = np.array(words, dtype=np.uint32)  # of each building, in any draw
+        # of each building, in any draw
+        self._words = [np.array([*_split(n), *_digest(one)], dtype=np.uint32) for n, one in places]
         self._building = [places[key] for key in keys]
         self._draws = np.array(draws, dtype=np.uint32)
         self._pool: Words | None = None
@@ -54,17 +54,18 @@ class MaskStreams:
         Each is made when it is asked for, since one that is new is fastest.
         """
         word = np.uint32(_STREAM[stream])
-        if len(self) < _FEW:
-            for building, draw in zip(self._words[self._building], self._draws, strict=True):
-                yield np.random.Generator(np.random.PCG64(np.append(building, [draw, word])))
+        if len(self) < _FEW or len({len(words) for words in self._words}) > 1:
+            for building, draw in zip(self._building, self._draws, strict=True):
+                words = np.append(self._words[building], [draw, word])
+                yield np.random.Generator(np.random.PCG64(words))
             return
-        number = self._words.shape[1]
+        number = len(self._words[0])
         if self._pool is None:
-            pool = _mix_words(self._words)[self._building]
+            pool = _mix_words(np.stack(self._words))[self._building]
             self._pool = _absorb(pool, self._draws[:, None], number)
         pool = _absorb(self._pool, word, number + 1)
         hashed = _hash(np.tile(pool, 2), _OUT, 0)
-        states = hashed.astype("<u4").view("<u8")
+        states = hashed.astype("<u4").view("<u8").astype(np.uint64)
         for state in states:
             seed: Any = _Seed(state)  # NumPy's stubs do not know it for a seed
             yield np.random.Generator(np.random.PCG64(seed))

@@ -317,10 +317,10 @@ def _find_rates(
     for one, view, recipe in zip(found, views, recipes, strict=True):
         rows = slice(first, first + len(view.nodes))
         first = rows.stop
-        wholes = find_wholes(one.names, classes)
-        attached = have_wholes(there[rows], wholes) & recipe.parts
-        rate = hidden[rows, wholes] / np.maximum(there[rows, wholes], 1)
-        rates.append(np.where(attached, rate, np.nan)[one.rows, one.kinds])
+        whole = find_wholes(one.names, classes)[one.kinds]
+        things, gone = (counts[rows][one.rows, whole] for counts in (there, hidden))
+        attached = (whole >= 0) & (things > 0) & (one.rows > 0) & recipe.parts
+        rates.append(np.where(attached, gone / np.maximum(things, 1), np.nan))
     return np.concatenate(rates)
 
 

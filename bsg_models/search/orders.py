@@ -16,7 +16,8 @@ Up to `EXACT` rooms, dynamic programming over sets of rooms (Held and Karp 1962)
 order. Beyond, rooms are inserted one by one where they cost least; then each is taken out and
 inserted again until nothing improves. The best of several such orders counts. They begin with the
 likeliest room, the nearest, the likeliest for what it costs, or at random. Of more than 100 rooms,
-only the best of these orders is improved: that costs about 1 % more, in a fifth of the time.
+only the best of these orders is improved: that costs about 1 % more in the mean (8 % at most, of
+96 cases), in a fifth of the time.
 
 Passing through an unexplored room on the way to another explores it. Such a plan costs the same as
 one that names the room, so orders with the cheapest ways between rooms miss nothing.

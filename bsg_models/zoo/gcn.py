@@ -104,7 +104,7 @@ class CECIGCN(Network):
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean squared error of the totals over nodes and classes (section IV-A)."""
         errors = torch.where(nodes.known, self(nodes) - nodes.y, 0.0)
-        return (errors * errors).sum() / self.cells_of(nodes)
+        return (errors * errors).sum() / self.cells_of(nodes).clamp(min=1)
 
     def cells_of(self, nodes: Nodes) -> torch.Tensor:
         """Return the number of known cells."""

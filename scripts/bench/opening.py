@@ -58,6 +58,7 @@ def read(path: Path) -> int:
             objects += int(data.cells(scene).sum())
             data.connections(scene)
             data.surroundings(scene)
+            data.others(scene)
     return objects
 
 

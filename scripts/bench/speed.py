@@ -33,7 +33,7 @@ READING = (
 TABLES = {
     "use": ("Beside what you would use instead", READING),
     "growth": ("As the data grow", "The same work with more buildings, or among more rooms."),
-    "bound": ("Appendix: bounds", "The least that the work could take: a part of it, run alone."),
+    "bound": ("Appendix: bounds", "A part of the work, run alone."),
 }
 
 

@@ -27,7 +27,7 @@ class Speed:
         at_least: whether the target is how many times as fast we should be at least; otherwise it
             is how many times as long we may take at most.
         kind: what it is compared with: what people would `use` instead, itself with less data
-            (`growth`), or the least that the work could take (`bound`).
+            (`growth`), or a part of the work alone (`bound`).
     """
 
     what: str

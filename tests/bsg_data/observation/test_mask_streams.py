@@ -34,3 +34,11 @@ def test_many_draws_are_seeded_as_numpy_seeds_each(
             assert rng.random(4).tolist() == expected
             alone = mask_generator(recipe, scene_id=scene, draw=draw, stream=stream)
             assert alone.random(4).tolist() == expected
+
+
+def test_recipes_of_short_and_long_seeds_are_drawn_together() -> None:
+    recipes = [MaskRecipe(seed=1), MaskRecipe(seed=2**40)] * 5
+    streams = MaskStreams(recipes, ["home"] * 10, range(10))
+    for draw, rng in enumerate(streams.of("rooms")):
+        alone = mask_generator(recipes[draw], scene_id="home", draw=draw, stream="rooms")
+        assert rng.random() == alone.random()
