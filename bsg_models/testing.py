@@ -242,7 +242,7 @@ def _make_knowledge(seed: int, *, nodes: int, artifacts: int, task: Task) -> Kno
     return Knowledge(
         task=task,
         here=here,
-        travel=find_ways(edges),
+        ways=find_ways(edges).costs,
         rows=every,
         unexplored=unexplored,
         wanted=np.ones((searches, artifacts), dtype=bool),

@@ -195,17 +195,12 @@ class _Search(Mask):
         rng: np.random.Generator,
     ) -> View:
         """Sample which rooms are searched; the others hide the fraction."""
-        nodes, classes = shape
-        half_seen = View.of_rooms(
-            np.full(nodes - 1, recipe.fraction),
-            classes=classes,
-            entered=np.ones(nodes - 1, dtype=bool),
-            alone=recipe.fraction,
-        )
+        nodes = shape[0]
+        half_seen = UNIFORM.look(shape, recipe, connections=connections, rng=rng)
         rooms = np.zeros(nodes, dtype=bool)
         number = int(rng.integers((nodes - 1) // 2 + 1))
         rooms[1 + rng.permutation(nodes - 1)[:number]] = True
-        return half_seen.search(rooms)
+        return replace(half_seen.search(rooms), exact=False)
 
 
 class _Tour(Mask):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from bsg_data.arrays import Bools, Floats, Ints
 
 Task = Literal["single", "all"]
-_MANY = 8  # if every node left has one in so many as neighbours, `find_ways` is faster
+_MANY = 8  # if every node left has one in so many as neighbours, going by all of them is faster
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,8 @@ class Knowledge:
     Attributes:
         task: whether one instance of each class is enough, or all must be found.
         here: `[E]` node of the robot.
-        travel: of all searches of the building.
-        rows: `[E]` indices of these searches in `travel`.
+        ways: `[S, N, N]` costs of the cheapest ways, in all S searches of the building.
+        rows: `[E]` indices of these searches in `ways`.
         unexplored: `[E, N]` rooms that the robot can reach and has not entered.
         wanted: `[E, A]` classes still to be found.
         presence: `[E, N, A]` believed P(at least one instance), of unexplored rooms only.
@@ -33,7 +33,7 @@ class Knowledge:
 
     task: Task
     here: Ints
-    travel: Travel
+    ways: Floats
     rows: Ints
     unexplored: Bools
     wanted: Bools
@@ -53,12 +53,12 @@ class Knowledge:
     @property
     def distance(self) -> Floats:
         """Cost of going to each node, `[E, N]`."""
-        return np.asarray(self.travel.costs[self.rows, self.here])
+        return np.asarray(self.ways[self.rows, self.here])
 
     @property
     def costs(self) -> Floats:
         """Cost of the cheapest way between any two nodes, `[E, N, N]`."""
-        return np.asarray(self.travel.costs[self.rows])
+        return np.asarray(self.ways[self.rows])
 
     @property
     def any_presence(self) -> Floats:
@@ -77,12 +77,11 @@ class Travel:
 
     Attributes:
         costs: `[E, N, N]` of the cheapest way; 0 to itself, ∞ if there is none.
-        steps: `[E, N, N]` second node on that way; the node itself if there is none. Empty for a
-            robot that only asks where to go.
+        steps: `[E, N, N]` second node on that way; the node itself if there is none.
     """
 
     costs: Floats
-    steps: npt.NDArray[np.int16] = field(default_factory=lambda: np.empty((0, 0, 0), np.int16))
+    steps: npt.NDArray[np.int16]
 
     def first_on_the_way(self, rows: Ints, here: Ints, target: Ints, wanted: Bools) -> Ints:
         """Return the first wanted node on some ways, the target at the latest, `[M]`.
@@ -131,7 +130,7 @@ def find_costs(edges: Floats) -> Floats:
         node = int(degrees.argmin())
         near = np.flatnonzero(joined[node])
         if len(near) * _MANY > nodes:
-            return np.asarray(find_ways(edges[None]).costs[0])
+            return _find_by_all(edges)
         out, back = left[node, near], left[near, node]
         order.append(node)
         ends.append((near, np.stack([out, back])))
@@ -148,6 +147,15 @@ def find_costs(edges: Floats) -> Floats:
         both[:, k, :k] = through.min(axis=1, initial=np.inf)
         both[:, :k, k] = both[::-1, k, :k]
     return np.asarray(both[0][np.ix_(place, place)])
+
+
+def _find_by_all(edges: Floats) -> Floats:
+    """Return what `find_costs` does, by the method of Floyd and Warshall."""
+    costs = edges.astype(np.float64)
+    np.fill_diagonal(costs, 0.0)
+    for k in range(len(costs)):
+        np.minimum(costs, costs[:, k, None] + costs[k], out=costs)
+    return costs
 
 
 def go_straight(edges: Floats) -> Travel:

@@ -16,7 +16,7 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.spelling import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
-from bsg_models.search.knowledge import Knowledge, Task, Travel, find_costs
+from bsg_models.search.knowledge import Knowledge, Task, find_costs
 from bsg_models.search.orders import choose_cover, choose_rooms
 
 _ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
@@ -184,7 +184,7 @@ def next_room_by(
     known = Knowledge(
         task=task,
         here=np.array([here]),
-        travel=Travel(costs[None]),
+        ways=costs[None],
         rows=np.array([0]),
         unexplored=unexplored[None],
         wanted=np.ones((1, likely.shape[1]), dtype=bool),

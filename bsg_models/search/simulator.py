@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
@@ -86,6 +87,7 @@ class Step:
     known: Knowledge  # what they know
     target: Ints  # `[M]` rooms that the planner names
     entered: Ints  # `[M]` rooms that they enter on the way there
+    towards: npt.NDArray[np.int16]  # `[M, N]` next node on the way to the target, from every node
 
 
 def search(
@@ -192,7 +194,7 @@ class _Run:
         self.explored[rows, place] = True
         self.here[rows] = place
         self._end()
-        return Step(rows, known, target, place)
+        return Step(rows, known, target, place, travel.steps[rows, :, target])
 
     def _look(self, answer: Answer | None) -> Knowledge:
         """Return what the robot knows in its running searches."""
@@ -209,7 +211,7 @@ class _Run:
         return Knowledge(
             task=robot.task,
             here=self.here[rows],
-            travel=episodes.travel,
+            ways=episodes.travel.costs,
             rows=rows,
             unexplored=unexplored,
             wanted=wanted,

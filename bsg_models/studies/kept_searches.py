@@ -107,7 +107,13 @@ def walk_of(steps: Sequence[Step], episode: int) -> list[Step]:
     """Return the steps of one search out of those of many that ran in lockstep."""
     rows = [np.flatnonzero(step.rows == episode) for step in steps]
     return [
-        Step(step.rows[row], step.known.take(row), step.target[row], step.entered[row])
+        Step(
+            rows=step.rows[row],
+            known=step.known.take(row),
+            target=step.target[row],
+            entered=step.entered[row],
+            towards=step.towards[row],
+        )
         for step, row in zip(steps, rows, strict=True)
         if len(row)
     ]
@@ -158,10 +164,9 @@ def list_visits(
 
 def _way_of(step: Step) -> tuple[int, ...]:
     """Return the rooms after the robot's own, up to the one that it enters."""
-    towards = step.known.travel.steps[step.known.rows[0], :, step.target[0]]
-    way = [int(towards[step.known.here[0]])]
+    way = [int(step.towards[0, step.known.here[0]])]
     while way[-1] != step.entered[0]:
-        way.append(int(towards[way[-1]]))
+        way.append(int(step.towards[0, way[-1]]))
     return tuple(node for node in way if node)  # node 0 is the building, not a room
 
 

@@ -120,7 +120,7 @@ def test_ties_go_to_the_lowest_index() -> None:
     known = Knowledge(
         task="single",
         here=np.array([2]),
-        travel=find_ways(ROW[None]),
+        ways=find_ways(ROW[None]).costs,
         rows=np.array([0]),
         unexplored=np.array([[False, True, False, True, True, False]]),
         wanted=np.ones((1, 1), dtype=bool),

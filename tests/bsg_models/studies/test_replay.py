@@ -49,17 +49,24 @@ def study(dataset: Path, run: Path, scene: str) -> Study:
 def step(rows: list[int], presence: list[list[float]], here: int, entered: int) -> Step:
     """Return a step towards room 3 of searches of which some go on."""
     shown = np.array(presence)[:, :, None]
+    travel = find_ways(np.repeat(CORRIDOR[None], 3, axis=0))
     known = Knowledge(
         task="single",
         here=np.full(len(rows), here),
-        travel=find_ways(np.repeat(CORRIDOR[None], 3, axis=0)),
+        ways=travel.costs,
         rows=np.array(rows),
         unexplored=shown[:, :, 0] > 0,
         wanted=np.ones((len(rows), 1), dtype=bool),
         presence=shown,
         share=None,
     )
-    return Step(np.array(rows), known, np.full(len(rows), 3), np.full(len(rows), entered))
+    return Step(
+        rows=np.array(rows),
+        known=known,
+        target=np.full(len(rows), 3),
+        entered=np.full(len(rows), entered),
+        towards=travel.steps[rows, :, 3],
+    )
 
 
 FIRST = step([0, 1, 2], [[0, 0, 0.2, 0.5], [0, 0, 0.2, 0.5], [0, 0, 0.9, 0.9]], 1, 2)
