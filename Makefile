@@ -48,10 +48,10 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
 	$(BIN)/bsg-data check $(DEMO)/dataset
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
-	$(BIN)/bsg-train --config ceci-gcn --data $(DEMO)/dataset --out $(DEMO)/ceci-gcn --set training.epochs=100
-	$(BIN)/bsg-train --config ceci-sage --data $(DEMO)/dataset --out $(DEMO)/ceci-sage --set training.epochs=100
-	$(BIN)/bsg-evaluate $(DEMO)/ceci-gcn $(DEMO)/ceci-sage --data $(DEMO)/dataset --resamples 50 --out $(DEMO)/evaluation --html $(DEMO)/report.html
-	$(BIN)/bsg-search --data $(DEMO)/dataset --worlds geometry --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --animation $(DEMO)/search/search.png --out $(DEMO)/search
+	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-gcn --out $(DEMO)/ceci-gcn --set training.epochs=100
+	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-sage --out $(DEMO)/ceci-sage --set training.epochs=100
+	$(BIN)/bsg-evaluate $(DEMO)/dataset --model $(DEMO)/ceci-gcn --model $(DEMO)/ceci-sage --out $(DEMO)/evaluation --html $(DEMO)/report.html
+	$(BIN)/bsg-search $(DEMO)/dataset --worlds geometry --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --replay $(DEMO)/search/search.png --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."
@@ -99,7 +99,7 @@ figures: demo robot ## Draw the figures of the docs; that of the explorer needs 
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
 	cp $(DEMO)/search/search.png docs/figures/search.png
 	cp demo-robot/robot.png docs/figures/robot.png
-	$(BIN)/bsg-belief docs/home.json --html $(DEMO)/home.html
+	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"
 
 # pyrobosim brings a plugin of pytest, so it has an environment of its own.

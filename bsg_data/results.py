@@ -4,7 +4,7 @@
     while files are renamed   no seal, so that no mix of old and new is taken for results
     in the end                the new results, and their seal, written last
 
-A folder without a seal is unfinished. `sha256sum -c SHA256SUMS` and `bsg-models check` check it.
+A folder without a seal is unfinished. `sha256sum -c SHA256SUMS` and `bsg-models verify` check it.
 """
 
 from __future__ import annotations

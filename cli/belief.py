@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+import webbrowser
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 import bsg_data
 import bsg_models
@@ -17,16 +17,11 @@ from bsg_cli.find import find_things
 from bsg_cli.options import (
     PATH,
     choice_option,
-    data_option,
     force_option,
-    html_option,
     json_option,
     mask_options,
     model_option,
     number_option,
-    out_option,
-    rerun_option,
-    seed_option,
     split_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
@@ -39,14 +34,11 @@ _MOST_ROWS = 60
 
 
 @click.command("bsg-belief", cls=Command)
-@click.argument("graphs", type=PATH, nargs=-1, metavar="[GRAPH]...")
+@click.argument("paths", type=PATH, nargs=-1, required=True, metavar="GRAPH...|DATASET")
 @model_option("A shipped model, a trained run, or a model of the hub.  [default: universal]")
-@data_option("Instead of GRAPHs: mask buildings of this dataset.", required=False)
-@split_option("With --data: the split.", default="val")
-@click.option("--fold", type=click.IntRange(min=0), help="With --data and folds: the fold.")
-@click.option("--scene", help="With --data: only this building.")
-@mask_options("With --data: how to hide objects.", "With --data: share of the objects to hide.")
-@seed_option("With --data: seed of the masks.")
+@split_option("Of a DATASET: the split.", default="val")
+@click.option("--scene", help="Of a DATASET: only this building.")
+@mask_options("Of a DATASET: how to hide objects.", "Of a DATASET: share of the objects to hide.")
 @click.option("--labels", metavar="SPACE", help="Label space of Hydra: mpcat40, ade20k, or a file.")
 @click.option(
     "--hidden-share",
@@ -70,91 +62,97 @@ _MOST_ROWS = 60
     default="complete",
 )
 @number_option("--top", "Number of unseen classes per room.", default=3)
-@out_option(
-    "Write the belief graphs. The suffix sets the format: .json, .tables, .dsg.json, .html or .rrd."
-)
 @click.option(
-    "--hydra",
+    "--out",
     type=PATH,
-    help="Write one graph as Spark-DSG JSON. A graph of Hydra keeps all that it had.",
+    multiple=True,
+    help="Write the belief graphs; may be repeated. The suffix is the format: .html (page), .json, "
+    ".tables (parquet), .dsg.json (Hydra) or .rrd (Rerun, one step for each GRAPH).",
 )
-@click.option("--tables", type=PATH, help="Write all graphs as a folder of parquet tables.")
-@html_option("Write the explorer, one HTML page.")
-@rerun_option("Write a recording for the Rerun viewer; each GRAPH is one step of its time.")
+@click.option("--open", "shows", is_flag=True, help="Open the page of --out in the browser.")
 @force_option
 @json_option
 def main(
-    dataset: Path | None, as_json: bool, find: tuple[str, ...], here: str | None, **options: Any
+    paths: tuple[Path, ...],
+    as_json: bool,
+    find: tuple[str, ...],
+    here: str | None,
+    shows: bool,
+    **options: Any,
 ) -> None:
     """Say which unseen objects a model expects in each room, or where one thing is.
 
     A GRAPH is a robot's partial graph: our JSON (docs/belief.md) or Spark-DSG JSON; `-` is
-    standard input. The model is looked up in this order: an existing path, a shipped model
-    (`bsg-models list`), a folder of that name, a downloaded OWNER/NAME (`bsg-models download`).
+    standard input. A DATASET is masked first, so that the page also shows the truth.
 
     \b
     Example:
       bsg-belief graph.json --find microwave --from hall
-      bsg-belief graph.json --html belief.html
-      bsg-belief graph.json later.json --rerun growing.rrd
-      bsg-belief dsg.json --labels mpcat40 --hydra annotated.json
-      bsg-belief graph.json --model run --out belief.json --html belief.html
-      bsg-belief --data dataset --split val --model run --tables beliefs
+      bsg-belief graph.json --out belief.html --open
+      bsg-belief graph.json later.json --out growing.rrd
+      bsg-belief dsg.json --labels mpcat40 --out annotated.dsg.json
+      bsg-belief dataset --split val --model run --out beliefs.tables
     """
-    if bool(options["graphs"]) == (dataset is not None):
-        raise click.UsageError("expected either GRAPHs or --data DATASET; give one of them")
+    dataset = paths[0] if (paths[0] / "dataset.json").is_file() else None
+    if dataset is not None and len(paths) > 1:
+        raise click.UsageError(f"expected GRAPHs or one DATASET, found {len(paths)} paths")
     if here is not None and not find:
         raise click.UsageError("--from needs --find THING; give both or neither")
-    if find:
-        _check_find(options)
-    named, labels = options.pop("model"), options.pop("labels")
+    if find and (dataset is not None or len(paths) > 1):
+        raise click.UsageError(f"--find: expected one GRAPH, found {' '.join(map(str, paths))}")
+    _require_formats(options["out"])
+    pages = [path for path in options["out"] if path.suffix.casefold() in (".html", ".htm")]
+    if shows and not pages:
+        raise click.UsageError("--open shows a page; add --out FILE.html")
+    model, labels = options.pop("model") or bsg_models.DEFAULT_MODEL, options.pop("labels")
     shares = _read_shares(options.pop("shares"), dataset)
-    files = [_open_graph(path, labels, shares, options["out"]) for path in options.pop("graphs")]
-    model = bsg_models.DEFAULT_MODEL if named is None else named
+    graphs = () if dataset is not None else paths
+    files = [_open_graph(path, labels, shares) for path in graphs]
     if find:
-        _ask(files[0], model, find, here=here, as_json=as_json, announce=named is None)
-        return
-    names = ("fraction", "seed", "withhold", "parts")
-    mask = {"strategy": options.pop("mask"), **{name: options.pop(name) for name in names}}
-    request = bsg_models.BeliefRequest(
-        run=model,
-        graphs=tuple(files),
-        dataset=dataset,
-        mask=bsg_data.MaskRecipe.model_validate(mask),
-        **options,
-    )
-    with progress_bar("belief", unit="graph") as progress:
-        report = bsg_models.report_beliefs(request, progress=progress)
-    if named is None:
-        print_note(f"model: {bsg_models.describe_model()}")
+        _ask(files[0], model, find, here=here, as_json=as_json)
+    if options["out"] or not find:
+        mask = {"strategy": options.pop("mask"), "fraction": options.pop("fraction")}
+        request = bsg_models.BeliefRequest(
+            run=model,
+            graphs=tuple(files),
+            dataset=dataset,
+            mask=bsg_data.MaskRecipe.model_validate(mask),
+            **options,
+        )
+        with progress_bar("belief", unit="graph") as progress:
+            report = bsg_models.report_beliefs(request, progress=progress)
+        if not find:
+            _print_report(report, files, as_json=as_json)
+        if request.out and not as_json:
+            print_text(f"written: {', '.join(map(str, request.out))}")
+    for page in pages if shows else ():
+        if not webbrowser.open(page.resolve().as_uri()):
+            print_note(f"no browser opens here; open {page} in one")
+
+
+def _require_formats(paths: Sequence[Path]) -> None:
+    """Refuse a suffix of no format, and a recording without rerun-sdk, before the work starts."""
+    from bsg_models.belief.formats import choose_format
+
+    if any(choose_format(path).name == "rerun" for path in paths):
+        from bsg_models.rendering.recording import require_rerun
+
+        require_rerun()
+
+
+def _print_report(
+    report: bsg_models.BeliefReport, files: Sequence[GraphFile], *, as_json: bool
+) -> None:
+    """Print the notes on the graphs, and what is believed."""
     for file, notes in zip(files, report.notes, strict=False):
         for note in notes:
             print_note(f"{file.path}: {note}")
+    if len(report.graphs) < report.number:
+        print_note(f"a page shows the first {len(report.graphs):,} of {report.number:,} graphs")
     if as_json:
         print_json([_encode_room(room) for room in report.rooms])
-        return
-    _print_rooms(report)
-    if request.html and len(report.graphs) < report.number:
-        print_note(
-            f"{request.html}: shows the first {len(report.graphs):,} of {report.number:,} graphs; "
-            "--tables writes all"
-        )
-    if written := [str(path) for _, path in request.list_results()]:
-        print_text(f"written: {', '.join(written)}")
-
-
-def _check_find(options: dict[str, Any]) -> None:
-    """Refuse several graphs, and options that `--find` does not use."""
-    context = click.get_current_context()
-    for name in ("mode", "top", "split", "fold", "scene", "force"):
-        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"--find does not use --{name}; leave one of them out")
-    if len(options["graphs"]) != 1:
-        found = len(options["graphs"]) or "--data"
-        raise click.UsageError(f"--find: expected one GRAPH, found {found}")
-    written = [name for name in ("out", "hydra", "tables", "html", "rerun") if options[name]]
-    if written:
-        raise click.UsageError(f"--find writes no files; leave out --find or --{written[0]}")
+    else:
+        _print_rooms(report)
 
 
 def _ask(
@@ -164,7 +162,6 @@ def _ask(
     *,
     here: str | None,
     as_json: bool,
-    announce: bool,
 ) -> None:
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
     from bsg_data.observation.partial_graph import reclassify
@@ -174,24 +171,17 @@ def _ask(
         find_room(file.graph, here)
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
-    if announce:
-        print_note(f"model: {bsg_models.describe_model()}")
     seen = bsg_models.SeenBuilding(graph, predictor, notes=file.notes)
     for note in seen.notes:
         print_note(f"{file.path}: {note}")
     find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
 
 
-def _open_graph(
-    path: Path, labels: str | None, shares: dict[str, Any], out: Path | None
-) -> GraphFile:
+def _open_graph(path: Path, labels: str | None, shares: dict[str, Any]) -> GraphFile:
     """Read a robot's graph once, before models are imported, which is slow."""
-    from bsg_models.belief.formats import choose_format
     from bsg_models.belief.graph_file import open_graph_file
     from bsg_models.robot.words import set_hidden_shares
 
-    if out is not None:
-        choose_format(out)
     file = open_graph_file(path, labels=labels)
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
@@ -199,7 +189,9 @@ def _open_graph(
 def _read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
     """Return the hidden shares of `--hidden-share`: `0.4` for all rooms, `kitchen=0.2` for one."""
     if said and dataset is not None:
-        raise click.UsageError("--hidden-share needs GRAPHs; with --data give --mask instead")
+        raise click.UsageError(
+            "--hidden-share is for GRAPHs; of a DATASET, --mask says what is hidden"
+        )
     shares: dict[str, float] = {}  # by room; the empty name stands for all other rooms
     for word in said:
         room, _, number = word.rpartition("=")

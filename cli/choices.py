@@ -28,9 +28,7 @@ from bsg_models.zoo.catalogue import ZOO as MODELS
 __all__ = ["MASKS", "MODELS", "PLANNERS"]  # registries: they read their names on first use
 WORLDS = ("star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry")
 DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
-MESH_SIZES = ("small", "full")
 MOST_SCENES = 10_000_000  # of one seed
-MOST_ROOMS, MOST_OBJECTS = 100_000, 4_000_000  # of a synthetic building
 
 
 def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:

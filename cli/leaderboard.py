@@ -12,32 +12,22 @@ import click
 import bsg_models
 from bsg_cli.choices import MASKS, MODELS, complete_list, load_config, require_known
 from bsg_cli.options import (
-    data_option,
+    dataset_argument,
     force_option,
-    json_option,
     number_option,
     out_option,
-    resamples_option,
     seed_option,
     split_names,
     workers_option,
 )
-from bsg_cli.terminal import (
-    Command,
-    Workers,
-    print_json,
-    print_note,
-    print_text,
-    progress_bar,
-    worker_pool,
-)
+from bsg_cli.terminal import Command, print_note, print_text, progress_bar, worker_pool
 from bsg_data.tables import format_text
 
 _STEPS = {"train": "run", "combine": "run", "measure": "model"}  # step of the work → its unit
 
 
 @click.command("bsg-leaderboard", cls=Command)
-@data_option("Dataset. It is copied and stays unchanged.")
+@dataset_argument
 @click.option(
     "--models",
     shell_complete=complete_list(lambda ctx: MODELS),
@@ -53,29 +43,26 @@ _STEPS = {"train": "run", "combine": "run", "measure": "model"}  # step of the w
 @number_option("--folds", "Number of folds.", default=5, least=3)
 @number_option("--draws", "Masks per building.", default=5)
 @out_option("Folder of the results.  [default: leaderboard]")
-@resamples_option(200)
 @workers_option
 @seed_option()
 @force_option
-@json_option
 def main(
     dataset: Path,
     models: str | None,
     masks: str,
     out: Path | None,
-    workers: Workers,
+    workers: int,
     force: bool,
-    as_json: bool,
     **options: Any,
 ) -> None:
     """Train and measure models of the zoo in cross-validation.
 
-    Each model is trained once for each mask. A model whose configuration names a mask is trained
-    once in all. After an interruption, run the same command again to continue.
+    The dataset stays unchanged. Each model is trained once for each mask, or once in all if its
+    configuration names a mask. After an interruption, run the same command again to continue.
 
     \b
     Example:
-      bsg-leaderboard --data dataset --models doubled,mixture,ceci-sage
+      bsg-leaderboard dataset --models doubled,mixture,ceci-sage
     """
     names = split_names(masks, option="--masks")
     require_known("mask", names or (), MASKS)
@@ -83,9 +70,8 @@ def main(
     out = out or Path("leaderboard")
     bsg_models.refuse_finished(out, force=force)
     recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
-    pool = worker_pool(workers, writes=[out])
     try:
-        with pool as executor, ExitStack() as stack:
+        with worker_pool(workers) as executor, ExitStack() as stack:
             bars = {
                 what: stack.enter_context(progress_bar(what, unit=unit))
                 for what, unit in _STEPS.items()
@@ -101,9 +87,6 @@ def main(
     report = bsg_models.report_leaderboard(board, out)
     for note in report.notes:
         print_note(note)
-    if as_json:
-        print_json(report.summary)
-        return
     for mask, results in board.results.items():
         header, rows = bsg_models.summary_rows(results)
         print_text(f"`{mask}` masks:\n{format_text(rows, header=header)}\n")

@@ -1,4 +1,4 @@
-"""`bsg-models`: list, show, check and download models."""
+"""`bsg-models`: list, show, verify, download and export models."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ import bsg_models
 from bsg_cli.choices import complete_model
 from bsg_cli.options import PATH, force_option, json_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, print_text
+from bsg_cli.train import print_run
 from bsg_data.errors import BSGError
 from bsg_data.tables import format_text
+from bsg_models.runs.run_folder import is_run
 
 
 @click.group("bsg-models", cls=CommandGroup)
 def main() -> None:
-    """List the shipped models, check results, and download models from the hub.
+    """List the shipped models, verify results, and download or export models.
 
     \b
     Example:
@@ -52,19 +54,16 @@ def _name_size(number: int) -> str:
 
 
 @main.command(cls=Command)
-@click.argument("name", metavar="NAME|FOLDER|HUB-ID", shell_complete=complete_model)
-@json_option
-def show(name: str, as_json: bool) -> None:
-    """Show the card and the checkpoint of a model.
+@click.argument("name", metavar="NAME|RUN|HUB-ID", shell_complete=complete_model)
+def show(name: str) -> None:
+    """Show the card and the checkpoint of a model, and how a run was trained.
 
     \b
     Example:
       bsg-models show universal
+      bsg-models show run
     """
     model = bsg_models.summarise_model(name)
-    if as_json:
-        print_json(model.model_dump(mode="json"))
-        return
     facts = [
         ("name", f"{model.name} ({model.kind})"),
         ("model of the zoo", model.zoo_name),
@@ -75,20 +74,53 @@ def show(name: str, as_json: bool) -> None:
     # The front matter is for the hub; the card repeats it in words.
     print_text(model.card.partition("\n---\n")[2].strip() + "\n")
     print_text(format_text(facts, header=("checkpoint", "")))
+    if is_run(Path(name)):
+        _print_trainings(Path(name))
+
+
+def _print_trainings(run: Path) -> None:
+    """Print what a run is and how each of its trainings ended."""
+    summary = bsg_models.summarise_run(run)
+    print_text("")
+    print_run(summary)
+    print_text(
+        f"seed {summary.config.seed}; to train it again: "
+        f"bsg-train DATASET --config {summary.written_config} --out RUN\n"
+    )
+    rows = [_training_row(begun, ended) for begun, ended in summary.trainings]
+    header = ("begun", "ended", "how", "epochs", "seconds", "dataset", "version", "torch")
+    print_text(format_text(rows, header=header))
+    for _, ended in summary.trainings:
+        if ended is not None and ended.error:
+            print_text(f"failed: {ended.error}")
+
+
+def _training_row(begun: bsg_models.Begun, ended: bsg_models.Ended | None) -> tuple[object, ...]:
+    epoch = "?" if ended is None else ended.epoch
+    return (
+        begun.time,
+        ended.time if ended else "-",
+        ended.how if ended else "killed, or still running",
+        f"{begun.from_epoch} to {epoch}" if begun.from_epoch or epoch else "-",
+        f"{ended.seconds:.1f}" if ended else "-",
+        begun.dataset_sha256[:12],
+        begun.versions.get("belief-scene-graphs", "?"),
+        begun.versions.get("torch", "?"),
+    )
 
 
 @main.command(cls=Command)
 @click.argument("paths", metavar="PATH...", type=PATH, nargs=-1, required=True)
-def check(paths: tuple[Path, ...]) -> None:
-    """Check that no byte of a result changed after it was written.
+def verify(paths: tuple[Path, ...]) -> None:
+    """Verify that no byte of a result changed after it was written.
 
     A PATH is a run, a folder of belief tables, an evaluation, a search, a leaderboard, or a
     checkpoint.
 
     \b
     Example:
-      bsg-models check run
-      bsg-models check beliefs run/evaluation
+      bsg-models verify run
+      bsg-models verify beliefs.tables run/evaluation
     """
     faults = 0
     for path in paths:
@@ -119,13 +151,13 @@ def download(name: str) -> None:
 
 
 @main.command(cls=Command)
-@click.argument("name", metavar="NAME|FOLDER|HUB-ID", shell_complete=complete_model)
+@click.argument("name", metavar="NAME|RUN|HUB-ID", shell_complete=complete_model)
 @click.argument("file", metavar="FILE.onnx", type=PATH)
 @force_option
 def export(name: str, file: Path, force: bool) -> None:
     """Write a network as ONNX, for programs in other languages.
 
-    Its classes and words lie beside it as JSON; docs/onnx.md says its inputs and outputs.
+    Its classes and words lie beside it as JSON; docs/robot-software.md says its inputs and outputs.
 
     \b
     Example:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import click
 
 import bsg_data
 from bsg_cli.choices import MASKS, complete_class_map, complete_model
-from bsg_cli.terminal import Workers
 from bsg_data.errors import RecipeError
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
@@ -55,17 +53,6 @@ def _require_page(_: click.Context, __: click.Parameter, path: Path | None) -> P
     return path
 
 
-def _require_recording(_: click.Context, __: click.Parameter, path: Path | None) -> Path | None:
-    if path is None:
-        return None
-    if path.suffix.casefold() != ".rrd":
-        raise click.BadParameter(f"{path}: expected the name of a recording, such as belief.rrd")
-    from bsg_models.rendering.recording import require_rerun
-
-    require_rerun()
-    return path
-
-
 json_option = click.option("as_json", "--json", is_flag=True, help="Print JSON on stdout.")
 force_option = click.option("--force", is_flag=True, help="Replace a finished result.")
 dataset_argument = click.argument(
@@ -80,39 +67,13 @@ class_map_option = click.option(
 )
 
 
-def workers_option(function: Function) -> Function:
-    """Add `--workers` and `--scheduler`; the command gets both as `workers`, a `Workers`."""
-
-    @click.option(
-        "--workers",
-        type=click.IntRange(1, MOST_WORKERS),
-        show_default="all cores",
-        help="Number of processes. The result does not depend on it.",
-    )
-    @click.option(
-        "--scheduler",
-        metavar="ADDRESS|FILE",
-        help="Dask scheduler. Its workers must see the same files at the same paths.",
-    )
-    @wraps(function)
-    def command(
-        *args: Any, workers: int | None = None, scheduler: str | None = None, **options: Any
-    ) -> Any:
-        if workers is not None and scheduler is not None:
-            raise click.UsageError(
-                "--workers and --scheduler exclude each other: --workers starts processes on this "
-                "machine; give one of them"
-            )
-        chosen = Workers(workers or os.cpu_count() or 1, scheduler)
-        return function(*args, workers=chosen, **options)
-
-    return cast(Function, command)
-
-
-def data_option(text: str, *, required: bool = True) -> Decorator[Any]:
-    """Return `--data`, the dataset for a command that uses models."""
-    how: Any = {"type": PATH, "callback": require_datasets, "required": required}
-    return click.option("--data", "dataset", help=text, **how)
+workers_option = click.option(
+    "--workers",
+    type=click.IntRange(1, MOST_WORKERS),
+    default=lambda: os.cpu_count() or 1,
+    show_default="all cores",
+    help="Number of processes. The result does not depend on it.",
+)
 
 
 def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
@@ -136,12 +97,6 @@ def html_option(text: str) -> Decorator[Any]:
     return click.option("--html", type=PATH, callback=_require_page, help=text)
 
 
-def rerun_option(text: str) -> Decorator[Any]:
-    """Return `--rerun`, the path of a recording that the Rerun viewer opens."""
-    how: Any = {"type": PATH, "callback": _require_recording, "metavar": "FILE.rrd"}
-    return click.option("--rerun", help=text, **how)
-
-
 def number_option(name: str, text: str, *, default: int, least: int = 1) -> Decorator[Any]:
     """Return an option that is an integer of `least` or more."""
     kind = click.IntRange(min=least)
@@ -151,12 +106,6 @@ def number_option(name: str, text: str, *, default: int, least: int = 1) -> Deco
 def seed_option(text: str = "Random seed.") -> Decorator[Any]:
     """Return `--seed`."""
     return number_option("--seed", text, default=0, least=0)
-
-
-def resamples_option(default: int) -> Decorator[Any]:
-    """Return `--resamples`, the number of bootstrap resamples."""
-    text = "Bootstrap resamples of the buildings; 0: no intervals."
-    return number_option("--resamples", text, default=default, least=0)
 
 
 def choice_option(name: str, names: list[str], text: str, *, default: str) -> Decorator[Any]:
@@ -171,7 +120,7 @@ def split_option(text: str, *, default: str, more: tuple[str, ...] = ()) -> Deco
 
 
 def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorator[Any]:
-    """Return `--mask`, `--fraction`, `--withhold` and `--parts`, which say how to hide objects."""
+    """Return `--mask` and `--fraction`, which say how to hide objects."""
     options = (
         click.option(
             "--mask", type=RegistryChoice(MASKS), default="uniform", show_default=True, help=how
@@ -182,18 +131,6 @@ def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorato
             default=0.5,
             show_default=True,
             help=how_much,
-        ),
-        click.option(
-            "--withhold",
-            type=click.FloatRange(0, 1),
-            default=0.0,
-            show_default=True,
-            help="Share of the classes to hide everywhere except in searched rooms.",
-        ),
-        click.option(
-            "--parts",
-            is_flag=True,
-            help="Hide the parts of hidden objects: the curtain rod of a hidden curtain.",
         ),
     )
 

@@ -10,11 +10,9 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from io import TextIOWrapper
-from pathlib import Path
 from threading import Thread, current_thread, main_thread
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -167,32 +165,10 @@ def _tell_now_and_then(what: str, *, unit: str) -> Progress:
     return report
 
 
-@dataclass(frozen=True, slots=True)
-class Workers:
-    """The workers for the parallel part of a command."""
-
-    processes: int  # number of processes on this machine
-    scheduler: str | None = None  # address of a Dask scheduler, whose workers replace the processes
-
-
 @contextmanager
-def worker_pool(
-    workers: Workers, *, reads: Sequence[Path] = (), writes: Sequence[Path] = ()
-) -> Iterator[Executor | None]:
-    """Yield a pool of processes or a cluster; None for one worker: do the tasks in this process.
-
-    Args:
-        workers: processes, or a scheduler.
-        reads: files and folders that tasks read; workers of a cluster must see the same files.
-        writes: files and folders that tasks write.
-    """
-    if workers.scheduler is not None:
-        from bsg_cli.cluster import connect
-
-        with connect(workers.scheduler, reads=reads, writes=writes) as cluster:
-            yield cluster
-        return
-    if workers.processes == 1:
+def worker_pool(workers: int) -> Iterator[Executor | None]:
+    """Yield a pool of processes; None for one worker: do the tasks in this process."""
+    if workers == 1:
         yield None
         return
     from concurrent.futures import ProcessPoolExecutor
@@ -201,13 +177,13 @@ def worker_pool(
     with (
         _importing_nothing_from_here(),
         ProcessPoolExecutor(
-            workers.processes, mp_context=get_context("spawn"), initializer=_end_with_parent
+            workers, mp_context=get_context("spawn"), initializer=_end_with_parent
         ) as pool,
     ):
         # Only this process handles Ctrl-C. Processes that start while it is ignored here ignore it
         # from their first moment on, so start all of them now.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        for _ in range(workers.processes):
+        for _ in range(workers):
             pool.submit(os.getpid)
         signal.signal(signal.SIGINT, handler)
         yield pool

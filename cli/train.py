@@ -1,4 +1,4 @@
-"""`bsg-train`: train one model on one dataset, or show a run."""
+"""`bsg-train`: train one model on one dataset."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import click
 import bsg_data
 import bsg_models
 from bsg_cli.choices import MODELS, complete_names_or_files, load_config
-from bsg_cli.options import PATH, data_option, force_option, json_option, out_option
-from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
+from bsg_cli.options import PATH, force_option, out_option, require_datasets
+from bsg_cli.terminal import Command, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
 from bsg_data.results import SEAL, read_seal
-from bsg_data.tables import format_text
 
 
 @click.command("bsg-train", cls=Command)
+@click.argument("dataset", type=PATH, required=False, callback=require_datasets, metavar="DATASET")
 @click.option(
     "--config",
     "config_name",
+    required=True,
     help=f"Model to train: a TOML file, or one of {', '.join(MODELS)}.",
     metavar="NAME|FILE",
     shell_complete=complete_names_or_files(lambda: MODELS),
 )
-@data_option("Dataset, with a split and pairs.", required=False)
 @out_option("Folder of the run.")
 @click.option(
     "--set",
@@ -36,48 +36,41 @@ from bsg_data.tables import format_text
     help="Override one value of the configuration; may be repeated.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Short for --set seed=N.")
-@click.option("--print-config", is_flag=True, help="Print the configuration and exit.")
-@click.option("--show", type=PATH, metavar="RUN", help="Show how a run was trained and exit.")
+@click.option(
+    "--print", "prints", is_flag=True, help="Print the configuration and exit; needs no DATASET."
+)
 @click.option("--resume", is_flag=True, help="Continue an interrupted run.")
 @force_option
-@json_option
 def main(
-    config_name: str | None,
     dataset: Path | None,
+    config_name: str,
     out: Path | None,
     settings: tuple[str, ...],
     seed: int | None,
-    print_config: bool,
-    show: Path | None,
+    prints: bool,
     resume: bool,
     force: bool,
-    as_json: bool,
 ) -> None:
-    """Train a model of the zoo on a dataset.
+    """Train a model of the zoo on a dataset that has a split and pairs.
 
     Ctrl-C stops the training. Run the same command with --resume to continue; the weights will be
     the same as without the stop.
 
     \b
     Example:
-      bsg-train --config ceci-gcn --data dataset --out run --set training.epochs=50
-      bsg-train --show run
-      PYTHONSAFEPATH=1 torchrun --nproc-per-node 2 -m bsg_cli.train --config universal \\
-        --data dataset --out run
+      bsg-train dataset --config ceci-gcn --out run --set training.epochs=50
+      bsg-train --config ceci-gcn --print
+      PYTHONSAFEPATH=1 torchrun --nproc-per-node 2 -m bsg_cli.train dataset --config universal \\
+        --out run
     """
-    if show is not None:
-        _show(bsg_models.summarise_run(show), as_json=as_json)
-        return
-    if config_name is None:
-        raise click.UsageError("nothing to train; give --config NAME|FILE, or --show RUN")
     if seed is not None:
         settings = (*settings, f"seed={seed}")
     config = load_config(config_name, settings)
-    if print_config:
+    if prints:
         print_text(bsg_models.write_toml(config), nl=False)
         return
     if dataset is None or out is None:
-        raise click.UsageError("--data and --out are needed to train (or give --print-config)")
+        raise click.UsageError("expected DATASET and --out; --print alone needs neither")
     if not bsg_models.leads_training():  # torchrun started several; only the leader prints
         for _ in bsg_models.train_run(config, dataset, out, resume=resume, force=force):
             pass
@@ -97,11 +90,8 @@ def main(
         print_note(f"{out}: the run is finished already; nothing was trained")
     for note in bsg_models.plot_run(out):
         print_note(note)
-    summary = bsg_models.summarise_run(out)
-    if as_json:
-        print_json(summary.encode())
-    else:
-        _print_summary(summary)
+    print_run(bsg_models.summarise_run(out))
+    print_text(f"next: bsg-evaluate {dataset} --model {out}")
 
 
 def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
@@ -140,39 +130,8 @@ def _note_stopped(run: Path) -> None:
         print_note(f"{run}: {summary.saved}; the same command {summary.again}")
 
 
-def _show(summary: bsg_models.RunSummary, *, as_json: bool) -> None:
-    """Print what a run is and how each of its trainings ended."""
-    if as_json:
-        print_json(summary.encode())
-        return
-    _print_summary(summary)
-    print_text(
-        f"seed {summary.config.seed}; to train it again: "
-        f"bsg-train --config {summary.written_config} --data DATASET\n"
-    )
-    rows = [_training_row(begun, ended) for begun, ended in summary.trainings]
-    header = ("begun", "ended", "how", "epochs", "seconds", "dataset", "version", "torch")
-    print_text(format_text(rows, header=header))
-    for _, ended in summary.trainings:
-        if ended is not None and ended.error:
-            print_text(f"failed: {ended.error}")
-
-
-def _training_row(begun: bsg_models.Begun, ended: bsg_models.Ended | None) -> tuple[object, ...]:
-    epoch = "?" if ended is None else ended.epoch
-    return (
-        begun.time,
-        ended.time if ended else "-",
-        ended.how if ended else "killed, or still running",
-        f"{begun.from_epoch} to {epoch}" if begun.from_epoch or epoch else "-",
-        f"{ended.seconds:.1f}" if ended else "-",
-        begun.dataset_sha256[:12],
-        begun.versions.get("belief-scene-graphs", "?"),
-        begun.versions.get("torch", "?"),
-    )
-
-
-def _print_summary(summary: bsg_models.RunSummary) -> None:
+def print_run(summary: bsg_models.RunSummary) -> None:
+    """Print what a run is, and how good its best epoch was."""
     best = summary.best
     if summary.members:
         print_text(f"ensemble of {', '.join(summary.members)}; their runs are in {summary.folder}")

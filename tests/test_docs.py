@@ -135,7 +135,7 @@ def test_the_examples_of_a_graph_of_hydra_run(
     (block,) = re.findall(r"```python\n(.*?)```", part, re.DOTALL)
     run_block("hydra.md", block)
     first = Path("annotated.json").read_bytes()
-    lines = re.findall(r"^(bsg-belief .*--hydra .*)$", part, re.MULTILINE)
+    lines = re.findall(r"^(bsg-belief .*--out .*)$", part, re.MULTILINE)
     for line in (f"{line} --force" for line in lines):
         name, *words = shlex.split(line)
         result = CliRunner().invoke(COMMANDS[name], words)
@@ -191,7 +191,7 @@ def test_the_entry_of_the_benchmark_is_measured(
     monkeypatch.chdir(dataset.parent)
     (block,) = read_blocks("benchmark.md")
     run_block("benchmark.md", block)
-    words = ["--predictions", "mine.parquet", "--data", "dataset", "--resamples", "0", "--json"]
+    words = ["dataset", "--predictions", "mine.parquet", "--json"]
     result = CliRunner().invoke(COMMANDS["bsg-evaluate"], [*words, "--html", "page.html"])
     assert result.exit_code == 0, result.output
     report = json.loads((dataset.parent / "mine-evaluation" / "evaluation.json").read_text("utf-8"))

@@ -76,7 +76,7 @@ def work(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         run("bsg-data build --source room-lists lists --out dataset --workers 1")
         run("bsg-data split dataset")
         run("bsg-data pairs dataset --mask coin --draws 2 --workers 1")
-        run("bsg-train --config mean-rate --set model.least=0.02 --data dataset --out run")
+        run("bsg-train dataset --config mean-rate --set model.least=0.02 --out run")
     return folder
 
 
@@ -94,20 +94,15 @@ def test_the_source_and_the_mask_make_a_sound_dataset_under_their_own_terms() ->
 
 
 def test_the_model_is_evaluated_with_the_metric() -> None:
-    words = "--data dataset --resamples 2 --all-metrics"
-    printed = run(f"bsg-evaluate run {words} --out evaluation").stdout
-    assert "rooms/total_error" in printed
-    assert "building/total_error" in printed
+    run("bsg-evaluate dataset --model run --out evaluation")
     report = json.loads(Path("evaluation/evaluation.json").read_text("utf-8"))
-    assert "mean-rate" in report["metrics"]["rooms/total_error"]
+    for name in ("rooms/total_error", "building/total_error"):
+        assert "mean-rate" in report["metrics"][name]
 
 
 def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
-    words = "--folds 3 --draws 1 --resamples 2 --workers 1"
-    run(
-        "bsg-leaderboard --data dataset --models doubled,mean-rate --masks coin --out board "
-        + words
-    )
+    words = "--folds 3 --draws 1 --workers 1"
+    run("bsg-leaderboard dataset --models doubled,mean-rate --masks coin --out board " + words)
     board = json.loads(Path("board/leaderboard.json").read_text("utf-8"))
     assert set(board["masks"]["coin"]) == {"doubled", "mean-rate"}
     assert "mean-rate" in Path("board/leaderboard.md").read_text("utf-8")
@@ -116,16 +111,16 @@ def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
 def test_beliefs_are_written_in_the_format_and_read() -> None:
     from bsg_models import read_belief
 
-    scene = json.loads(run("bsg-belief --data dataset --model run --mask coin --json").stdout)[0]
-    run(f"bsg-belief --data dataset --model run --scene '{scene['scene_id']}' --out belief.json.gz")
+    scene = json.loads(run("bsg-belief dataset --model run --mask coin --json").stdout)[0]
+    run(f"bsg-belief dataset --model run --scene '{scene['scene_id']}' --out belief.json.gz")
     belief = read_belief(Path("belief.json.gz"))
     assert belief.model == "mean-rate"
 
 
 def test_the_planner_searches_with_the_beliefs_of_the_model() -> None:
-    words = "--episodes 2 --masks 1 --resamples 2 --workers 1 --worlds star --task single"
+    words = "--episodes 2 --workers 1 --worlds star --task single"
     planners = "nearest,farthest,greedy-belief"
-    found = run(f"bsg-search --model run --data dataset --planners {planners} {words} --json")
+    found = run(f"bsg-search dataset --model run --planners {planners} {words} --json")
     savings = json.loads(found.stdout)["standings"][0]["savings"]
     assert savings["farthest"]["saved"]["value"] <= 0 == savings["nearest"]["saved"]["value"]
 
@@ -136,7 +131,7 @@ def test_a_checkpoint_of_a_model_that_is_not_installed_names_it(
     monkeypatch.setattr(sys, "path", [path for path in sys.path if path != str(installed)])
     registry._installed.cache_clear()
     try:
-        result = CliRunner().invoke(COMMANDS["bsg-evaluate"], ["run", "--data", "dataset"])
+        result = CliRunner().invoke(COMMANDS["bsg-evaluate"], ["dataset", "--model", "run"])
         assert result.exit_code == 1
         assert "'mean-rate'" in result.stderr
     finally:

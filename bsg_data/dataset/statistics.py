@@ -177,22 +177,17 @@ def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> list
     return sorted(rows, key=lambda row: (-row["buildings"], row["source"]))
 
 
-def refuse_figure(path: AnyPath, *, force: bool) -> None:
-    """Refuse a path for a figure that is in a dataset, in sealed results, or holds something else.
-
-    Args:
-        path: path of the figure.
-        force: allow replacing a file that this program did not write.
-    """
+def refuse_figure(path: AnyPath) -> None:
+    """Refuse a path for a figure in a dataset, in sealed results, or of somebody else's file."""
     path = Path(path)
     if path.is_dir():
         raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
     refuse_file(path, force=True)
-    if path.exists() and not force:
+    if path.exists():
         with path.open("rb") as file:
             if _MARK.encode() not in file.read(_HEAD):
                 raise BSGError(
-                    f"{path}: exists and is no figure of this program; --force replaces it"
+                    f"{path}: exists and is no figure of this program; name another file"
                 )
 
 

@@ -86,7 +86,8 @@ class ColourLabels:
         if self._snap is None:
             raise MeshError(
                 "a texture is JPEG, which changes colours, so that texels no longer say "
-                "which instance they are; --snap-colours N takes the nearest listed colour within N"
+                "which instance they are; --option snap_colours=N takes the nearest listed colour "
+                "within N"
             )
         codes, index, counts = np.unique(
             _unpack(image)[0] & 0xFFFFFF, return_inverse=True, return_counts=True

@@ -102,7 +102,9 @@ class HM3DFolder:
     def find(self) -> FoundScenes:
         """Find every `*.semantic.txt` and `*_semantic.txt` below the folder."""
         if not self.path.is_dir():
-            zipped = "; the statistics are read with --hm3d-stats" if self.path.is_file() else ""
+            zipped = (
+                "; the statistics are read with --source hm3d-stats" if self.path.is_file() else ""
+            )
             what = "is a file, not a folder" if self.path.is_file() else "no such folder"
             message = f"{self.path}: {what}{zipped}"
             raise SourceError(message, code="source-missing", where=self.path)

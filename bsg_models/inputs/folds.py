@@ -22,8 +22,8 @@ def splits_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
     folds = len(names) if names[0].startswith("fold-") else 0
     if folds and fold is None:
         raise DatasetError(
-            f"{data.path}: is split into {folds} folds; name the one to test on: train with "
-            "`bsg-train --set data.fold=0`; other commands take `--fold 0`"
+            f"{data.path}: is split into {folds} folds; train on one by "
+            "`bsg-train --set data.fold=0`, or split it by `bsg-data split --ratios`"
         )
     if fold is None:
         chosen: tuple[str, ...] = tuple(name for name in names if name == split)

@@ -43,7 +43,7 @@ def require_suffix(path: Path) -> None:
     """Refuse a path whose format cannot hold an animation."""
     if path.suffix.lower() not in _FORMATS:
         raise RecipeError(
-            f"{path}: expected a name that ends in {' or '.join(_FORMATS)}",
+            f"{path}: expected a name that ends in {', '.join(_FORMATS)} or .rrd",
             code="suffix-unknown",
             where=path,
         )

@@ -27,6 +27,7 @@ from bsg_models.rendering.replay import Replay
 
 _STOREY, _HEIGHT, _GAP = 3.0, 2.5, 2.4  # metres, where nobody says them
 _OBJECT, _BLIND, _ROBOT = 0.08, 0.12, 0.3  # metres: radii
+RECORDING = ".rrd"  # suffix of a file
 _TOLD = 5  # blind nodes of a room that are named beside the world
 _NAMED = 100  # objects, and blind nodes, that show their names at once; of more, under the pointer
 _Colour = tuple[int, ...]
@@ -262,4 +263,4 @@ def _spread(rooms: Sequence[int], boxes: Sequence[Box], *, level: float) -> list
     return spots
 
 
-RERUN = FormatRow("rerun", (".rrd",), write_all=write_recording)
+RERUN = FormatRow("rerun", (RECORDING,), write_all=write_recording)

@@ -126,7 +126,7 @@ def write_card(
         f"([paper]({PAPER})).",
         "",
         "```sh",
-        f"bsg-belief graph.json --model {_quote(card.name)} --html belief.html",
+        f"bsg-belief graph.json --model {_quote(card.name)} --out belief.html",
         "```",
         "",
         "## Training data",

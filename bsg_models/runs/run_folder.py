@@ -94,7 +94,7 @@ def _replace(run: Path) -> None:
 
 def active_folder(run: Path) -> Path:
     """Return the folder that a training of a run goes on in: inside it, if it replaces the run."""
-    return run / UNFINISHED if _is_run(run / UNFINISHED) else run
+    return run / UNFINISHED if is_run(run / UNFINISHED) else run
 
 
 @contextmanager
@@ -128,7 +128,7 @@ def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
     """Refuse a folder that holds a run, unless the run is continued or replaced; or other files."""
     refuse_datasets(run)
     refuse_other_results(run, BEST)
-    if not _is_run(run):
+    if not is_run(run):
         _refuse_foreign_files(run)
     has_checkpoint = any(name.endswith((BEST, LAST)) for name in _list_run(run))
     if has_checkpoint and not (resume or force):
@@ -150,7 +150,7 @@ def _refuse_foreign_files(run: Path) -> None:
 
 def refuse_run(folder: Path) -> None:
     """Refuse to put other results into a run; a stopped run has no seal to recognise it by."""
-    if _is_run(folder):
+    if is_run(folder):
         raise DatasetError(f"{folder}: is a run of bsg-train; choose another folder")
 
 
@@ -166,7 +166,7 @@ def clear_run(run: Path) -> None:
 def _list_run(run: Path) -> list[str]:
     """Return the files of a run and of its members, as paths below its folder; its log is last."""
     members = () if (run / MEMBERS).is_symlink() else sorted((run / MEMBERS).glob("*"))
-    runs = [member for member in members if _is_run(member) and not member.is_symlink()]
+    runs = [member for member in members if is_run(member) and not member.is_symlink()]
     return [
         (folder / name).relative_to(run).as_posix()
         for folder in (*runs, run)
@@ -175,7 +175,7 @@ def _list_run(run: Path) -> list[str]:
     ]
 
 
-def _is_run(folder: Path) -> bool:
+def is_run(folder: Path) -> bool:
     """Return whether a folder was begun by a training, as the first line of its log shows."""
     with suppress(OSError), (folder / LOG).open("rb") as log:
         return log.read(len(_BEGUN)) == _BEGUN

@@ -43,27 +43,11 @@ class BeliefRequest:
     dataset: Path | None = None
     mask: MaskRecipe = field(default_factory=MaskRecipe)
     split: Literal["train", "val", "test"] = "val"
-    fold: int | None = None  # to test on, in a dataset of folds
     scene: str | None = None  # this building alone
     mode: Mode = "complete"  # which blind nodes: as many as are expected, or the top unseen classes
     top: int = 3  # number of unseen classes per room
-    out: Path | None = None  # in the format of its suffix
-    hydra: Path | None = None  # Spark-DSG JSON of one graph: Hydra's own with the beliefs, or new
-    tables: Path | None = None  # folder for all belief graphs as parquet
-    html: Path | None = None  # the explorer, with the first `MOST_HELD` graphs
-    rerun: Path | None = None  # a recording for Rerun, with a step for every graph
+    out: tuple[Path, ...] = ()  # files to write, each in the format of its suffix
     force: bool = False  # replace existing files
-
-    def list_results(self) -> list[tuple[FormatRow, Path]]:
-        """Return format and path of the files to write; the tables first, as the largest."""
-        named = [
-            ("tables", self.tables),
-            (None, self.out),
-            ("spark-dsg", self.hydra),
-            ("html", self.html),
-            ("rerun", self.rerun),
-        ]
-        return [(choose_format(path, name), path) for name, path in named if path is not None]
 
 
 class RoomBelief(NamedTuple):
@@ -101,7 +85,7 @@ def report_beliefs(
         RecipeError: if a file is named twice, or a file for one graph is asked to hold several.
         CheckpointError: if the run cannot be loaded.
     """
-    results = request.list_results()
+    results = [(choose_format(path), path) for path in request.out]
     paths = [path.absolute() for _, path in results]
     paths += [file.path.absolute() for file in request.graphs]
     if len(set(paths)) < len(paths):
@@ -163,7 +147,7 @@ def _choose_scenes(request: BeliefRequest) -> frozenset[str]:
         return frozenset()
     data = Dataset.open(request.dataset)
     if request.scene is None:
-        return frozenset(scenes_of(data, request.split, fold=request.fold))
+        return frozenset(scenes_of(data, request.split))
     if request.scene not in data:
         raise DatasetError(
             f"{request.dataset}: has no scene {request.scene!r}",
@@ -177,15 +161,18 @@ def _choose_streamed(
     results: Sequence[tuple[FormatRow, Path]], total: int
 ) -> tuple[FormatRow, Path] | None:
     """Return which result takes belief graphs as they come; the others are written from memory."""
-    if total != 1 and any(row.write_all is None for row, _ in results):
+    single = [path for row, path in results if row.write_all is None]
+    if total != 1 and single:
         raise RecipeError(
-            f"--out and --hydra take one graph, found {total}; use --tables", code="graphs-several"
+            f"--out {single[0]}: holds one graph, found {total}; write all into a folder, such as "
+            "--out beliefs.tables",
+            code="graphs-several",
         )
     many = [one for one in results if one[0].write_all is not None and one[0].name != "html"]
     if len(many) > 1 and total > MOST_HELD:
         raise RecipeError(
-            f"only one of --out, --tables and --rerun takes more than {MOST_HELD} graphs, found "
-            f"{total:,}; give one of them",
+            f"--out {many[1][1]}: only one file takes more than {MOST_HELD} graphs, found "
+            f"{total:,}; leave one out",
             code="graphs-several",
         )
     return many[0] if many else None

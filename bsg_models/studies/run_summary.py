@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from bsg_data.files import AnyPath, noting_failures
 from bsg_data.results import require_seal
@@ -91,19 +90,6 @@ class RunSummary:
             for folder in self.outdated
         )
         return (*(ended.notes if ended else ()), *outdated)
-
-    def encode(self) -> dict[str, Any]:
-        """Return the summary, ready for JSON."""
-        return {
-            "run": str(self.run),
-            "checkpoint": str(self.checkpoint),
-            "epochs": self.epochs,
-            "best_epoch": self.best.epoch if self.best else None,
-            "val_loss": self.best.val_loss if self.best else None,
-            "seconds": self.seconds,
-            "config": self.config.model_dump(mode="json"),
-            "log": [line.model_dump(mode="json") for line in self.log],
-        }
 
 
 def summarise_run(run: AnyPath) -> RunSummary:

@@ -27,7 +27,7 @@ from bsg_models.evaluation.bootstrap import (
 )
 from bsg_models.search.knowledge import Task
 from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
-from bsg_models.studies.search_study import STOP, SWEEP, Study
+from bsg_models.studies.search_study import Study
 
 _TIE = 1e-9  # relative difference below which two costs are a tie
 SEARCHES = pa.schema(
@@ -45,7 +45,6 @@ SEARCHES = pa.schema(
             ("instances", pa.int32()),
             ("cost", pa.float64()),
             ("rooms_entered", pa.int32()),
-            ("missed", pa.int32()),
         )
     ]
 )
@@ -69,16 +68,6 @@ class Saving:
     entered: float  # rooms, mean over the searches
 
 
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """How a robot that stops by itself compares with entering every room, nearest first."""
-
-    saved: Estimate  # 1 − ratio of the total costs
-    missed: Estimate  # share of all instances that were not found
-    incomplete: Estimate  # share of the searches that missed at least one
-    entered: float  # rooms, mean over the searches
-
-
 @dataclass(frozen=True, eq=False)
 class WorldResult:
     """All planners in one world and task."""
@@ -90,7 +79,6 @@ class WorldResult:
     ranked_first: float  # share of the searches whose likeliest room at the start holds an artifact
     chance: float  # the same for a room drawn at random
     savings: dict[str, Saving]  # planner → saving, in the order of the study
-    stops: dict[str, Stop]  # threshold → result of the robot that stops by itself
 
 
 def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
@@ -101,7 +89,6 @@ def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
         by_robot = {str(name): one for name, one in searches.groupby("planner", sort=False)}
         base = by_robot[BASELINE]
         sums = _Sums(base, resamples=resamples, seed=study.recipe.seed)
-        planners = [name for name in by_robot if name != SWEEP and not name.startswith(STOP)]
         results.append(
             WorldResult(
                 world=str(world),
@@ -110,12 +97,7 @@ def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:
                 searches=len(base),
                 ranked_first=float(base.ranked_first.mean(skipna=False)),
                 chance=float(base.chance.mean()),
-                savings=_list_savings(sums, {name: by_robot[name] for name in planners}, believing),
-                stops={
-                    name.removeprefix(STOP): _compare_stop(sums, one, by_robot[SWEEP])
-                    for name, one in by_robot.items()
-                    if name.startswith(STOP)
-                },
+                savings=_list_savings(sums, by_robot, believing),
             )
         )
     return results
@@ -171,16 +153,6 @@ def _list_savings(
             entered=float(one.rooms_entered.mean()),
         )
     return savings
-
-
-def _compare_stop(sums: _Sums, ours: pd.DataFrame, sweep: pd.DataFrame) -> Stop:
-    missed, incomplete = sums.add(ours.missed), sums.add(ours.missed > 0)
-    return Stop(
-        saved=sums.estimate(sums.saving(ours, sweep)),
-        missed=sums.estimate(_divide(missed, sums.add(ours.instances))),
-        incomplete=sums.estimate(_divide(incomplete, sums.add(np.ones(len(ours))))),
-        entered=float(ours.rooms_entered.mean()),
-    )
 
 
 def _divide(a: Floats, b: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Counts, Floats, Ints
+from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import RecipeError
 from bsg_models.search.room_graphs import (
@@ -88,21 +88,3 @@ def sample_searches(
             classes = np.flatnonzero(rest)
             artifacts[e, a] = classes[int(row[a] * len(classes))]
     return artifacts, starts
-
-
-def sample_presence(presence: Floats, rooms: Bools, rng: np.random.Generator) -> Bools:
-    """Sample the rooms of the artifacts, given that each artifact is in at least one, `[E, N, A]`.
-
-    `presence` is P(at least one instance) `[E, N, A]`, independent in the `rooms` `[E, N]`.
-    """
-    likely = np.where(rooms[:, :, None], np.clip(presence, 1e-6, 1 - 1e-12), 0.0)
-    # P(none from room n on), from the last room to the first. Given that one is left, room n holds
-    # it with probability p / (1 − P(none)).
-    none = np.cumprod((1 - likely)[:, ::-1], axis=1)[:, ::-1]
-    drawn, level = np.zeros(likely.shape, dtype=bool), rng.random(likely.shape)
-    waiting = np.ones((len(likely), likely.shape[2]), dtype=bool)
-    for n in range(likely.shape[1]):
-        given = np.where(waiting, likely[:, n] / np.maximum(1 - none[:, n], 1e-300), likely[:, n])
-        drawn[:, n] = level[:, n] < given
-        waiting &= ~drawn[:, n]
-    return drawn & rooms[:, :, None]

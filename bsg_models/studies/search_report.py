@@ -21,7 +21,7 @@ from bsg_data.results import refuse_file, write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.rendering.animation import write_animation
 from bsg_models.rendering.figures import plot_savings
-from bsg_models.rendering.recording import write_search
+from bsg_models.rendering.recording import RECORDING, write_search
 from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import name_run
@@ -72,7 +72,7 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     folder = request.folder
-    for path in filter(None, (request.animation, request.rerun)):
+    for path in request.replays:
         refuse_file(path, force=request.force)
     refuse_run(folder)
     with write_results(folder, report=_REPORT, force=request.force) as staged:
@@ -146,7 +146,7 @@ def _plot(report: SearchReport, path: Path) -> bool:
 
 
 def _write_replay(request: SearchRequest, report: SearchReport, staged: Path) -> None:
-    """Write a kept search as a page and, if asked, as an animation and as a recording."""
+    """Write a kept search as a page and, if asked, as animations and recordings."""
     replay = replay_search(
         request.dataset,
         report.study,
@@ -160,9 +160,7 @@ def _write_replay(request: SearchRequest, report: SearchReport, staged: Path) ->
         f"{replay.walks[0].planner}"
     )
     report.written[which] = request.folder / _TRACE
-    if request.animation is not None:
-        write_animation(replay, request.animation)
-        report.written["the same as a picture"] = request.animation
-    if request.rerun is not None:
-        write_search(replay, request.rerun)
-        report.written["the same as a recording"] = request.rerun
+    for path in request.replays:
+        is_recording = path.suffix.casefold() == RECORDING
+        (write_search if is_recording else write_animation)(replay, path)
+        report.written[f"the same as {path.suffix}"] = path

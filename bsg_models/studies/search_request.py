@@ -16,7 +16,7 @@ from bsg_data.recipes import MaskRecipe, Record, Share
 from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.rendering.animation import require_suffix
-from bsg_models.rendering.recording import require_rerun
+from bsg_models.rendering.recording import RECORDING, require_rerun
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import DEFAULT_MODEL, locate_run, name_run, shipped_names
 from bsg_models.runs.model_summary import describe_model
@@ -64,12 +64,6 @@ class StudyRecipe(Record):
     fraction: float = Field(default=0.5, gt=0, le=1)  # share of the objects that a mask hides
     withhold: Share = 0.0  # share of the classes that a mask withholds, besides the artifacts
     parts: bool = False  # whether hiding an object also hides its parts; the same for artifacts
-    # probabilities that anything is left at which the robot stops by itself; for task `all` with
-    # `expected-cost`
-    stops: tuple[Annotated[float, Field(gt=0, lt=1)], ...] = ()
-    # `real`, or `posterior`: artifacts are placed by the model's first belief, so that the belief
-    # is exactly right and no planner could know better
-    truth: Literal["real", "posterior"] = "real"
     seed: int = Field(default=0, ge=0)  # of all random draws
 
     @field_validator("planners")
@@ -110,8 +104,7 @@ class SearchRequest(StudyRecipe):
     # number of the search of the first building to replay; `auto` chooses one by the rule of
     # `kept_searches`
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
-    animation: Path | None = None  # file for the replay, in the format of its suffix
-    rerun: Path | None = None  # file for the replay as a recording for Rerun
+    replays: tuple[Path, ...] = ()  # more files for the replay: .gif, .png, or .rrd for Rerun
     out: Path | None = None  # None for `search` in the first run or, without runs, here
     force: bool = False  # replace existing results
 
@@ -185,20 +178,16 @@ def _choose_artifacts(names: Sequence[str], classes: Sequence[str]) -> tuple[int
 
 
 def _require_what_it_needs(request: SearchRequest) -> None:
-    if request.stops and request.tasks == ("single",):
-        raise RecipeError("--stop needs --task all or both")
-    if request.animation is not None:
-        require_suffix(request.animation)
-    if request.rerun is not None:
-        require_rerun()
-    for option in ("animation", "rerun"):
-        if getattr(request, option) is not None and request.trace is None:
-            raise RecipeError(f"--{option} shows a replay: add --trace")
+    for path in request.replays:
+        if path.suffix.casefold() == RECORDING:
+            require_rerun()
+        else:
+            require_suffix(path)
+    if request.replays and request.trace is None:
+        raise RecipeError("--replay writes a search that was kept: add --trace")
     needs = {
         **{f"planner {name!r}": PLANNERS[name].reads == "belief" for name in request.planners},
         "--trace": request.trace is not None,
-        "--stop": bool(request.stops),
-        "--truth posterior": request.truth == "posterior",
     }
     needing = [what for what, is_so in needs.items() if is_so]
     if needing and not request.runs:
@@ -245,7 +234,7 @@ def choose_buildings(request: SearchRequest, data: Dataset) -> tuple[_Chosen, li
     if request.runs:
         if split == "all":
             raise RecipeError(
-                "--split all would search buildings that the RUN was trained on; name a split"
+                "--split all would search buildings that the model was trained on; name a split"
             )
         chosen, notes = choose_runs(data, request.runs, part=split)
         if split == "train":
@@ -255,11 +244,11 @@ def choose_buildings(request: SearchRequest, data: Dataset) -> tuple[_Chosen, li
         missing = len(chosen) < len(data.scene_ids)
         if folds and split == "test" and request.scene is None and missing:
             notes.append(
-                f"{len(chosen)} of {len(data.scene_ids)} buildings searched: give a --run for "
-                "every fold"
+                f"{len(chosen)} of {len(data.scene_ids)} buildings searched: give a --model "
+                "for every fold"
             )
     elif folds and split not in ("all", "test"):
-        raise RecipeError(f"--split {split} of a dataset of folds needs a --run")
+        raise RecipeError(f"--split {split} of a dataset of folds needs a --model")
     elif split == "all" or folds:
         chosen = dict.fromkeys(data.scene_ids)
     else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -26,15 +26,12 @@ from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
-from bsg_models.search.room_graphs import world_generator
 from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, Step, search
 from bsg_models.studies.kept_searches import KeptSearch, Steps, keep_searches
-from bsg_models.studies.search_beliefs import ModelBeliefs, fix_beliefs
-from bsg_models.studies.search_cases import sample_episodes, sample_presence
+from bsg_models.studies.search_beliefs import ModelBeliefs
+from bsg_models.studies.search_cases import sample_episodes
 from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
 from bsg_models.zoo.model import BeliefModel, one_thread
-
-SWEEP, STOP = "sweep", "stop "  # names of robots that enter every room, or stop by themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +44,7 @@ class Study:
         searches: one row per search and planner, in the order of the buildings. Its columns are
             those of `searches.parquet`, `ranked_first` (whether the likeliest room at the start
             holds an artifact; NaN without a belief) and `chance` (share of the rooms that hold
-            one). The planner `stop 0.1` stops by itself, `sweep` enters every room, nearest first.
+            one).
         kept: the searches whose steps were asked for.
         left_out: world → reason → number of buildings that it lacks.
         planners: name → planner, in the order of the tables.
@@ -91,13 +88,9 @@ def study_search(
     """
     own = dict(planners or {})
     chosen = choose_planners(recipe, own, remote=executor is not None)
-    if trace is not None and recipe.truth == "posterior":
-        raise RecipeError("a replay needs searches for what is really there (--truth real)")
     if trace not in (None, "auto", *range(recipe.episodes)):
         raise RecipeError(f"no search {trace}: a building has {recipe.episodes}, numbered from 0")
     placed = {scene: None if run is None else Path(run).absolute() for scene, run in runs.items()}
-    if recipe.truth == "posterior" and None in placed.values():
-        raise RecipeError("truth posterior needs a belief: give the run of a model")
     place = Path(dataset).absolute()  # a worker may run in another folder
     tasks = [(place, run, scene, recipe, own, trace) for scene, run in placed.items()]
     searches: list[pd.DataFrame] = []
@@ -120,7 +113,7 @@ def choose_planners(
 ) -> dict[str, Planner]:
     """Return the planners of a study by name: those of its recipe, and the caller's own."""
     for name in (*own, *recipe.all_planners):
-        if name == SWEEP or name.startswith(STOP) or (name in own and name in PLANNERS):
+        if name in own and name in PLANNERS:
             raise RecipeError(f"planner {name!r}: this name is taken; rename your planner")
     for name, planner in own.items():
         place = getattr(planner.choose, "__qualname__", "")
@@ -174,7 +167,8 @@ def _search_building(
                     draws=draws,
                     artifacts=episodes.artifacts,
                 )
-            episodes, beliefs, ranked_first = _look(episodes, asked.get(key), recipe, scene_id)
+            beliefs = asked.get(key)
+            ranked_first = _rank_first(episodes, beliefs)
             steps: Steps = {} if trace is None else {one: [] for one in _choose_traced(recipe)}
             outcomes = search(episodes, robots, beliefs=beliefs, watch=partial(_note_step, steps))
             table = _tabulate(episodes, outcomes, data.manifest.class_space.classes)
@@ -214,43 +208,25 @@ def _restore(checkpoint: Path, changed: int) -> BeliefModel:
 
 
 def _robots(recipe: StudyRecipe, planners: Mapping[str, Planner]) -> dict[tuple[Task, str], Robot]:
-    """Return the robots of a study by task and name: of each planner, and those that stop."""
-    robots = {
+    """Return the robots of a study by task and planner."""
+    return {
         (task, name): Robot(planner, task)
         for task in recipe.tasks
         for name, planner in planners.items()
     }
-    if "all" in recipe.tasks and recipe.stops:
-        for stop in recipe.stops:
-            robots["all", f"{STOP}{stop:g}"] = Robot(PLANNERS["expected-cost"], "all", stop)
-        # A threshold that is never reached: it enters every room.
-        robots["all", SWEEP] = Robot(PLANNERS[BASELINE], "all", -1.0)
-    return robots
 
 
-def _look(
-    episodes: Episodes, beliefs: Beliefs | None, recipe: StudyRecipe, scene_id: str
-) -> tuple[Episodes, Beliefs | None, Floats]:
-    """Return searches, beliefs, and whether the likeliest room at first holds an artifact, `[E]`.
-
-    For the truth `posterior`, the artifacts are placed by the first beliefs, which then stay.
-    """
+def _rank_first(episodes: Episodes, beliefs: Beliefs | None) -> Floats:
+    """Return whether the likeliest room at first holds an artifact, `[E]`; NaN without a belief."""
     every = np.arange(len(episodes.starts))
     if beliefs is None:
-        return episodes, None, np.full(len(every), np.nan)
+        return np.full(len(every), np.nan)
     explored = np.zeros((len(every), len(episodes.rooms)), dtype=bool)
     explored[every, episodes.starts] = True
     open_ = episodes.rooms & ~explored
-    first, share = beliefs(every, explored)
-    presence = np.where(open_[:, :, None], first, 0.0)
-    if recipe.truth == "posterior":
-        rng = world_generator(recipe.seed, scene_id, "posterior")
-        there = sample_presence(presence, open_, rng)
-        episodes = replace(episodes, instances=there.astype(np.int64))
-        beliefs = fix_beliefs(presence, share)
+    presence = np.where(open_[:, :, None], beliefs(every, explored)[0], 0.0)
     likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
-    there = episodes.instances[every, likeliest].any(axis=1)
-    return episodes, beliefs, there.astype(float)
+    return np.asarray(episodes.instances[every, likeliest].any(axis=1), dtype=float)
 
 
 def _tabulate(

@@ -28,6 +28,6 @@ def main() -> None:
     """
 
 
-# in working order, as the cheat sheet has them
+# in working order
 for command in (synth, build, finalise, split, pairs, check, info, class_maps, merge, export):
     main.add_command(command)

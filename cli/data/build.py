@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,12 @@ from bsg_cli.data.totals import format_losses, format_sources, format_totals
 from bsg_cli.options import (
     PATH,
     force_option,
-    json_option,
     out_option,
     require_datasets,
     workers_option,
 )
 from bsg_cli.terminal import (
     Command,
-    Workers,
-    print_json,
     print_note,
     print_text,
     progress_bar,
@@ -44,7 +40,6 @@ def _read_part(value: str) -> tuple[int, int]:
 
 @click.command("build", cls=Command)
 @click.option("--hm3d", type=PATH, help="Any folder above HM3D's annotations.")
-@click.option("--hm3d-stats", type=PATH, help="The public file HM3DSem-*.zip.")
 @click.option(
     "--source",
     "named",
@@ -58,19 +53,13 @@ def _read_part(value: str) -> tuple[int, int]:
     "words",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Option of the source, such as as_listed=yes for behavior; may be repeated.",
+    help="Option of the source, such as as_listed=yes; may be repeated (docs/sources.md).",
 )
 @click.option(
     "--meshes/--no-meshes",
     default=True,
     show_default=True,
     help="Read the mesh <hash>.semantic.glb beside each annotation.",
-)
-@click.option(
-    "--snap-colours",
-    type=click.IntRange(0, 255),
-    help="Read JPEG textures: give each texel the nearest listed colour within N per channel, "
-    "such as 8.",
 )
 @click.option(
     "--room-layouts",
@@ -98,13 +87,11 @@ def _read_part(value: str) -> tuple[int, int]:
     help="Fail on malformed scenes, meshes and layouts, and on unmapped names.",
 )
 @force_option
-@json_option
 def build(
     out: Path,
-    workers: Workers,
+    workers: int,
     part: tuple[int, int] | None,
     room_layouts: Path | None,
-    as_json: bool,
     class_map: str | None,
     strict: bool,
     force: bool,
@@ -121,16 +108,12 @@ def build(
       bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
     name, path, options = _choose_source(**chosen)
-    reads = [path, *([] if room_layouts is None else [room_layouts])]
-    if workers.scheduler is not None:
-        reads = [place.absolute() for place in reads]  # workers run in other folders
-    source = bsg_data.open_source(name, reads[0], **options)
+    source = bsg_data.open_source(name, path, **options)
     if room_layouts is not None:
-        source = extend.WithLayouts(source, reads[1])
-    pool = worker_pool(workers, reads=reads, writes=[out])
+        source = extend.WithLayouts(source, room_layouts)
     left = 0  # shards that this command saw done before it was stopped
     try:
-        with pool as executor, progress_bar("build", unit="shard") as report:
+        with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
 
             def note(done: int, total: int) -> None:
                 nonlocal left
@@ -141,7 +124,7 @@ def build(
             how |= {"executor": executor, "progress": note}
             if part is not None:
                 built = extend.build_part(source, out, extend.Part(*part), **how)
-                _print_part(built, part, out, as_json=as_json)
+                _print_part(built, part, out)
                 return
             manifest = bsg_data.build_dataset(source, out, **how)
     except (BSGError, KeyboardInterrupt):
@@ -150,17 +133,12 @@ def build(
                 f"finished shards are in {out}.partial; run the same command again to continue"
             )
         raise
-    _print_built(manifest, format_losses(manifest), out, as_json=as_json)
+    _print_built(manifest, format_losses(manifest), out)
 
 
-def _print_part(
-    built: extend.BuiltPart, part: tuple[int, int], out: Path, *, as_json: bool
-) -> None:
+def _print_part(built: extend.BuiltPart, part: tuple[int, int], out: Path) -> None:
     """Print what a part built and how many shards are still missing."""
     number, of = part
-    if as_json:
-        print_json({"part": number, "of": of, **asdict(built)})
-        return
     shards, left = len(built.shards), len(built.missing)
     made = f"{shards:,} shard{'s' * (shards != 1)}, {built.scenes:,} scenes"
     print_text(f"part {number} of {of}: {made}")
@@ -169,45 +147,29 @@ def _print_part(
     print_text(f"{then}; after the last part run: bsg-data finalise {out}")
 
 
-def _print_built(manifest: extend.Manifest, more: str, out: Path, *, as_json: bool) -> None:
-    if as_json:
-        print_json(manifest.model_dump(mode="json", exclude={"files"}))
-    else:
-        print_text(f"{format_totals(manifest)}\n{more}\ndataset in {out}")
+def _print_built(manifest: extend.Manifest, more: str, out: Path) -> None:
+    print_text(f"{format_totals(manifest)}\n{more}\ndataset in {out}; next: bsg-data split {out}")
 
 
 def _choose_source(
     hm3d: Path | None,
-    hm3d_stats: Path | None,
     named: tuple[str, Path] | None,
     words: tuple[str, ...],
     meshes: bool,
-    snap_colours: int | None,
 ) -> tuple[str, Path, dict[str, Any]]:
     """Return name, path and options of the source; `--hm3d PATH` means `--source hm3d PATH`."""
-    given = [("hm3d", hm3d), ("hm3d-stats", hm3d_stats), *([named] if named else [])]
-    sources = [(name, path) for name, path in given if path is not None]
+    sources = [*([("hm3d", hm3d)] if hm3d else []), *([named] if named else [])]
     if len(sources) != 1:
         raise click.UsageError(
-            f"expected one source, found {len(sources)}; give one source: --hm3d PATH, "
-            "--hm3d-stats ZIP or --source NAME PATH"
+            f"expected one source, found {len(sources)}; give --hm3d PATH or --source NAME PATH"
         )
     name, path = sources[0]
     own = _split_words(words)
-    if snap_colours is not None and not meshes:
-        raise click.UsageError(
-            "--snap-colours needs meshes and --no-meshes leaves them out; give one of them"
-        )
-    if name == "hm3d-stats" and (snap_colours is not None or not meshes):
-        raise click.UsageError(
-            "--hm3d-stats has no meshes: --snap-colours and --no-meshes need --hm3d"
-        )
-    options = parse_options(name, own)
     if not meshes:
-        options["meshes"] = False
-    if snap_colours is not None:
-        options["snap_colours"] = snap_colours
-    return name, path, options
+        if name != "hm3d":
+            raise click.UsageError(f"--no-meshes is for --hm3d; the source {name} reads none")
+        own["meshes"] = "no"
+    return name, path, parse_options(name, own)
 
 
 def _split_words(words: tuple[str, ...]) -> dict[str, str]:
@@ -227,8 +189,7 @@ def _split_words(words: tuple[str, ...]) -> dict[str, str]:
 @click.command("finalise", cls=Command)
 @click.argument("dataset", type=PATH, metavar="DATASET")
 @force_option
-@json_option
-def finalise(dataset: Path, force: bool, as_json: bool) -> None:
+def finalise(dataset: Path, force: bool) -> None:
     """Finish a dataset that `bsg-data build --parts` built.
 
     Every file is compared with the report of its part. If a file is missing or damaged, the error
@@ -240,7 +201,7 @@ def finalise(dataset: Path, force: bool, as_json: bool) -> None:
     """
     with progress_bar("finalise", unit="shard") as report:
         manifest = extend.finalise_dataset(dataset, force=force, progress=report)
-    _print_built(manifest, format_losses(manifest), dataset, as_json=as_json)
+    _print_built(manifest, format_losses(manifest), dataset)
 
 
 @click.command("merge", cls=Command)
@@ -254,8 +215,7 @@ def finalise(dataset: Path, force: bool, as_json: bool) -> None:
 )
 @out_option("Dataset to write.", required=True)
 @force_option
-@json_option
-def merge(datasets: tuple[Path, ...], out: Path, force: bool, as_json: bool) -> None:
+def merge(datasets: tuple[Path, ...], out: Path, force: bool) -> None:
     """Merge datasets of one class space into one.
 
     Rows keep their source. Splits and pairs are not copied: make them again.
@@ -266,6 +226,4 @@ def merge(datasets: tuple[Path, ...], out: Path, force: bool, as_json: bool) -> 
     """
     with progress_bar("merge", unit="scene") as report:
         manifest = bsg_data.merge_datasets(datasets, out, force=force, progress=report)
-    if any(bsg_data.read_manifest(dataset).split is not None for dataset in datasets):
-        print_note(f"splits and pairs were not copied; next: bsg-data split {out}")
-    _print_built(manifest, f"\n{format_sources(out)}\n", out, as_json=as_json)
+    _print_built(manifest, f"\n{format_sources(out)}\n", out)

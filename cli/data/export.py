@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 
 import click
 
 import bsg_data
-from bsg_cli.options import (
-    RegistryChoice,
-    dataset_argument,
-    force_option,
-    json_option,
-    out_option,
-)
-from bsg_cli.terminal import Command, print_json, print_text, progress_bar
+from bsg_cli.options import RegistryChoice, dataset_argument, force_option, out_option
+from bsg_cli.terminal import Command, print_text, progress_bar
 from bsg_data.exports.catalogue import EXPORTS
 
 
@@ -24,8 +17,7 @@ from bsg_data.exports.catalogue import EXPORTS
 @click.option("--to", type=RegistryChoice(EXPORTS), required=True, help="Format to write.")
 @out_option("Folder to write to. Other files in it stay.", required=True)
 @force_option
-@json_option
-def export(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> None:
+def export(dataset: Path, to: str, out: Path, force: bool) -> None:
     """Write a dataset in the format of another program; habitat needs geometry.
 
     habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim.
@@ -36,9 +28,6 @@ def export(dataset: Path, to: str, out: Path, force: bool, as_json: bool) -> Non
     """
     with progress_bar("export", unit="scene") as report:
         done = bsg_data.export_dataset(dataset, out, to=to, force=force, progress=report)
-    if as_json:
-        print_json({"out": str(out), "to": to, **asdict(done)})
-        return
     print_text(f"{done.rooms:,} rooms of {done.scenes:,} scenes in {done.files:,} files in {out}")
     if done.rooms_left_out:
         scenes = f", and all of {len(done.left_out):,} scenes" if done.left_out else ""

@@ -33,8 +33,7 @@ def class_maps() -> None:
 
 
 @class_maps.command("list")
-@json_option
-def _map_list(as_json: bool) -> None:
+def _map_list() -> None:
     """List the published class maps.
 
     \b
@@ -43,16 +42,6 @@ def _map_list(as_json: bool) -> None:
     """
     rows = extend.published_maps().values()
     maps = [(row, bsg_data.load_class_map(row.class_map)) for row in rows]
-    if as_json:
-        own = ("class_space", "source", "rules")
-        print_json(
-            [
-                {"version": row.class_map, **{name: getattr(row, name) for name in own}}
-                | {"sha256": loaded.sha256, "classes": loaded.classes}
-                for row, loaded in maps
-            ]
-        )
-        return
     cells = [
         (row.class_map, row.class_space, len(m.classes), row.source, len(m.entries), m.sha256[:12])
         for row, m in maps

@@ -12,21 +12,12 @@ from bsg_cli.data.totals import format_hashes
 from bsg_cli.options import (
     dataset_argument,
     force_option,
-    json_option,
     mask_options,
     number_option,
     seed_option,
     workers_option,
 )
-from bsg_cli.terminal import (
-    Command,
-    Workers,
-    print_json,
-    print_note,
-    print_text,
-    progress_bar,
-    worker_pool,
-)
+from bsg_cli.terminal import Command, print_note, print_text, progress_bar, worker_pool
 from bsg_data import extend
 
 
@@ -37,6 +28,18 @@ from bsg_data import extend
     "Share of a building's objects to hide; under tour, of its rooms to find.",
 )
 @click.option(
+    "--withhold",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    show_default=True,
+    help="Share of the classes to hide everywhere except in searched rooms.",
+)
+@click.option(
+    "--hide-parts",
+    is_flag=True,
+    help="Hide the parts of hidden objects: the curtain rod of a hidden curtain.",
+)
+@click.option(
     "--rooms",
     type=click.IntRange(min=1),
     help="With --mask tour: number of rooms that were found, instead of --fraction of them.",
@@ -45,9 +48,8 @@ from bsg_data import extend
 @seed_option()
 @workers_option
 @force_option
-@json_option
 def pairs(
-    dataset: Path, draws: int, workers: Workers, force: bool, as_json: bool, **mask: Any
+    dataset: Path, draws: int, workers: int, force: bool, hide_parts: bool, **mask: Any
 ) -> None:
     """Draw masks and write input and target histograms.
 
@@ -57,11 +59,10 @@ def pairs(
       bsg-data pairs dataset --mask explore --withhold 0.2 --force
       bsg-data pairs dataset --mask tour --rooms 3 --force
     """
-    mask["strategy"] = mask.pop("mask")
+    mask |= {"strategy": mask.pop("mask"), "parts": hide_parts}
     recipe = bsg_data.PairsRecipe(mask=bsg_data.MaskRecipe.model_validate(mask), draws=draws)
     left_out: list[str] = []
-    pool = worker_pool(workers, reads=[dataset], writes=[dataset / "pairs"])
-    with pool as executor, progress_bar("pairs", unit="file") as report:
+    with worker_pool(workers) as executor, progress_bar("pairs", unit="file") as report:
         how: Any = {"force": force, "executor": executor, "progress": report}
         manifest = bsg_data.write_pairs(dataset, recipe, left_out=left_out.append, **how)
     if left_out:
@@ -79,9 +80,5 @@ def pairs(
                 "count as neighbours, on a tour those that are near in the list"
             )
     hashes = extend.hash_splits(bsg_data.Dataset.open(dataset))
-    if as_json:
-        answer = {"recipe": recipe.model_dump(mode="json"), "rows": rows, "left_out": left_out}
-        print_json({**answer, "masks_sha256": hashes})
-    else:
-        print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
-        print_text(format_hashes(hashes))
+    print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
+    print_text(f"{format_hashes(hashes)}\nnext: bsg-train {dataset} --config universal --out run")

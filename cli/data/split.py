@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 import bsg_data
-from bsg_cli.options import dataset_argument, force_option, json_option, seed_option
-from bsg_cli.terminal import Command, print_json, print_text
+from bsg_cli.options import dataset_argument, force_option, seed_option
+from bsg_cli.terminal import Command, print_text
 
 
 @click.command("split", cls=Command)
@@ -29,7 +29,6 @@ from bsg_cli.terminal import Command, print_json, print_text
 @click.option("--folds", type=click.IntRange(min=3), help="Number of folds, for cross-validation.")
 @seed_option()
 @force_option
-@json_option
 def split(
     dataset: Path,
     ratios: tuple[float, float, float] | None,
@@ -37,7 +36,6 @@ def split(
     folds: int | None,
     seed: int,
     force: bool,
-    as_json: bool,
 ) -> None:
     """Assign every building to train, val or test, or to a fold.
 
@@ -58,7 +56,5 @@ def split(
     manifest = bsg_data.split_dataset(dataset, recipe, force=force)
     splits = bsg_data.read_splits(dataset, manifest=manifest)
     sizes = {name: len(ids) for name, ids in splits.items()}
-    if as_json:
-        print_json({"recipe": recipe.model_dump(mode="json"), "scenes": sizes})
-    else:
-        print_text(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
+    print_text(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
+    print_text(f"next: bsg-data pairs {dataset}")

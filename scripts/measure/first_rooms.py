@@ -1,6 +1,6 @@
 """Measure what models say at a robot's start: in small homes, and with a detector of few words.
 
-    bsg-leaderboard --data hm3d --masks uniform,rooms --out board
+    bsg-leaderboard hm3d --masks uniform,rooms --out board
     python scripts/measure/first_rooms.py --leaderboard board --out first_rooms.md
 
 `small_homes.json` has ten homes by hand: rooms with the objects that were seen in them, half of

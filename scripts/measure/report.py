@@ -1,6 +1,6 @@
 """Write a page of results from a finished leaderboard.
 
-    bsg-leaderboard --data hm3d --masks uniform,rooms --out board
+    bsg-leaderboard hm3d --masks uniform,rooms --out board
     python scripts/measure/report.py leaderboard --leaderboard board --out leaderboard.md
 
 `leaderboard` reads the board's numbers. The other pages measure its models again, each on the

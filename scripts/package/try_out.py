@@ -32,14 +32,14 @@ NAME = "belief_scene_graphs"
 ASKS = (
     "bsg-belief home.json --find microwave --from living",
     "bsg-belief home.json --find microwave --from living",
-    "bsg-belief home.json --html home.html --hydra home.dsg.json --tables tables",
+    "bsg-belief home.json --out home.html --out home.dsg.json --out home.tables",
     "bsg-models show universal",
 )
 NEED_MORE = (
-    "bsg-train --config mixture --data dataset --out run",
-    "bsg-evaluate universal --data dataset",
-    "bsg-search --data dataset",
-    "bsg-leaderboard --data dataset --out board",
+    "bsg-train dataset --config mixture --out run",
+    "bsg-evaluate dataset --model universal",
+    "bsg-search dataset",
+    "bsg-leaderboard dataset --out board",
     "bsg-models export universal universal.onnx",
 )
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
@@ -134,7 +134,7 @@ class Environment:
         folder.mkdir()
         begun = time.monotonic()
         (folder / "home.json").write_bytes((REPOSITORY / "docs/home.json").read_bytes())
-        self._run("bsg-belief home.json --html home.html", folder)
+        self._run("bsg-belief home.json --out home.html", folder)
         print(f"first belief page: {time.monotonic() - begun:.0f} s after the installation")
         for line in demo_lines():
             self._run(line, folder)

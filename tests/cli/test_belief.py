@@ -29,13 +29,13 @@ OFFICE = REPOSITORY / "docs" / "office.json"
 
 
 def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
-    out, hydra, page = tmp_path / "b.json", tmp_path / "h.json", tmp_path / "b.html"
-    words = (OFFICE, "--model", run, "--out", out, "--hydra", hydra, "--html", page)
-    done = call(*words, "--tables", tmp_path / "tables", "--top", 2)
+    out, hydra, page = tmp_path / "b.json", tmp_path / "h.dsg.json", tmp_path / "b.html"
+    words = (OFFICE, "--model", run, "--out", out, "--out", hydra, "--out", page)
+    done = call(*words, "--out", tmp_path / "b.tables", "--top", 2)
     assert "B: shared kitchen" in done.output
     belief = read_belief(out)
-    assert belief == read_belief(hydra, "spark-dsg")
-    nodes = pd.read_parquet(tmp_path / "tables" / "nodes.parquet")
+    assert belief == read_belief(hydra)
+    nodes = pd.read_parquet(tmp_path / "b.tables" / "nodes.parquet")
     assert (nodes.kind == "blind").sum() == len(belief.blind)
     assert page.read_text("utf-8").startswith("<!doctype html>")
     assert "is there already; --force replaces it" in call(*words, code=1).stderr
@@ -50,18 +50,18 @@ def test_several_graphs_are_steps_of_one_recording(run: Path, tmp_path: Path) ->
     said["rooms"].append({"id": "attic", "visited": False})
     later = tmp_path / "later.json"
     later.write_text(json.dumps(said))
-    done = call(OFFICE, later, "--model", run, "--rerun", out)
+    done = call(OFFICE, later, "--model", run, "--out", out)
     assert f"written: {out}" in done.stdout
     assert [len(row) for row in read_recording(out)["expected/attic scalars"]] == [0, 1]
-    assert "--force" in call(OFFICE, "--model", run, "--rerun", out, code=1).stderr
-    call(OFFICE, "--model", run, "--rerun", tmp_path / "day.mp4", code=2)
+    assert "--force" in call(OFFICE, "--model", run, "--out", out, code=1).stderr
+    call(OFFICE, "--model", run, "--out", tmp_path / "day.mp4", code=2)
 
 
 def test_a_recording_that_cannot_be_written_is_refused_before_anything_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bsg_models.rendering.recording.find_spec", lambda name: None)
-    done = call("none.json", "--rerun", tmp_path / "b.rrd", code=2)
+    done = call("none.json", "--out", tmp_path / "b.rrd", code=2)
     assert "pip install './belief-scene-graphs[rerun]'" in done.stderr
 
 
@@ -69,10 +69,9 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     path = write_graph(tmp_path / "dsg.json")
     packed = tmp_path / "dsg.json.gz"
     packed.write_bytes(gzip.compress(path.read_bytes()))
-    out, other = tmp_path / "out.json", tmp_path / "out.dsg.json"
-    words = ("--model", run, "--labels", "mpcat40", "--hydra", out, "--out", other)
-    done = call(packed, *words)
-    assert out.read_bytes() == other.read_bytes()
+    out, other = tmp_path / "out.dsg.json", tmp_path / "other.dsg.json"
+    words = ("--model", run, "--labels", "mpcat40", "--out")
+    done = call(packed, *words, out)
     stripped = strip_annotation(json.loads(out.read_text("utf-8")))
     assert json.dumps(stripped) == json.dumps(json.loads(path.read_text("utf-8")))
     for told in (
@@ -80,7 +79,7 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
         "1 object with labels that nobody names (99); name them by --labels: mpcat40, ade20k, or",
     ):
         assert told in done.stderr
-    call(out, *words[:4], "--hydra", other, "--force")
+    call(out, *words, other)
     assert out.read_bytes() == other.read_bytes(), "the second annotation replaces the first"
 
 
@@ -99,20 +98,20 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     for wrong in ("x", "kitchen=nan", "attic=0.5"):
         call(path, "--model", run, "--hidden-share", wrong, code=2)
     call(path, "--model", run, *shares, "--hidden-share", "0.2", code=2)
-    call("--data", dataset, "--model", run, "--hidden-share", "0.5", code=2)
+    call(dataset, "--model", run, "--hidden-share", "0.5", code=2)
 
 
 def test_masked_buildings_give_a_belief_graph_each(
     dataset: Path, run: Path, tmp_path: Path
 ) -> None:
-    words = ("--data", dataset, "--model", run, "--split", "train", "--mode", "unseen")
-    done = call(*words, "--tables", tmp_path / "tables", "--json")
+    words = (dataset, "--model", run, "--split", "train", "--mode", "unseen")
+    done = call(*words, "--out", tmp_path / "b.tables", "--json")
     answers = json.loads(done.stdout)
-    nodes = pd.read_parquet(tmp_path / "tables" / "nodes.parquet")
+    nodes = pd.read_parquet(tmp_path / "b.tables" / "nodes.parquet")
     assert {answer["scene_id"] for answer in answers} == set(nodes.scene_id)
     assert len(answers) == (nodes.kind == "room").sum()
     assert all(len(answer["unseen"]) <= 3 for answer in answers)
-    one = call("--data", dataset, "--model", run, "--scene", answers[0]["scene_id"], "--json")
+    one = call(dataset, "--model", run, "--scene", answers[0]["scene_id"], "--json")
     assert {answer["scene_id"] for answer in json.loads(one.stdout)} == {answers[0]["scene_id"]}
 
 
@@ -133,8 +132,9 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     [
         ((), 2),
         (("none.json",), 1),
-        (("--data", "dataset", "--scene", "nowhere"), 1),
-        (("--data", "dataset", "--split", "train", "--out", "x.json"), 2),
+        (("dataset", "--scene", "nowhere"), 1),
+        (("dataset", "--split", "train", "--out", "x.json"), 2),
+        (("dataset", "dataset"), 2),
     ],
 )
 def test_what_cannot_be_done_is_refused(
@@ -147,12 +147,25 @@ def test_what_cannot_be_done_is_refused(
 @pytest.mark.usefixtures("shipped")
 def test_a_model_that_is_not_named_is_the_shipped_one(run: Path) -> None:
     asked = call(OFFICE, "--json")
-    assert "model: universal (shipped; trained on 12 buildings of synthetic)" in asked.stderr
     for words in (("--model", "other"), ("--model", run)):
-        named = call(OFFICE, *words, "--json")
-        assert named.stdout == asked.stdout
-        assert "model:" not in named.stderr
+        assert call(OFFICE, *words, "--json").stdout == asked.stdout
+    assert call(OFFICE).stdout.endswith("by universal\n")
     assert "did you mean universal?" in call(OFFICE, "--model", "universl", code=1).stderr
+
+
+def test_a_page_is_opened_in_the_browser(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda address: not shown.append(address))
+    page = tmp_path / "home.html"
+    words = (OFFICE, "--model", run, "--find", "sink", "--open")
+    assert "go first to" in call(*words, "--out", page).stdout
+    assert shown == [page.as_uri()]
+    monkeypatch.setattr("webbrowser.open", lambda address: False)
+    assert str(page) in call(*words, "--out", page, "--force").stderr
+    call(*words, code=2)
+    call(*words, "--out", tmp_path / "b.json", code=2)
 
 
 @pytest.mark.parametrize("words", [(), ("--find", "sink")])

@@ -26,7 +26,7 @@ OFFERED = {
     "bsg-train --config ceci-s": "ceci-sage",
     "bsg-belief --model univ": "universal",
     "bsg-belief --split te": "test",
-    "bsg-evaluate univ": "universal",
+    "bsg-evaluate x --model univ": "universal",
     "bsg-models show univ": "universal",
     "bsg-leaderboard --models doubled,mix": "doubled,mixture",
     "bsg-leaderboard --masks uniform,roo": "uniform,rooms",
@@ -34,7 +34,7 @@ OFFERED = {
     "bsg-search --worlds star,tree-": "star,tree-plus",
     "bsg-search --artifacts bed,sto": "bed,stove",
     "bsg-search --artifacts room": "room-specific",
-    "bsg-search --data none --split a": "all",
+    "bsg-search none --split a": "all",
 }
 ASK = """
 import contextlib, io, json, os, sys

@@ -30,7 +30,7 @@ def test_models_are_listed_and_shown() -> None:
     shown = call("show", "other")
     assert "## Limits" in shown.stdout
     assert rows[1]["sha256"] in shown.stdout
-    assert json.loads(call("show", "other", "--json").stdout)["config"]["name"] == "gamma-poisson"
+    assert "gamma-poisson" in shown.stdout
 
 
 def test_a_run_is_shown_too(run: Path) -> None:

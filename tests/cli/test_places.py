@@ -18,15 +18,15 @@ INTO = (
     "bsg-data build --hm3d hm3d --workers 1 --out PLACE",
     "bsg-data export dataset --to habitat --out PLACE",
     "bsg-data info dataset --figure PLACE.png",
-    "bsg-train --config gamma-poisson --data dataset --out PLACE",
-    "bsg-evaluate run --data dataset --out PLACE",
-    "bsg-evaluate run --data dataset --out new --html PLACE.html",
-    "bsg-evaluate run --data dataset --resamples 0 --out new --write-predictions PLACE",
-    "bsg-leaderboard --data dataset --models doubled --folds 3 --workers 1 --out PLACE",
+    "bsg-train dataset --config gamma-poisson --out PLACE",
+    "bsg-evaluate dataset --model run --out PLACE",
+    "bsg-evaluate dataset --model run --out new --html PLACE.html",
+    "bsg-evaluate dataset --model run --out new --write-predictions PLACE",
+    "bsg-leaderboard dataset --models doubled --folds 3 --workers 1 --out PLACE",
     "bsg-belief home.json --model run --out PLACE.json",
-    "bsg-belief home.json --model run --tables PLACE",
-    "bsg-search --data dataset --model run --workers 1 --out PLACE",
-    "bsg-search --data dataset --model run --workers 1 --out new --trace --animation PLACE.gif",
+    "bsg-belief home.json --model run --out PLACE.tables",
+    "bsg-search dataset --model run --workers 1 --out PLACE",
+    "bsg-search dataset --model run --workers 1 --out new --trace --replay PLACE.gif",
 )
 
 
@@ -61,13 +61,15 @@ def test_no_command_writes_into_a_dataset(line: str, work: Path) -> None:
         assert snapshot(work) == before
 
 
-@pytest.mark.parametrize("line", [line for line in INTO if "PLACE." in line])
+@pytest.mark.parametrize(
+    "line", [line for line in INTO if "PLACE." in line and "tables" not in line]
+)
 def test_no_command_replaces_a_file_of_sealed_results(line: str, work: Path) -> None:
     mine = f"mine{line.rpartition('PLACE')[2]}"
     (work / "run" / mine).write_text("measured")
     write_seal(work / "run", ["best.safetensors", mine])
     before = snapshot(work)
-    done = invoke(f"{line} --force", "run/mine")
+    done = invoke(line if "--figure" in line else f"{line} --force", "run/mine")
     assert done.exit_code == 1, done.output
     assert mine in done.stderr
     assert snapshot(work) == before

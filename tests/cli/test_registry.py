@@ -35,8 +35,8 @@ for name, command in COMMANDS.items():
         assert leave(command, *words, "--hlep") == 2, (name, words)
 for words in (
     ("bsg-data", "buidl"),
-    ("bsg-train", "--config", "ceci-sgae", "--print-config"),
-    ("bsg-leaderboard", "--data", ".", "--models", "ceci-sgae"),
+    ("bsg-train", "--config", "ceci-sgae", "--print"),
+    ("bsg-leaderboard", ".", "--models", "ceci-sgae"),
 ):
     assert leave(COMMANDS[words[0]], *words[1:]) != 0, words
 loaded = HEAVY & set(sys.modules)

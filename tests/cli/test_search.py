@@ -19,12 +19,11 @@ def run_command(*arguments: object, code: int = 0) -> Result:
 
 
 def test_a_study_with_everything(dataset: Path, run: Path) -> None:
-    few = ("--episodes", 6, "--workers", 1, "--resamples", 20, "--worlds", "tree:2-3,star")
-    result = run_command("--model", run, "--data", dataset, *few, "--stop", "0.1", "--trace", 1)
+    few = ("--episodes", 6, "--workers", 1, "--worlds", "tree:2-3,star")
+    result = run_command(dataset, "--model", run, *few, "--trace", 1)
     assert "need 5 of them" in result.stderr  # intervals, of one building
-    for word in ("star:1-10: 6 searches", "all: expected-cost stops by itself", "all: saved, %"):
+    for word in ("star:1-10: 6 searches", "all: saved, %"):
         assert word in result.stdout
-    assert "beyond routing" not in result.stdout
     out = run / "search"
     report = json.loads((out / "search.json").read_text("utf-8"))
     assert report["checkpoints_sha256"] == [hash_file(run / "best.safetensors")]
@@ -32,36 +31,36 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     assert report["standings"][0]["savings"]["nearest"]["saved"]["value"] == 0
     assert (out / "savings.png").stat().st_size > 10_000
     assert "Looking for" in (out / "trace.html").read_text("utf-8")
-    assert "--force" in run_command("--model", run, "--data", dataset, *few, code=1).stderr
+    assert "--force" in run_command(dataset, "--model", run, *few, code=1).stderr
 
 
 def test_without_a_model_planners_have_no_belief(dataset: Path, tmp_path: Path) -> None:
     few = ("--episodes", 2, "--workers", 1, "--out", tmp_path / "out", "--split", "all")
-    few += ("--no-model",)
-    result = run_command("--data", dataset, *few, "--worlds", "star,layout", "--json")
+    few += ("--model", "none")
+    result = run_command(dataset, *few, "--worlds", "star,layout", "--json")
     report = json.loads(result.stdout)
     assert list(report["standings"][0]["savings"]) == ["nearest", "routing", "oracle"]
     assert "layout: 12 of 12 buildings left out" in result.stderr
-    for refused in (("--planners", "ratio"), ("--stop", "0.1"), ("--trace", 0), ("--trace",)):
-        assert "--model" in run_command("--data", dataset, *few, *refused, "--force", code=2).stderr
+    for refused in (("--planners", "ratio"), ("--trace", 0), ("--trace",)):
+        assert "--model" in run_command(dataset, *few, *refused, "--force", code=2).stderr
 
 
 @pytest.mark.usefixtures("shipped")
 def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_path: Path) -> None:
-    few = ("--episodes", 1, "--workers", 1, "--resamples", 0, "--worlds", "star", "--json")
-    one = ("--artifacts", "bed", "--data", dataset, *few)
+    few = ("--episodes", 1, "--workers", 1, "--worlds", "star", "--json")
+    one = (dataset, "--artifacts", "bed", *few)
     result = run_command(*one, "--out", tmp_path / "a", "--planners", "nearest,greedy-belief")
     assert "model: universal (shipped; trained on" in result.stderr
     assert json.loads(result.stdout)["model"] == "gamma-poisson"
-    run_command(*one, "--no-model", "--model", "universal", code=2)
+    run_command(*one, "--model", "none", "--model", "universal", code=2)
 
 
 def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Path) -> None:
-    few = ("--episodes", 4, "--workers", 1, "--resamples", 0, "--worlds", "star")
+    few = ("--episodes", 4, "--workers", 1, "--worlds", "star")
     few += ("--planners", "ratio", "--out", tmp_path / "out")
     picture = tmp_path / "search.gif"
-    result = run_command("--model", run, "--data", dataset, *few, "--trace", "--animation", picture)
-    assert f"the same as a picture: {picture}" in result.stdout
+    result = run_command(dataset, "--model", run, *few, "--trace", "--replay", picture)
+    assert f"the same as .gif: {picture}" in result.stdout
     page = (tmp_path / "out" / "trace.html").read_text("utf-8")
     assert "This search was chosen as worth watching" in page
     assert picture.read_bytes().startswith(b"GIF89a")
@@ -70,10 +69,10 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
 def test_a_search_is_recorded(dataset: Path, run: Path, tmp_path: Path) -> None:
     from recordings import read_recording
 
-    few = ("--episodes", 4, "--workers", 1, "--resamples", 0, "--worlds", "star", "--trace", 0)
+    few = ("--episodes", 4, "--workers", 1, "--worlds", "star", "--trace", 0)
     file = tmp_path / "search.rrd"
-    words = ("--model", run, "--data", dataset, *few, "--out", tmp_path / "out", "--rerun", file)
-    assert f"the same as a recording: {file}" in run_command(*words).stdout
+    words = (dataset, "--model", run, *few, "--out", tmp_path / "out", "--replay", file)
+    assert f"the same as .rrd: {file}" in run_command(*words).stdout
     found = read_recording(file)
     assert found["travelled/nearest scalars"][0] == [0.0]
     assert any("found" in row[0] for row in found["world/robot/nearest labels"])
@@ -85,15 +84,14 @@ def test_a_search_is_recorded(dataset: Path, run: Path, tmp_path: Path) -> None:
         (("--worlds", "ring"), 2),
         (("--planners", "nearest,fast"), 2),
         (("--trace", "some"), 2),
-        (("--animation", "a.gif"), 2),
-        (("--rerun", "a.rrd"), 2),
-        (("--trace", "--rerun", "a.gif"), 2),
-        (("--stop", "x"), 2),
+        (("--replay", "a.gif"), 2),
+        (("--replay", "a.rrd"), 2),
+        (("--trace", "--replay", "a.mp4"), 2),
         (("--scene", "nowhere"), 1),
     ],
 )
 def test_wrong_use_is_refused(
     options: tuple[str, ...], code: int, dataset: Path, run: Path
 ) -> None:
-    run_command("--model", run, "--data", dataset, "--workers", 1, *options, code=code)
+    run_command(dataset, "--model", run, "--workers", 1, *options, code=code)
     assert not (run / "search").exists()

@@ -19,10 +19,10 @@ from bsg_data.errors import BSGError
 
 SCRIPT = """
 import os, time
-from bsg_cli.terminal import Workers, worker_pool
+from bsg_cli.terminal import worker_pool
 
 if __name__ == "__main__":
-    with worker_pool(Workers(2)) as pool:
+    with worker_pool(2) as pool:
         print(*{pool.submit(os.getpid).result() for _ in range(20)}, flush=True)
         time.sleep(60)
 """

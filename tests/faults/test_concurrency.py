@@ -109,7 +109,7 @@ def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path) -> None:
 def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     measure = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
-    believe = BeliefRequest(run=run, dataset=dataset, split="test", tables=out, force=True)
+    believe = BeliefRequest(run=run, dataset=dataset, split="test", out=(out,), force=True)
     met: list[bool] = []
 
     def interrupt(*_: object) -> None:

@@ -36,7 +36,7 @@ READ_DATASET = [
     "bsg-data pairs dataset --draws 1 --force --workers 1",
     "bsg-data split dataset --ratios 0.5 0.25 0.25 --force",
 ]
-BELIEVE = "bsg-belief {} --model {} --out b.json --html b.html --tables tables"
+BELIEVE = "bsg-belief {} --model {} --out b.json --out b.html --out tables".tables
 
 
 def hostile_names(victim: Path) -> tuple[str, ...]:
@@ -61,7 +61,7 @@ def put_into_statistics(folder: Path, name: str) -> list[str]:
     with zipfile.ZipFile(folder / "s.zip", "w") as archive:
         archive.writestr(name or "none", f"{STATISTICS}\nflat,0,1,1,bed_1\n")
         archive.writestr(MEMBER, f"{STATISTICS}\n{row}")
-    return _build_with_layouts(folder, "--hm3d-stats s.zip")
+    return _build_with_layouts(folder, "--source hm3d-stats s.zip")
 
 
 def put_into_table(folder: Path, name: str) -> list[str]:
@@ -124,7 +124,7 @@ def put_into_dsg(folder: Path, name: str) -> list[str]:
     (folder / "dsg.json").write_text(json.dumps(graph), "utf-8")
     return [
         f"{BELIEVE.format('dsg.json', 'universal')} --labels mpcat40",
-        "bsg-belief dsg.json --labels mpcat40 --hydra annotated.json",
+        "bsg-belief dsg.json --labels mpcat40 --out annotated.dsg.json",
     ]
 
 
@@ -153,7 +153,7 @@ def put_into_configuration(folder: Path, name: str) -> list[str]:
         "members": f"[model]\nfamily = 'ensemble'\nmembers = [{said}]\n",
     }.items():
         (folder / f"{what}.toml").write_text(text, "utf-8")
-    line = "bsg-train --config {0}.toml --data dataset --out run-{0}"
+    line = "bsg-train dataset --config {0}.toml --out run-{0}"
     return [line.format(what) for what in ("name", "family", "members")]
 
 
@@ -263,8 +263,8 @@ def _edit_header(folder: Path, edit: Callable[[dict[str, Any]], None]) -> list[s
     save_checkpoint(path, _Said(said), checkpoint.tensors)  # type: ignore[arg-type]
     graph = {"scene_id": "home", "rooms": [{"id": "r"}]}
     (folder / "graph.json").write_text(json.dumps(graph), "utf-8")
-    measure = "bsg-evaluate run --data dataset --resamples 0 --out out --write-predictions written"
-    return [BELIEVE.format("graph.json", "run"), "bsg-train --show run", measure]
+    measure = "bsg-evaluate dataset --model run --out out --write-predictions written"
+    return [BELIEVE.format("graph.json", "run"), "bsg-models show run", measure]
 
 
 class _Said:

@@ -74,7 +74,7 @@ def test_names_of_a_hostile_model_are_no_markup(run: Path) -> None:
     )
     body = text.partition("\n---\n")[2]
     escaped = r"&lt;b&gt;\`\|\[x\](y) \`\`\` # z"
-    command = "bsg-belief graph.json --model '<b>`|[x](y) ``` # z' --html belief.html"
+    command = "bsg-belief graph.json --model '<b>`|[x](y) ``` # z' --out belief.html"
     assert command in body.splitlines()
     plain = body.replace(command, "")
     assert plain.count(escaped) == 9

@@ -27,21 +27,21 @@ OFFICE = open_graph_file(REPOSITORY / "docs" / "office.json")
 
 
 def test_files_are_refused_before_the_run_is_loaded(tmp_path: Path) -> None:
-    twice = BeliefRequest(run=tmp_path, graphs=(OFFICE,), out=OFFICE.path)
+    twice = BeliefRequest(run=tmp_path, graphs=(OFFICE,), out=(OFFICE.path,))
     with refuses(RecipeError, "output-twice"):
         report_beliefs(twice)
     (tmp_path / "b.json").write_text("")
     with pytest.raises(DatasetError):
-        report_beliefs(BeliefRequest(run=tmp_path, graphs=(OFFICE,), out=tmp_path / "b.json"))
+        report_beliefs(BeliefRequest(run=tmp_path, graphs=(OFFICE,), out=(tmp_path / "b.json",)))
 
 
 def test_files_of_a_run_are_not_replaced(run: Path) -> None:
-    weights = run / "best.safetensors"
-    before = weights.read_bytes()
-    asked = BeliefRequest(run=run, graphs=(OFFICE,), html=weights, force=True)
+    (run / "kept.json").write_text("measured")
+    write_seal(run, ["best.safetensors", "kept.json"])
+    asked = BeliefRequest(run=run, graphs=(OFFICE,), out=(run / "kept.json",), force=True)
     with pytest.raises(DatasetError):
         report_beliefs(asked)
-    assert weights.read_bytes() == before
+    assert (run / "kept.json").read_text() == "measured"
 
 
 @pytest.fixture
@@ -75,44 +75,45 @@ def test_any_number_of_beliefs_goes_to_tables_and_some_to_a_page(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     list(train_run(find_config("gamma-poisson"), dataset, tmp_path / "run"))
-    run, tables = tmp_path / "run", tmp_path / "all"
-    request = BeliefRequest(run=run, dataset=dataset, split="train", tables=tables)
+    run, tables = tmp_path / "run", tmp_path / "all.tables"
+    request = BeliefRequest(run=run, dataset=dataset, split="train", out=(tables,))
     whole = report_beliefs(request)
     monkeypatch.setattr(belief_report, "MOST_HELD", 2)
-    places = {"tables": tmp_path / "b", "html": tmp_path / "p.html"}
+    some, page = tmp_path / "b.tables", tmp_path / "p.html"
     steps: list[tuple[int, int]] = []
-    few = report_beliefs(replace(request, **places), progress=lambda *step: steps.append(step))
+    few = report_beliefs(
+        replace(request, out=(some, page)), progress=lambda *step: steps.append(step)
+    )
     assert few.graphs == whole.graphs[:2]
     assert (few.number, few.blind, few.rooms) == (whole.number, whole.blind, whole.rooms)
     assert few.number == len(whole.graphs) == len(steps) > 2
     for name in ("nodes", "edges", "histograms"):
-        assert (places["tables"] / f"{name}.parquet").read_bytes() == (
-            tmp_path / "all" / f"{name}.parquet"
-        ).read_bytes()
-    page = places["html"].read_text("utf-8")
-    assert few.graphs[1].partial.scene_id in page
-    assert whole.graphs[2].partial.scene_id not in page
+        assert (some / f"{name}.parquet").read_bytes() == (tables / f"{name}.parquet").read_bytes()
+    shown = page.read_text("utf-8")
+    assert few.graphs[1].partial.scene_id in shown
+    assert whole.graphs[2].partial.scene_id not in shown
 
 
 def test_tables_take_the_place_of_no_run_and_of_no_file_of_somebody_else(old_run: Path) -> None:
     """With --force they replaced the seal of a run, which was then not checked any more."""
     before = {path.name: path.read_bytes() for path in old_run.iterdir()}
-    into_run = BeliefRequest(run=old_run, graphs=(OFFICE,), tables=old_run, force=True)
+    run = old_run.rename(old_run.with_name("run.tables"))
+    into_run = BeliefRequest(run=run, graphs=(OFFICE,), out=(run,), force=True)
     with pytest.raises(DatasetError):
         report_beliefs(into_run)
-    assert {path.name: path.read_bytes() for path in old_run.iterdir()} == before
-    other = old_run.with_name("evaluated")
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    other = run.with_name("evaluated.tables")
     other.mkdir()
     (other / "evaluation.json").write_text("{}")
     write_seal(other, ["evaluation.json"])
     with pytest.raises(DatasetError):
-        report_beliefs(replace(into_run, tables=other))
-    mine = old_run.with_name("mine")
+        report_beliefs(replace(into_run, out=(other,)))
+    mine = run.with_name("mine.tables")
     mine.mkdir()
     (mine / "edges.parquet").write_text("mine")
     with pytest.raises(DatasetError):
-        report_beliefs(replace(into_run, tables=mine))
+        report_beliefs(replace(into_run, out=(mine,)))
     assert (mine / "edges.parquet").read_text() == "mine"
     (mine / "edges.parquet").unlink()
     for _ in range(2):  # over its own tables it writes
-        report_beliefs(replace(into_run, tables=mine))
+        report_beliefs(replace(into_run, out=(mine,)))

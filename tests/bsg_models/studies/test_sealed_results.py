@@ -22,7 +22,7 @@ from bsg_models.studies.sealed_results import check_results
 def test_what_is_sound_what_was_changed_and_what_has_no_seal(run: Path, tmp_path: Path) -> None:
     assert check_results(run) == ("best.safetensors", "config.toml", "log.jsonl")
     assert check_results(run / "best.safetensors") == ("best.safetensors",)
-    done = CliRunner().invoke(COMMANDS["bsg-models"], ["check", str(run)])
+    done = CliRunner().invoke(COMMANDS["bsg-models"], ["verify", str(run)])
     assert done.output == f"{run}: sound (3 files)\n"
     (run / "log.jsonl").write_text("{}")
     with refuses(DatasetError, "file-changed", golden=False):
@@ -47,11 +47,11 @@ def test_an_evaluation_of_replaced_weights_is_told(
         assert done.exit_code == 0, done.output
         return done
 
-    evaluate = f"bsg-evaluate {run} --data {dataset} --resamples 0"
-    train = f"bsg-train --data {dataset} --out {run} --force --config"
+    evaluate = f"bsg-evaluate {dataset} --model {run}"
+    train = f"bsg-train {dataset} --out {run} --force --config"
     invoke(evaluate)
     assert "evaluation.json" in check_results(run / "evaluation")
-    assert "other weights" not in invoke(f"bsg-train --show {run}").stderr
+    assert "other weights" not in invoke(f"bsg-models show {run}").stderr
     told = invoke(f"{train} doubled").stderr
     assert f"{run / 'evaluation'} measures other weights than" in told
     with pytest.raises(DatasetError):
@@ -61,7 +61,7 @@ def test_an_evaluation_of_replaced_weights_is_told(
         check_results(Path())
     invoke(f"{evaluate} --force")
     assert check_results(run / "evaluation")
-    assert "other weights" not in invoke(f"bsg-train --show {run}").stderr
+    assert "other weights" not in invoke(f"bsg-models show {run}").stderr
 
 
 @pytest.mark.parametrize("name", ["evaluation", "search"])

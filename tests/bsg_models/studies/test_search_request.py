@@ -75,10 +75,8 @@ def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path,
         {"planners": ("ratio",)},  # needs a belief
         {"artifacts": ("spaceship",)},
         {"worlds": ("ring",)},
-        {"stops": (0.1,)},
         {"trace": "auto"},
-        {"stops": (0.1,), "task": "single", "runs": (Path("run"),)},
-        {"animation": Path("a.gif"), "runs": (Path("run"),)},
+        {"replays": (Path("a.gif"),), "runs": (Path("run"),)},
     ],
 )
 def test_what_cannot_be_searched_is_refused(dataset: Path, fields: dict[str, Any]) -> None:

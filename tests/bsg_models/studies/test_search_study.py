@@ -17,7 +17,7 @@ from bsg_models.search.knowledge import Knowledge
 from bsg_models.search.planners import nearest
 from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.savings import encode_study, summarise, write_searches
-from bsg_models.studies.search_cases import sample_presence, sample_searches
+from bsg_models.studies.search_cases import sample_searches
 from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, choose_planners, study_search
 
@@ -87,46 +87,6 @@ def test_buildings_without_a_layout_are_counted(dataset: Path) -> None:
         study_search(dataset, runs, only)
 
 
-def test_the_posterior_is_drawn_given_that_one_is_somewhere() -> None:
-    def draw(searches: int) -> np.ndarray:
-        shown = np.broadcast_to(presence[None, :, None], (searches, 4, 1))
-        there = np.broadcast_to(presence > 0, (searches, 4))
-        return sample_presence(shown, there, np.random.default_rng(0))[:, :, 0]
-
-    presence = np.array([0.0, 0.3, 0.5, 0.1])
-    drawn = draw(40_000)
-    assert drawn.any(axis=1).all()
-    somewhere = 1 - 0.7 * 0.5 * 0.9
-    np.testing.assert_allclose(drawn.mean(axis=0), presence / somewhere, atol=0.01)
-    np.testing.assert_array_equal(draw(3), drawn[:3])
-    both = (drawn[:, 1] & drawn[:, 2]).mean()
-    assert both == pytest.approx(0.3 * 0.5 / somewhere, abs=0.01)
-
-
-def test_where_the_belief_is_right_expected_cost_saves_most(dataset: Path, run: Path) -> None:
-    recipe = StudyRecipe(
-        artifacts=EVERY, worlds=DRAWN, episodes=200, tasks=("single",), truth="posterior"
-    )
-    study = study_search(dataset, dict.fromkeys(list(read_cells(dataset))[-6:], run), recipe)
-    for results in summarise(study, resamples=0):
-        saved = {name: one.saved.value for name, one in results.savings.items()}
-        best = max(v for name, v in saved.items() if name != "oracle")
-        assert saved["oracle"] > saved["expected-cost"] >= best - 0.02
-        assert results.savings["oracle"].of_oracle.value == 1
-
-
-def test_a_robot_that_stops_itself_costs_less_and_misses_more(dataset: Path, run: Path) -> None:
-    recipe = StudyRecipe(
-        artifacts=EVERY, worlds=DRAWN[:1], episodes=30, tasks=("all",), stops=(0.5, 0.001)
-    )
-    study = study_search(dataset, dict.fromkeys(list(read_cells(dataset))[-4:], run), recipe)
-    (results,) = summarise(study, resamples=50)
-    eager, careful = results.stops["0.5"], results.stops["0.001"]
-    assert eager.saved.value > careful.saved.value >= 0
-    assert eager.missed.value > careful.missed.value
-    assert "sweep" not in results.savings
-
-
 def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
     recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=3, planners=("ratio",))
     study = study_search(dataset, dict.fromkeys(list(read_cells(dataset))[-2:], run), recipe)
@@ -149,7 +109,6 @@ def test_a_belief_that_is_needed_and_not_there_is_said(dataset: Path) -> None:
     nobody = dict.fromkeys(read_cells(dataset))
     for recipe in (
         StudyRecipe(episodes=2, worlds=DRAWN),
-        StudyRecipe(episodes=2, planners=BLIND, truth="posterior"),
         StudyRecipe(episodes=2, planners=BLIND, worlds=DRAWN, artifacts=(45,)),
     ):
         with pytest.raises(RecipeError):
@@ -178,7 +137,7 @@ def test_a_planner_of_ones_own_meets_the_same_searches(dataset: Path) -> None:
 
 def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused() -> None:
     recipe = StudyRecipe(planners=("routing",))
-    for name in ("nearest", "sweep", "stop 0.1"):
+    for name in ("nearest",):
         with pytest.raises(RecipeError):
             choose_planners(recipe, {name: Planner(contrary)}, remote=False)
     local = {"mine": Planner(lambda known: known.here, "none")}

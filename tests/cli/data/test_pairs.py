@@ -10,17 +10,17 @@ from data_commands import run
 def test_every_building_and_room_has_a_pair_in_every_draw(dataset: Path) -> None:
     assert "--force" in run("pairs", dataset, code=1).stderr
     words = ("pairs", dataset, "--force", "--draws", "3", "--workers", "1")
-    drawn = json.loads(run(*words, "--json").stdout)
+    drawn = run(*words).stdout
     info = json.loads(run("info", dataset, "--json").stdout)
-    assert drawn["rows"] == 3 * (info["totals"]["scenes"] + info["totals"]["rooms"])
-    assert drawn["masks_sha256"] == info["masks_sha256"]
-    assert drawn["masks_sha256"]["all"] in run(*words).stdout
+    rows = 3 * (info["totals"]["scenes"] + info["totals"]["rooms"])
+    assert drawn.startswith(f"{rows:,} pairs: 3 draws")
+    assert info["masks_sha256"]["all"] in drawn
 
 
 def test_explore_withholds_and_hides_parts_if_so_asked(dataset: Path) -> None:
-    words = ("--mask", "explore", "--withhold", "0.2", "--parts")
-    answer = run("pairs", dataset, "--force", "--draws", "2", *words, "--json")
-    mask = json.loads(answer.stdout)["recipe"]["mask"]
+    words = ("--mask", "explore", "--withhold", "0.2", "--hide-parts")
+    run("pairs", dataset, "--force", "--draws", "2", *words)
+    mask = json.loads(run("info", dataset, "--json").stdout)["pairs"]["mask"]
     assert (mask["strategy"], mask["withhold"], mask["parts"]) == ("explore", 0.2, True)
     assert mask["exploration"]["glimpsed"] == 0.5
     assert "sound" in run("check", dataset).stdout

@@ -11,7 +11,9 @@ def test_buildings_are_dealt_to_splits_of_the_working_folder(
 ) -> None:
     monkeypatch.chdir(dataset)
     assert "--force" in run("split", ".", code=1).stderr
-    assert run("split", ".", "--force").stdout == "train 10, val 1, test 1 buildings\n"
+    assert run("split", ".", "--force").stdout == (
+        "train 10, val 1, test 1 buildings\nnext: bsg-data pairs .\n"
+    )
     run("pairs", ".", "--draws", "1")
     assert run("split", ".", "--folds", "3", "--force").stdout.startswith("fold-0 4, ")
     run("split", ".", "--official", "--folds", "3", code=2)
