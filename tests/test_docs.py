@@ -134,14 +134,14 @@ def test_the_examples_of_a_graph_of_hydra_run(
     part = (DOCS / "hydra.md").read_text("utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", part, re.DOTALL)
     run_block("hydra.md", block)
-    first = Path("annotated.json").read_bytes()
+    first = Path("annotated.dsg.json").read_bytes()
     lines = re.findall(r"^(bsg-belief .*--out .*)$", part, re.MULTILINE)
     for line in (f"{line} --force" for line in lines):
         name, *words = shlex.split(line)
         result = CliRunner().invoke(COMMANDS[name], words)
         assert result.exit_code == 0, f"{line}: {result.output}"
     assert len(lines) == 1
-    assert Path("annotated.json").read_bytes() != first, "one of them says more of R(2)"
+    assert Path("annotated.dsg.json").read_bytes() != first, "one of them says more of R(2)"
 
 
 @pytest.mark.usefixtures("run")
