@@ -16,6 +16,7 @@ from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.nav import Navigation
 from mkdocs.structure.pages import Page
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -41,6 +42,7 @@ SOURCES = {
     ".xml": "xml",
 }  # shown as code, by its language
 PACKAGES = ("bsg_data", "bsg_models")
+_IN_ORDER: list[Page] = []
 SHIM = "assets/iframe-worker.js"
 _SHIM = "https://unpkg.com/iframe-worker/shim"
 _LINK = re.compile(r"(?<=\]\()(?!\w+:|#)(?P<path>[^)#\s]+)(?=[)#])")
@@ -72,6 +74,17 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     return rewrite_links(markdown, page.file.src_uri)
 
 
+def on_nav(nav: Navigation, **_: Any) -> None:
+    """Remember the pages in the order of the navigation, for `llms.txt`."""
+    _IN_ORDER[:] = [page for page in nav.pages if not page.file.src_uri.startswith("api/")]
+
+
+def on_post_build(config: MkDocsConfig) -> None:
+    """Write all prose into one file, `llms.txt`, for those who ask a language model."""
+    texts = [f"<!-- {page.file.src_uri} -->\n\n{page.file.content_string}" for page in _IN_ORDER]
+    Path(config.site_dir, "llms.txt").write_text("\n\n".join(texts), "utf-8")
+
+
 def on_post_page(output: str, page: Page, **_: Any) -> str:
     """Load the script that the search needs on a disk from the site; the theme names a server."""
     return output.replace(_SHIM, posixpath.relpath(SHIM, posixpath.dirname(page.url) or "."))
@@ -87,8 +100,8 @@ def rewrite_links(markdown: str, place: str) -> str:
 
     >>> rewrite_links("[maps](mappings/README.md#rules)", "index.md")
     '[maps](class-maps.md#rules)'
-    >>> rewrite_links("[masks](../docs/masks-and-splits.md)", "class-maps.md")
-    '[masks](masks-and-splits.md)'
+    >>> rewrite_links("[masks](../docs/masks.md)", "class-maps.md")
+    '[masks](masks.md)'
     """
     sources = {there: source for source, there in ELSEWHERE.items()}
     source = sources.get(place, f"docs/{place}")

@@ -99,6 +99,15 @@ def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
     assert found == set()
 
 
+@pytest.mark.heavy
+def test_one_file_has_all_prose(site: Path) -> None:
+    """Every page of docs/, whole, and those that lie elsewhere; not the Python reference."""
+    text = (site / "llms.txt").read_text("utf-8")
+    pages = [*(REPOSITORY / "docs").rglob("*.md"), REPOSITORY / "README.md"]
+    assert [page.name for page in pages if page.read_text("utf-8").strip() not in text] == []
+    assert "::: bsg_data" not in text
+
+
 @pytest.mark.parametrize(
     ("place", "link", "expected"),
     [
