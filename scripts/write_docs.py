@@ -18,7 +18,6 @@ from click.testing import CliRunner
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
-from bsg_data.inputs.bounds import BOUNDS, GIB, KIB, MIB
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.tables import format_markdown
 from bsg_models.evaluation.catalogue import METRICS
@@ -26,6 +25,7 @@ from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 
 DOCS = Path(__file__).resolve().parent.parent
+WIDTHS = {"terminal_width": 88, "max_content_width": 88}
 READS = {"none": "costs", "belief": "costs, belief", "truth": "costs, the truth"}
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -45,8 +45,6 @@ def _generate(kind: str, name: str) -> str:
     if kind == "columns":
         schemas = {**TABLES, "splits": SPLITS, "pairs": pairs_schema(45)}
         return "\n".join(column_table(schemas[name]))
-    if kind == "help":
-        return f"```text\n{_help(name.split())}\n```"
     if kind == "classes":
         loaded = load_class_map(name)
         rows = zip(range(len(loaded.classes)), loaded.classes, loaded.definitions, strict=True)
@@ -60,11 +58,8 @@ def _generate(kind: str, name: str) -> str:
     if kind == "metrics":
         header = ("metric", "in tables", "better", "of", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
-    if kind == "bounds":
-        rows = [(bound.what, _name_bytes(bound.bytes), bound.items or "–") for bound in BOUNDS]
-        return "\n".join(format_markdown(rows, header=("what", "bytes at most", "and")))
-    if kind == "commands":
-        return "\n".join(_list_commands())
+    if kind == "helps":
+        return "\n".join(_list_helps())
     if kind == "file":
         text = (DOCS / "docs" / name).read_text("utf-8").rstrip()
         return f"```{Path(name).suffix.removeprefix('.')}\n{text}\n```"
@@ -74,31 +69,22 @@ def _generate(kind: str, name: str) -> str:
     raise ValueError(f"no generated part of kind {kind!r}")
 
 
-def _list_commands() -> Iterator[str]:
-    """Yield a heading a program, and a line and the examples of each of its commands."""
+def _list_helps() -> Iterator[str]:
+    """Yield a heading and the help of each program, and of the commands of its groups."""
     for name, command in COMMANDS.items():
         yield f"\n## {name}\n"
-        yield from _show_examples((name,), command)
+        yield from _show_helps(name, click.Context(command, info_name=name, **WIDTHS))
 
 
-def _show_examples(words: tuple[str, ...], command: click.Command) -> Iterator[str]:
-    """Yield what a command does, and its examples; of a group, those of its commands."""
-    if isinstance(command, click.Group):
-        for name, child in command.commands.items():
-            yield from _show_examples((*words, name), child)
+def _show_helps(name: str, context: click.Context) -> Iterator[str]:
+    command = context.command
+    if not isinstance(command, click.Group):
+        yield f"```text\n{command.get_help(context).rstrip()}\n```"
         return
-    said = (command.help or "").replace("\b", "")
-    does = " ".join(said.strip().partition("\n\n")[0].split())
-    anchor = (*words, words[0])[1]  # the page has a heading for each program and command
-    lines = re.findall(r"^\s*(bsg-.*)$", said, re.MULTILINE)
-    yield f"[`{' '.join(words)}`](commands.md#{anchor}): {does}\n"
-    yield "```sh\n" + "\n".join(lines) + "\n```\n"
-
-
-def _name_bytes(number: int) -> str:
-    """Return a number of bytes in the largest unit that it is whole in."""
-    units = ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB"))
-    return next(f"{number // unit} {name}" for unit, name in units if not number % unit)
+    for child, below in command.commands.items():
+        yield f"\n### {name} {child}\n"
+        inner = click.Context(below, info_name=child, parent=context, **WIDTHS)
+        yield from _show_helps(f"{name} {child}", inner)
 
 
 def _describe_planner(name: str) -> tuple[str, ...]:
@@ -113,32 +99,20 @@ def _describe_metric(name: str) -> tuple[str, ...]:
     return f"`{name}`", metric.label, better, ", ".join(metric.node_sets), metric.about
 
 
-def _help(words: list[str]) -> str:
-    command: click.Command = COMMANDS[words[0]]
-    context = _context(command, words[0])
-    for word in words[1:]:
-        assert isinstance(command, click.Group)
-        command = command.commands[word]
-        context = _context(command, word, parent=context)
-    return command.get_help(context).rstrip()
-
-
 def _run(line: str, *, notes: bool) -> str:
     """Return what a command prints, with its notes or without; its files are those of `docs`."""
     name, *words = shlex.split(line)
-    there = {path.name: str(path) for path in (DOCS / "docs").iterdir()}
-    done = CliRunner().invoke(COMMANDS[name], [there.get(word, word) for word in words])
+    files = {
+        path.relative_to(place).as_posix(): str(path)
+        for place in (DOCS, DOCS / "docs")
+        for path in (DOCS / "docs").iterdir()
+    }
+    done = CliRunner().invoke(COMMANDS[name], [files.get(word, word) for word in words])
     if done.exit_code:
         raise ValueError(f"{line}: {done.output}")
     printed = done.output if notes else done.stdout
-    return printed.replace(f"{DOCS / 'docs'}/", "").rstrip()
-
-
-def _context(
-    command: click.Command, name: str, *, parent: click.Context | None = None
-) -> click.Context:
-    widths = {"terminal_width": 88, "max_content_width": 88}
-    return click.Context(command, info_name=name, parent=parent, **widths)
+    there = f"{DOCS}/" if "docs/" in line else f"{DOCS / 'docs'}/"
+    return printed.replace(there, "").rstrip()
 
 
 def main() -> int:
