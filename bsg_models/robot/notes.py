@@ -28,8 +28,8 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
     unsaid = [room.label or room.name for room in graph.rooms if room.share == VAGUE]
     if unsaid:
         yield (
-            f"how much the robot saw of {_list(unsaid)} is not said: any hidden share may be, "
-            f"{VAGUE}; floor_in_view or hidden_share would say it"
+            f"{_list(unsaid)}: nobody said how much was seen; {VAGUE} is taken as hidden "
+            "(floor_in_view or hidden_share would say it)"
         )
 
 
@@ -41,11 +41,11 @@ def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
         for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED)
     ]
     if unmapped:
-        yield f"names that the class map lacks, and the model does not read: {_list(unmapped)}"
+        yield f"not in the class map, ignored: {_list(unmapped)}"
     seen = Counter(obj.raw_category for obj in graph.objects)
     made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
     if made:
-        yield f"names read by rule, for they are not in the class map: {_list(made)}"
+        yield f"read by a rule: {_list(made)}"
     words = [word for word, _ in graph.detector or () if class_map.classify(word).category is None]
     if words:
         yield f"words of the detector that are not in the class map: {_list(words)}"
@@ -63,10 +63,9 @@ def _note_classless(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
             names[obj.category in predictor.vocabulary][obj.raw_category] += 1
     for is_read, counted in names.items():
         if counted:
-            fate = "not counted, but read as evidence" if is_read else "ignored"
+            fate = "read as evidence, not counted" if is_read else "ignored"
             most = _list([repr(name[:SHOWN]) for name, _ in counted.most_common()])
-            number = len(predictor.classes)
-            yield f"{most}: not among the {number} classes of {predictor.name}; {fate}"
+            yield f"{most}: not among the {len(predictor.classes)} classes; {fate}"
 
 
 def _list(names: Sequence[str]) -> str:
