@@ -36,6 +36,14 @@ def test_every_requirement_has_both_bounds() -> None:
         assert re.search(r"<[0-9]", wanted), f"{line}: no upper bound"
 
 
+def test_every_requirement_has_a_reason() -> None:
+    text = (REPOSITORY / "docs" / "design.md").read_text("utf-8")
+    table = text.split("| package | where | what for |")[1].split("\n\n")[0]
+    said = {name for row in table.splitlines() for name in re.split(r"[|,]", row)[1:]}
+    names = {re.split(r"[<>=\[; ]", line)[0] for line in requirements()}
+    assert names - {name.strip() for name in said} == set()
+
+
 def test_every_file_of_the_lock_has_a_hash() -> None:
     text = "".join((REPOSITORY / name).read_text("utf-8") for name in LOCKS)
     body = "".join(line for line in text.splitlines(True) if not line.startswith("#"))
