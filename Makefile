@@ -103,13 +103,13 @@ figures: demo robot ## Draw the figures of the docs; that of the explorer needs 
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"
 
 # pyrobosim brings a plugin of pytest, so it has an environment of its own.
-robot: ## Let a robot search things in the simulator pyrobosim; page and picture in demo-robot/.
+robot: ## Let a robot search things in the simulator pyrobosim; picture and figures in demo-robot/.
 	$(PYTHON) -m venv $(VENV)/robot
 	$(VENV)/robot/bin/python -m pip install --quiet --constraint constraints.txt --editable '.[figures,meshes]' 'pyrobosim>=5,<6'
 	rm -rf demo-robot
 	$(VENV)/robot/bin/bsg-data synth --out demo-robot/buildings --scenes 14 --seed 0 --geometry
 	$(VENV)/robot/bin/bsg-data build --hm3d demo-robot/buildings --out demo-robot/synthetic
-	$(VENV)/robot/bin/python scripts/measure/robot.py --data demo-robot/synthetic --out demo-robot/robot.md --picture demo-robot/robot.png
+	$(VENV)/robot/bin/python scripts/measure/robot.py --data demo-robot/synthetic --out demo-robot/figures.json --picture demo-robot/robot.png
 
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

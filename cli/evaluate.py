@@ -32,7 +32,7 @@ from bsg_data.tables import format_text
     "--predictions",
     multiple=True,
     type=PATH,
-    help="Predictions of any program (docs/benchmark.md): a parquet file or a folder of them.",
+    help="Predictions of any program (docs/evaluation.md): a parquet file or a folder of them.",
 )
 @mask_options(
     "Of a dataset without a split, all buildings of which are measured: how to hide objects.",

@@ -1,4 +1,4 @@
-"""Write the generated parts of the docs: tables, helps, files, and what commands print.
+"""Write the generated parts of the docs: tables, helps, files, what commands print, a demo page.
 
 A part stands between `<!-- generated: KIND NAME -->` and `<!-- end -->`. `make docs` runs this;
 `tests/test_docs.py` fails when a part is not what this would write.
@@ -6,11 +6,14 @@ A part stands between `<!-- generated: KIND NAME -->` and `<!-- end -->`. `make 
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import sys
 from collections.abc import Iterator
+from decimal import ROUND_HALF_UP, Decimal
 from pathlib import Path
+from typing import Any
 
 import click
 from click.testing import CliRunner
@@ -27,6 +30,16 @@ from bsg_models.zoo.catalogue import ZOO
 DOCS = Path(__file__).resolve().parent.parent
 WIDTHS = {"terminal_width": 88, "max_content_width": 88}
 READS = {"none": "costs", "belief": "costs, belief", "truth": "costs, the truth"}
+FIGURES = "docs/results/figures.json"
+DEMO = "docs/assets/demo.html"  # the explorer of docs/home.json
+COMPARED = {  # model of the README's table → what it is
+    "universal": "the kind that is shipped",
+    "mixture": "room types, trains in seconds",
+    "prior-table": "common sense written down",
+    "cooccurrence": "which classes go together",
+    "doubled": "twice what was seen",
+    "ceci-gcn-600": "the paper's network",
+}
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -58,6 +71,14 @@ def _generate(kind: str, name: str) -> str:
     if kind == "metrics":
         header = ("metric", "in tables", "better", "of", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
+    if kind == "figures":
+        table = _find_table(*name.split("/", 1))
+        return "\n".join(format_markdown(table["rows"], header=table["header"]))
+    if kind == "made":
+        rows = [_describe_measurement(one) for one in name.split()]
+        return "\n".join(format_markdown(rows, header=("figures", "command", "date", "data")))
+    if kind == "results":
+        return "\n".join(_compare_models() if name == "models" else _tell_robots())
     if kind == "helps":
         return "\n".join(_list_helps())
     if kind == "file":
@@ -67,6 +88,82 @@ def _generate(kind: str, name: str) -> str:
         printed = _run(name, notes=kind == "run-with-notes")
         return f"```sh\n{name}\n```\n\n```text\n{printed}\n```"
     raise ValueError(f"no generated part of kind {kind!r}")
+
+
+def _read_figures() -> dict[str, Any]:
+    return dict(json.loads((DOCS / FIGURES).read_text("utf-8")))
+
+
+def _find_table(measurement: str, title: str) -> dict[str, Any]:
+    return dict(_read_figures()[measurement]["tables"][title])
+
+
+def _describe_measurement(name: str) -> tuple[str, ...]:
+    made = _read_figures()[name]["made"]
+    return name, f"`{made['command']}`", made["date"], made.get("dataset", "–")
+
+
+def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
+    """Return the cell of a column, in the row that begins with some cells."""
+    table = _find_table(measurement, title)
+    place = [name.split(" (")[0].strip("`") for name in table["header"]].index(column)
+    (found,) = [
+        cells[place]
+        for cells in table["rows"]
+        if tuple(cell.strip("`") for cell in cells[: len(row)]) == row
+    ]
+    return str(found)
+
+
+def _compare_models() -> list[str]:
+    """Return the README's table of models: three figures each, rounded to three decimals."""
+    columns = {
+        "NLL, half of every room hidden": ("Masks: uniform", "NLL ↓"),
+        "NLL, half of the rooms not entered": ("Masks: rooms", "NLL ↓"),
+        "AUROC, only rooms not entered": ("Rooms not entered, masks: rooms", "AUROC macro ↑"),
+    }
+    rows = []
+    for model, what in COMPARED.items():
+        values = [_find_cell("leaderboard", *place, model).split()[0] for place in columns.values()]
+        cells = [Decimal(v).quantize(Decimal("0.001"), ROUND_HALF_UP) for v in values]
+        rows.append((f"`{model}`, {what}", *map(str, cells)))
+    return format_markdown(rows, header=("model", *columns))
+
+
+def _tell_robots() -> list[str]:
+    """Return the README's table of what a robot gains."""
+    saved = _find_cell("search", "Task `single`", "layout", "universal@mixed", "expected-cost")
+    made = ("robot", "Worlds made from buildings")
+    metres, seconds = (
+        _find_cell(*made, f"% of {unit}", "nearest") for unit in ("metres", "seconds")
+    )
+    own = ("robot", "The same, from rooms that hold the thing", "seconds")
+    lost = [_find_cell(*own, who) for who in ("next_room", "nearest")]
+    ratios = _find_table("rooms_found", "Objects expected ÷ objects there")["rows"]
+    said = sorted(float(cell) for cell in _first(ratios, "`universal@mixed`")[1:])
+    rows = [
+        (
+            "find one thing in 50 HM3D homes, against going to the nearest room",
+            f"{saved} % less travel",
+        ),
+        (
+            "the same in the simulator pyrobosim, 20 HM3D homes",
+            f"{metres} % fewer metres, {seconds} % less time",
+        ),
+        (
+            "the thing is in the robot's own room (pyrobosim's own worlds)",
+            f"**loses**: {lost[0]} s against {lost[1]} s",
+        ),
+        (
+            "objects expected in a room not entered, from the first room found to the last",
+            f"{said[0]:.2f} to {said[-1]:.2f} times those there",
+        ),
+    ]
+    return format_markdown(rows, header=("task", "with `universal` (95 % interval)"))
+
+
+def _first(rows: list[list[str]], name: str) -> list[str]:
+    return next(row for row in rows if row[0] == name)
 
 
 def _list_helps() -> Iterator[str]:
@@ -115,8 +212,17 @@ def _run(line: str, *, notes: bool) -> str:
     return printed.replace(there, "").rstrip()
 
 
+def make_demo(path: Path) -> None:
+    """Write the page of the README's home."""
+    words = [str(DOCS / "docs" / "home.json"), "--out", str(path), "--force"]
+    done = CliRunner().invoke(COMMANDS["bsg-belief"], words)
+    if done.exit_code:
+        raise ValueError(done.output)
+
+
 def main() -> int:
-    """Renew all documents; say which changed."""
+    """Renew all documents and the demo page; say which documents changed."""
+    make_demo(DOCS / DEMO)
     for path in find_documents():
         old = path.read_text("utf-8")
         new = renew(old)

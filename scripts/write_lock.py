@@ -21,7 +21,7 @@ CPU_TORCH = REPOSITORY / "requirements-torch-cpu.lock"
 TORCH = REPOSITORY / "requirements-torch.lock"
 HEAD = """\
 # What `make` installs on Linux, x86-64, with Python 3.11 or 3.12: every file by its sha256.
-# scripts/write_lock.py makes it of the versions in constraints.txt; see docs/dependencies.md.
+# scripts/write_lock.py makes it of the versions in constraints.txt; see docs/design.md.
 """
 _COMPILE = (
     *("uv", "pip", "compile", "--generate-hashes", "--no-header", "--no-annotate", "--quiet"),

@@ -7,7 +7,6 @@ import re
 import shlex
 import shutil
 from collections.abc import Iterator
-from decimal import ROUND_HALF_UP, Decimal
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +59,7 @@ def test_every_command_has_help_and_a_place_in_the_docs() -> None:
         first = help_text.strip().splitlines()[0]
         assert first.endswith("."), f"{name}: the first line is no sentence: {first!r}"
         assert len(first) <= 80, name
-        assert f"<!-- generated: help {name} -->" in page, name
+        assert f"## {name}\n" in page, name
         options = [one for one in command.params if isinstance(one, click.Option)]
         assert all(one.help for one in options), f"{name}: an option without help"
         shown = command.get_help(click.Context(command, info_name=name, terminal_width=88))
@@ -74,11 +73,14 @@ def test_every_command_has_help_and_a_place_in_the_docs() -> None:
                 assert option in result.output, f"{line}: {option} is not an option"
 
 
-def test_generated_parts_are_current() -> None:
+def test_generated_parts_are_current(tmp_path: Path) -> None:
     """Also the columns of all tables: docs/format.md has them as generated parts."""
     scripted = load_script("write_docs")
     pages = {path: path.read_text("utf-8") for path in scripted.find_documents()}
     old = [path.name for path, text in pages.items() if scripted.renew(text) != text]
+    scripted.make_demo(tmp_path / "demo.html")
+    if (tmp_path / "demo.html").read_bytes() != (REPOSITORY / scripted.DEMO).read_bytes():
+        old.append(scripted.DEMO)
     assert old == [], "run `make docs`"
     text = pages[DOCS / "format.md"]
     assert all(f"<!-- generated: columns {name} -->" in text for name in (*TABLES, "splits"))
@@ -90,50 +92,34 @@ def test_links_between_documents_lead_somewhere() -> None:
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
 
 
-def test_the_results_of_the_readme_are_those_of_the_measured_pages() -> None:
-    """Six models, three figures each, rounded from docs/results."""
-
-    def figures(page: str, heading: str, model: str) -> list[str]:
-        text = (DOCS / "results" / page).read_text("utf-8")
-        table = text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
-        (row,) = re.findall(rf"^\| `{model}` \|(.*)$", table, re.MULTILINE)
-        said = [cell.split()[0] for cell in row.split("|") if re.match(r" \d", cell)]
-        return [str(Decimal(one).quantize(Decimal("0.001"), ROUND_HALF_UP)) for one in said]
-
-    readme = (REPOSITORY / "README.md").read_text("utf-8")
-    table = readme.split("<!-- results -->\n")[1].split("\n\n")[0].splitlines()[2:]
-    assert len(table) == 6
-    for line in table:
-        name, *shown = [cell.strip() for cell in line.strip("|").split("|")]
-        model = name.split("`")[1]
-        uniform = figures("leaderboard.md", "Masks: uniform", model)
-        rooms = figures("leaderboard.md", "Masks: rooms", model)
-        alone = figures("leaderboard.md", "Rooms not entered, masks: rooms", model)
-        assert shown == [uniform[0], rooms[0], alone[0]], model
-
-
-@pytest.mark.parametrize("path", ["README.md", "docs/robot.md"])
 def test_the_ten_lines_run_and_print_what_they_say(
-    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    shutil.copy(DOCS / "home.json", tmp_path)
-    text = (REPOSITORY / path).read_text("utf-8")
+    monkeypatch.chdir(REPOSITORY)
+    text = (REPOSITORY / "README.md").read_text("utf-8")
     block = text.split("<!-- ten lines -->\n```python\n")[1].split("```")[0]
     assert len([line for line in block.splitlines() if line]) <= 10
-    exec(compile(block, path, "exec"), {"__name__": "asking"})
+    exec(compile(block, "README.md", "exec"), {"__name__": "asking"})
+    assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
+
+
+def test_the_robot_that_begins_with_nothing_goes_where_the_page_says(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    block = read_blocks("robot.md")[0]
+    run_block("robot.md", block)
     assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
 
 
 def test_the_examples_of_a_graph_of_hydra_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The commands and the lines of docs/hydra.md, beside docs/dsg.json."""
+    """The commands and the lines of docs/belief.md, beside docs/dsg.json."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "dsg.json", tmp_path)
-    part = (DOCS / "hydra.md").read_text("utf-8")
+    part = (DOCS / "belief.md").read_text("utf-8").split("\n## Hydra\n")[1].split("\n## ")[0]
     (block,) = re.findall(r"```python\n(.*?)```", part, re.DOTALL)
-    run_block("hydra.md", block)
+    run_block("belief.md", block)
     first = Path("annotated.dsg.json").read_bytes()
     lines = re.findall(r"^(bsg-belief .*--out .*)$", part, re.MULTILINE)
     for line in (f"{line} --force" for line in lines):
@@ -148,12 +134,11 @@ def test_the_examples_of_a_graph_of_hydra_run(
 def test_the_examples_beside_an_office_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The very lines of docs/search.md and docs/hidden-share.md."""
+    """The very lines of docs/search.md, and the last ones of docs/robot.md."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "office.json", tmp_path)
-    for page in ("search.md", "hidden-share.md"):
-        (block,) = read_blocks(page)
-        run_block(page, block)
+    for page in ("search.md", "robot.md"):
+        run_block(page, read_blocks(page)[-1])
     room, belief, *presences = capsys.readouterr().out.split("\n")
     assert (room, belief) == ("2", "57% ± 18%")
     weighed, told = map(float, filter(None, presences))
@@ -184,13 +169,13 @@ def test_loading_examples_run(dataset: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_the_entry_of_the_benchmark_is_measured(
     dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The very lines of docs/benchmark.md, and the command that measures what they write."""
+    """The very lines of docs/evaluation.md, and the command that measures what they write."""
     split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=5), force=True)
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=1))
     monkeypatch.setattr("bsg_models.studies.evaluation_report.plot_evaluation", lambda *_, **__: {})
     monkeypatch.chdir(dataset.parent)
-    (block,) = read_blocks("benchmark.md")
-    run_block("benchmark.md", block)
+    (block,) = read_blocks("evaluation.md")
+    run_block("evaluation.md", block)
     words = ["dataset", "--predictions", "mine.parquet", "--json"]
     result = CliRunner().invoke(COMMANDS["bsg-evaluate"], [*words, "--html", "page.html"])
     assert result.exit_code == 0, result.output
@@ -207,8 +192,8 @@ def rows_of(page: str, table: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.split("\n")[2:]]
 
 
-def test_the_page_of_the_hidden_share_says_what_is_estimated() -> None:
-    rows = rows_of("hidden-share.md", "situations")
+def test_the_page_says_what_share_is_estimated() -> None:
+    rows = rows_of("robot.md", "situations")
     assert len(rows) >= 10
     for _, said, mean, sd in rows:
         room = {"id": "room", **json.loads("{" + said.strip("`") + "}")}
@@ -217,10 +202,10 @@ def test_the_page_of_the_hidden_share_says_what_is_estimated() -> None:
         assert graph.rooms[0].share.sd == pytest.approx(float(sd), abs=0.005), said
 
 
-def test_the_page_of_the_hidden_share_says_what_a_model_believes() -> None:
+def test_the_page_says_what_a_model_believes_of_a_share() -> None:
     office, predictor = read_robot_graph(DOCS / "office.json"), Predictor()
     columns = [predictor.classes.index(name) for name in ("sink", "stove", "microwave")]
-    for said, *shown in rows_of("hidden-share.md", "kitchen"):
+    for said, *shown in rows_of("robot.md", "kitchen"):
         mean, _, sd = said.removeprefix("anything: ").partition(" ± ")
         share = ShareBelief(float(mean), float(sd or 0))
         presence = predictor(hide_of_room(office, 2, share)).presence[2, columns]

@@ -164,6 +164,7 @@ def test_the_document_names_every_seam() -> None:
         "planner.py",
         "metric.py",
         "format.py",
+        "export.py",
     }
     groups = set(PROJECT["entry-points"])
     assert groups == set(re.findall(r"\| `(bsg_\w+\.\w+)` \|", TEXT))

@@ -7,9 +7,8 @@ spanning forests of the building, rooted anywhere. One matrix inverse gives it (
 matrix-tree theorem, Tutte 1948). Without special rules it follows that small rooms have one door,
 that hubs attract, and that another way in makes a pair less likely.
 
-`scripts/fit/passages.py` at commit 4227eff fitted the weights and cross-validated them;
-docs/results/geometry.md has the figures. Position, quarter turns, mirroring and the order
-of rooms change nothing.
+`scripts/fit/passages.py` at commit 4227eff fitted the weights and cross-validated them
+(docs/geometry.md). Position, quarter turns, mirroring and the order of rooms change nothing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The largest accepted size of every kind of file; `docs/limits.md` has this table.
+"""The largest accepted size of every kind of file.
 
 `bsg_data.inputs.bounded_file` reads untrusted files within these bounds. They are far above all
 real files, and low enough for a machine with 2 GB.
@@ -95,5 +95,3 @@ RESULTS = Bound("results of an evaluation or a search, JSON", 256 * MIB, _NESTED
 RUN_RECORD = Bound("log, metrics, seconds and figures of a run", 16 * MIB, _NESTED)
 CARD = Bound("card of a model, Markdown with YAML", MIB, _NESTED)
 CHECKSUMS = Bound("list of checksums, `SHA256SUMS`", MIB)
-
-BOUNDS = tuple(value for value in list(globals().values()) if isinstance(value, Bound))

@@ -4,7 +4,7 @@ A building has rooms, each of a latent type with a mean count per category. Coun
 building's richness and its style (a factor per category), with the room's size, and with a burst
 per room and category. Names then get HM3D's raw spellings, and the file its irregularities. Every
 rate comes from `rates.json`, which `scripts/fit/synthetic_rates.py` at commit 4227eff fitted on
-HM3D. docs/synthetic.md has the model, and docs/results/synthetic.md how close it is.
+HM3D.
 """
 
 from __future__ import annotations

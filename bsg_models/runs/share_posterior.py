@@ -8,8 +8,8 @@ visible share 1 − s (`CountDistribution.log_seen`). Few objects in a room wher
 many mean that many are hidden.
 
 Counts of different classes are correlated, through the fullness of a room and the care of its
-annotation. So C classes carry less evidence than C independent ones. τ is the measured correction
-(docs/results/share_estimates.md).
+annotation. So C classes carry less evidence than C independent ones. τ is the correction that was
+best in 437 half-seen rooms of HM3D.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Write a network as an ONNX file, which programs in other languages ask without Python.
 
 The file answers for one building at a time, as the network does for certain hidden shares, with its
-calibration. docs/onnx.md says its inputs, outputs and metadata. It is written by torch's own
-exporter, from the functions by which the network answers and trains.
+calibration. docs/robot-software.md says its inputs, outputs and metadata. Torch's own
+exporter writes it, from the functions by which the network answers and trains.
 """
 
 from __future__ import annotations

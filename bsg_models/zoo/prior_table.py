@@ -1,6 +1,6 @@
 """Score classes by a table of common sense, written by a language model, a person or from a book.
 
-The table is a JSON file (docs/prior-table.md) with one or both of:
+The table is a JSON file (docs/models.md) with one or both of:
 
     room_types    P(the room has class c | its type t), and how usual each type is
     objects       P(the room has class c | it has class j)
@@ -192,7 +192,7 @@ def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> _PriorTable:
         _require_known(table, classes)
     except (ConfigError, ValueError) as error:
         fault = name_fault(error) if isinstance(error, ValidationError) else str(error)
-        raise ConfigError(f"{name}: {fault}; docs/prior-table.md has the format") from error
+        raise ConfigError(f"{name}: {fault}; docs/models.md has the format") from error
     return table
 
 

@@ -14,8 +14,8 @@ def main(ros_args: tuple[str, ...]) -> None:
     """Run a ROS 2 node that hears what a robot sees, and says where the rest is.
 
     It hears sightings and questions on topics below its name, `/belief`, and answers on
-    /belief/answers. docs/ros.md lists its topics, services and parameters. It runs until it is
-    stopped by Ctrl-C or SIGTERM, and then ends with 0.
+    /belief/answers, until Ctrl-C or SIGTERM stops it. docs/robot-software.md lists its topics,
+    services and parameters.
 
     \b
     Example:

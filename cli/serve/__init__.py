@@ -38,7 +38,7 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
 
     A question brings its map, and nothing is stored. MCP is at /mcp, the description of HTTP at
     /openapi.json. Only this machine is listened to, unless --host says otherwise; there are no
-    passwords. docs/mcp.md and docs/http.md show how to ask. It runs until Ctrl-C or SIGTERM.
+    passwords. docs/robot-software.md shows how to ask. It runs until Ctrl-C or SIGTERM.
 
     \b
     Example:

@@ -1,4 +1,4 @@
-// Ask an exported network from Node, without Python: docs/onnx.md.
+// Ask an exported network from Node, without Python: docs/robot-software.md.
 //
 //   npm install onnxruntime-web
 //   node ask_onnx.mjs universal.onnx universal.json home.json microwave

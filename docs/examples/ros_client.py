@@ -4,7 +4,7 @@
     python ros_client.py --topic entered kitchen
     python ros_client.py --topic saw '{"thing": "sink", "room": "kitchen"}'
 
-It needs `rclpy` and `std_msgs` of ROS 2. docs/ros.md describes the topics.
+It needs `rclpy` and `std_msgs` of ROS 2. docs/robot-software.md describes the topics.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def ask(topic: str, **said: Any) -> dict[str, Any]:
 def main() -> None:
     """Print the likeliest room of each thing, and where to go first; or the answer of a topic."""
     parser = argparse.ArgumentParser(description="Ask a running bsg-ros where things are.")
-    parser.add_argument("--topic", choices=TOPICS, help="what to say; docs/ros.md lists the keys")
+    parser.add_argument("--topic", choices=TOPICS, help="what to say; see docs/robot-software.md")
     parser.add_argument("things", nargs="+", help="things to look for, or the text of the topic")
     asked = parser.parse_args(remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)

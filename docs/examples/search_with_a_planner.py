@@ -3,7 +3,7 @@
     python search_with_a_planner.py
 
 The planner here is a few lines, which go where a second of search finds most. It asks for
-probabilities as RAIL-group/railroad does (docs/planners.md): of every robot, location and
+probabilities as RAIL-group/railroad does (docs/robot-software.md): of every robot, location and
 object, before every decision.
 """
 

@@ -1,6 +1,6 @@
-"""Measure how fast the main jobs are beside what people would use instead, and write the page.
+"""Measure how fast the main jobs are beside what people would use instead, and write the tables.
 
-    python scripts/bench/speed.py --hm3d PATH --out docs/results/speed.md
+    python scripts/bench/speed.py --hm3d PATH --out docs/results/figures.json
     python scripts/bench/speed.py --only masks search   # prints the rows of two
 
 Each benchmark is a file of this folder, and runs in a process of its own with one thread.
@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from results import ResultsTable, write_page
+from results import ResultsTable, write_figures
 from timing import HEADER, Speed
 
 from bsg_data.tables import format_text
@@ -48,10 +48,10 @@ def measure(name: str, hm3d: Path | None) -> tuple[Speed, ...]:
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Run the benchmarks, print the rows, and write the page."""
+    """Run the benchmarks, print the rows, and write the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--hm3d", type=Path, help="folder with annotations of HM3D")
-    parser.add_argument("--out", type=Path, help="page to write")
+    parser.add_argument("--out", type=Path, help="JSON of figures")
     parser.add_argument("--only", nargs="+", choices=list_benchmarks(), default=list_benchmarks())
     options = parser.parse_args(argv)
     os.environ.update(ONE_THREAD)
@@ -61,15 +61,13 @@ def main(argv: Sequence[str] | None = None) -> None:
             found = pool.submit(measure, name, options.hm3d).result()
         speeds += found
         print(format_text([one.cells() for one in found], header=HEADER), flush=True)
-    met = f"{sum(one.is_met for one in speeds)} of {len(speeds)} targets are met."
+    print(f"{sum(one.is_met for one in speeds)} of {len(speeds)} targets are met.")
     if options.out:
         tables = [
             ResultsTable(title, HEADER, [o.cells() for o in speeds if o.kind == kind], reading)
             for kind, (title, reading) in TABLES.items()
         ]
-        write_page(options.out, "Speed", tables, argv=argv or sys.argv, found=met)
-    else:
-        print(met)
+        write_figures(options.out, "speed", tables, argv=argv or sys.argv)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Measure what is known of things that no model counts: against people, real rooms and searches.
 
     python scripts/measure/any_word.py --leaderboard BOARD --behavior DATASET \
-        --housekeep objects.csv --glove FOLDER --wordnet FOLDER --out docs/results/any_word.md
+        --housekeep objects.csv --glove FOLDER --wordnet FOLDER --out docs/results/figures.json
 
 `--housekeep` alone prints the benchmark of the shipped table: no other data are needed.
 """
@@ -20,7 +20,7 @@ import nouns as table
 import numpy as np
 import pandas as pd
 from nouns import HALF_SEEN, MASKS, HeldOut, Rooms, Sources, average_precision
-from results import ResultsTable, format_estimate, write_page
+from results import ResultsTable, format_estimate, write_figures
 from scipy.stats import mannwhitneyu
 
 from bsg_data.arrays import Bools, Floats, Ints
@@ -31,6 +31,7 @@ from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.observation.partial_graph import PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.tables import format_text
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import estimate_value, weigh_buildings
 from bsg_models.runs.predictor import Predictor
@@ -336,14 +337,14 @@ def report_search(sources: Sources, board: Path, calibration: table.Calibration)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, and write the page."""
+    """Measure, and write the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     table.add_options(parser, optional=True)
-    parser.add_argument("--out", type=Path, help="page; without it, the benchmark is printed")
+    parser.add_argument("--out", type=Path, help="JSON of figures; else it is printed")
     options = parser.parse_args(arguments)
     tables = [report_housekeep(options.housekeep)]
     if options.out is None:
-        print("\n".join(tables[0].lines()))
+        print(format_text(tables[0].rows, header=tables[0].header))
         return 0
     sources = table.read_sources(options)
     sources = replace(sources, objects=sources.objects[sources.objects["split"] != "test"])
@@ -355,7 +356,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         tables += [report_ranking(sources, prior, held), report_reliability(held)]
         tables.append(report_search(sources, options.leaderboard, table.calibrate(held)))
-    write_page(options.out, "Any word", tables, argv=sys.argv, data=Dataset.open(data))
+    write_figures(options.out, "any_word", tables, argv=sys.argv, data=Dataset.open(data))
     return 0
 
 

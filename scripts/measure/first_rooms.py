@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from folds import FoldModel, Shares, bootstrap, mask_of, open_dataset, open_folds
-from results import ResultsTable, format_estimate, write_page
+from results import ResultsTable, format_estimate, write_figures
 
 from bsg_data.arrays import Bools
 from bsg_data.observation.masked_buildings import MaskedBuildings
@@ -144,26 +144,24 @@ def _tally(one: FoldModel, masked: MaskedBuildings, known: Bools) -> Shares:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and write the page."""
+    """Measure, and write the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--leaderboard", type=Path, required=True, help="its folder")
     parser.add_argument("--shipped", nargs="+", default=["universal", "ensemble", "mixture"])
     parser.add_argument("--models", nargs="+", required=True, help="NAME@MASK, the best first")
-    parser.add_argument("--out", type=Path, required=True, help="page to write")
-    parser.add_argument("--found", default="", help="what was found, in words above the tables")
+    parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     parser.add_argument("--draws", type=int, default=3, help="masks of every building")
     options = parser.parse_args(argv)
-    words = [word for word in argv or sys.argv[1:] if word not in ("--found", options.found)]
     homes = json.loads(HOMES.read_text("utf-8"))
     tables = [
         report_homes(options.shipped, homes),
         report_detector(options.leaderboard, options.models, draws=options.draws),
     ]
     data = open_dataset(options.leaderboard, options.models[0])
-    title = "The first rooms, and a detector of few words"
-    write_page(options.out, title, tables, argv=[__file__, *words], data=data, found=options.found)
+    words = [__file__, *(argv or sys.argv[1:])]
+    write_figures(options.out, "first_rooms", tables, argv=words, data=data)
     return 0
 
 

@@ -1,7 +1,7 @@
 """Measure models on whole datasets of other buildings, in the rooms that nobody has entered.
 
     bsg-data build --source cobie clinic.xlsx --out clinic
-    python scripts/measure/foreign.py --data clinic --models universal --out page.md
+    python scripts/measure/foreign.py --data clinic --models universal --out FIGURES
 
 No building is trained on, so there is no split. Only the classes that a source can name count.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from folds import Shares, bootstrap, tally_unvisited
-from results import ResultsTable, format_estimate, write_page
+from results import ResultsTable, format_estimate, write_figures
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings, stream_sampled
@@ -114,21 +114,19 @@ def report_dataset(options: argparse.Namespace, path: Path) -> ResultsTable:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and write the page."""
+    """Measure, and write the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", type=Path, nargs="+", required=True, help="datasets")
     parser.add_argument("--models", nargs="+", required=True, help="shipped models, or runs")
-    parser.add_argument("--out", type=Path, required=True, help="page to write")
-    parser.add_argument("--found", default="", help="what was found, in words above the tables")
+    parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     parser.add_argument("--draws", type=int, default=50, help="masks of every building")
     parser.add_argument("--resamples", type=int, default=1000)
     options = parser.parse_args(argv)
-    words = [word for word in argv or sys.argv[1:] if word not in ("--found", options.found)]
     tables = [report_dataset(options, path) for path in options.data]
-    title = "Real buildings that are not homes"
-    write_page(options.out, title, tables, argv=[__file__, *words], found=options.found)
+    words = [__file__, *(argv or sys.argv[1:])]
+    write_figures(options.out, "real_buildings", tables, argv=words)
     return 0
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from folds import Shares, bootstrap
-from results import ResultsTable, format_estimate, write_page
+from results import ResultsTable, format_estimate, write_figures
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
@@ -143,8 +143,7 @@ def tabulate(title: str, found: Mapping[str, tuple[Bootstrap, float]]) -> Result
         f"Means over {true.nodes['nll']:,} (room, class, mask) cells of half-seen rooms of the val "
         f"and test buildings. Masks: {MASK}. Differences are paired, with 95 % intervals over "
         "buildings. The error of the share is the root mean square error of its mean. A shipped "
-        "model was trained on these buildings; a run was calibrated on the val buildings. "
-        "[Hidden share](../hidden-share.md) explains the estimates."
+        "model was trained on these buildings; a run was calibrated on the val buildings."
     )
     header = (
         *("told", "error of the share", "−log P(hidden counts)", "difference from true share"),
@@ -163,11 +162,11 @@ def read_cases(data: Dataset, *, draws: int) -> Iterator[tuple[int, PartialGraph
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and write the page."""
+    """Measure, and write the tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="dataset with a split")
     parser.add_argument("--models", nargs="+", required=True, help="runs, or shipped models")
-    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     parser.add_argument("--draws", type=int, default=2, help="masks of every building")
     parser.add_argument("--look", type=float, default=CURVES["floor"][1])
     options = parser.parse_args(argv)
@@ -178,7 +177,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         predictor = Predictor(name)
         tables.append(tabulate(predictor.name, measure(predictor, cases, size=options.look)))
     words = [__file__, *(argv or sys.argv[1:])]
-    write_page(options.out, "The cost of an unknown hidden share", tables, argv=words, data=data)
+    write_figures(options.out, "hidden_share", tables, argv=words, data=data)
     return 0
 
 

@@ -1,9 +1,9 @@
-"""Write a page of results from a finished leaderboard.
+"""Measure a finished leaderboard, and put the tables into the figures of the docs.
 
     bsg-leaderboard hm3d --masks uniform,rooms --out board
-    python scripts/measure/report.py leaderboard --leaderboard board --out leaderboard.md
+    python scripts/measure/report.py leaderboard --leaderboard board --out docs/results/figures.json
 
-`leaderboard` reads the board's numbers. The other pages measure its models again, each on the
+`leaderboard` reads the board's numbers. The others measure its models again, each on the
 buildings that it was not trained on: `masks` under every mask and in every view of a room,
 `rooms_found` in buildings that are still being found, `ablation` as differences from `--base`,
 `fixtures` by P(another one | one is seen), `room_size` with and without floor area and room label,
@@ -35,7 +35,7 @@ from folds import (
     tally_unvisited,
     tally_views,
 )
-from results import ResultsTable, format_estimate, is_told_apart, write_page
+from results import ResultsTable, format_estimate, is_told_apart, write_figures
 
 from bsg_data.errors import DatasetError
 from bsg_data.recipes import MaskRecipe
@@ -226,8 +226,7 @@ def report_ablation(options: argparse.Namespace) -> Tables:
             rows.append([f"`{name}`", *(format_estimate(gap, signed=True) for gap in gaps)])
     reading = (
         "The first row is the hidden NLL of the base over the classes of all rooms. The other rows "
-        f"are paired differences from it, {INTERVAL}. Above 0 is worse. "
-        "[Results](README.md#model-names) explains the names."
+        f"are paired differences from it, {INTERVAL}. Above 0 is worse."
     )
     return [ResultsTable("Difference from the base, by mask", ("variant", *MASKS), rows, reading)]
 
@@ -372,27 +371,25 @@ def _nll(one: Bootstrap) -> float:
     return one.point["nll"]
 
 
-PAGES: dict[str, tuple[str, Callable[[argparse.Namespace], Tables]]] = {
-    "leaderboard": ("Leaderboard", report_leaderboard),
-    "masks": ("One model for every kind of mask", report_masks),
-    "rooms_found": ("A building that is being found", report_rooms_found),
-    "ablation": ("What each part of the model is worth", report_ablation),
-    "fixtures": ("Is there a second object of the class?", report_fixtures),
-    "room_size": ("What floor area and room label tell about a room", report_room_size),
-    "search": ("What a belief saves in object search", report_searches),
+MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
+    "leaderboard": report_leaderboard,
+    "masks": report_masks,
+    "rooms_found": report_rooms_found,
+    "ablation": report_ablation,
+    "fixtures": report_fixtures,
+    "room_size": report_room_size,
+    "search": report_searches,
 }
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, and write the page."""
+    """Measure, and write the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("page", choices=PAGES)
+    parser.add_argument("name", choices=MEASUREMENTS)
     parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
-    parser.add_argument("--out", type=Path, required=True, help="page to write")
-    parser.add_argument("--title", help="heading of the page")
-    parser.add_argument("--found", default="", help="what was found, in words above the tables")
+    parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     parser.add_argument("--models", nargs="*", help="NAME@MASK; default: all")
     parser.add_argument("--base", default="universal@mixed", help="of the ablation")
     parser.add_argument("--draws", type=int, default=5, help="masks of every building")
@@ -400,14 +397,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--worlds", nargs="*", default=list(WORLDS), help="of the searches")
     parser.add_argument("--resamples", type=int, default=1000)
     options = parser.parse_args(argv)
-    title, make = PAGES[options.page]
-    words = [word for word in argv or sys.argv[1:] if word not in ("--found", options.found)]
-    write_page(
+    write_figures(
         options.out,
-        options.title or title,
-        make(options),
-        argv=[__file__, *words],
-        found=options.found,
+        options.name,
+        MEASUREMENTS[options.name](options),
+        argv=[__file__, *(argv or sys.argv[1:])],
         data=open_dataset(options.leaderboard, list_models(options.leaderboard)[0]),
     )
     return 0

@@ -1,8 +1,9 @@
-"""Pages of measured results: a title, what was found, tables, and how the page was made."""
+"""Measured tables, and the one JSON that keeps them: docs/results/figures.json."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,8 +15,7 @@ import numpy as np
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest
-from bsg_data.files import write_bytes
-from bsg_data.tables import escape_markdown, format_markdown
+from bsg_data.files import encode_json, write_bytes
 from bsg_models.evaluation.bootstrap import Estimate
 
 PACKAGES = ("belief-scene-graphs", "torch", "numpy")
@@ -30,39 +30,52 @@ class ResultsTable:
     rows: Sequence[Sequence[str]]
     reading: str = ""
 
-    def lines(self) -> list[str]:
-        """Return the table as lines of Markdown."""
-        head = [f"## {self.title}", "", self.reading, ""]
-        return [*head, *format_markdown(self.rows, header=self.header), ""]
 
-
-def write_page(
+def write_figures(
     path: Path,
-    title: str,
+    name: str,
     tables: Sequence[ResultsTable],
     *,
     argv: Sequence[str],
-    found: str = "",
     data: Dataset | None = None,
     packages: Sequence[str] = PACKAGES,
 ) -> None:
-    """Write a page of tables, below the Markdown `found`, and the command that makes it, `argv`."""
-    lines = [f"# {title}", "", *([found, ""] if found else [])]
-    for table in tables:
-        lines += table.lines()
-    lines += ["## How it was made", "", "```sh", format_command(argv), "```", ""]
-    versions = ", ".join(f"{name} {version(name)}" for name in packages)
-    lines += [f"- Date: {date.today().isoformat()}", f"- Versions: {versions}"]
+    """Put the tables of one measurement into the JSON that pages, README and cards are made of.
+
+    The other measurements of the file stay as they are.
+
+    Args:
+        path: of the JSON.
+        name: of the measurement.
+        tables: what was measured.
+        argv: the command.
+        data: dataset that was measured on.
+        packages: whose versions are noted.
+    """
+    made = {
+        "command": format_command(argv),
+        "date": date.today().isoformat(),
+        "versions": ", ".join(f"{name} {version(name)}" for name in packages),
+    }
     if data is not None:
         totals = data.manifest.totals
         geometry = f" ({totals.placed} with geometry)" if totals.placed else ""
-        space = escape_markdown(data.manifest.class_space.name)
-        lines.append(
-            f"- Dataset: {totals.scenes} buildings{geometry}, class space {space}, "
-            f"`{hash_unsplit(data)[:16]}` (start of the sha256 of `dataset.json` before the split)"
-        )
+        space, start = data.manifest.class_space.name, hash_unsplit(data)[:16]
+        made["dataset"] = f"{totals.scenes} buildings{geometry}, class space {space}, {start}"
+    figures = json.loads(path.read_text("utf-8")) if path.exists() else {}
+    figures[name] = {
+        "made": made,
+        "tables": {
+            one.title: {
+                "reading": one.reading,
+                "header": list(one.header),
+                "rows": [list(row) for row in one.rows],
+            }
+            for one in tables
+        },
+    }
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, "\n".join([*lines, ""]).encode())
+    write_bytes(path, (encode_json(figures, indent=1, ensure_ascii=False) + "\n").encode())
 
 
 def hash_unsplit(data: Dataset) -> str:

@@ -1,4 +1,4 @@
-"""Let a robot in pyrobosim search things, with and without beliefs, and write the page of results.
+"""Let a robot in pyrobosim search things, with and without beliefs, and write the tables.
 
     make robot
     python scripts/measure/robot.py --leaderboard board --worlds 20 --out robot.md
@@ -23,10 +23,11 @@ from typing import Any
 
 import numpy as np
 import yaml
-from results import ResultsTable, format_estimate, write_page
-from storeys import THINGS, Storey, describe_world, open_storeys
+from results import ResultsTable, format_estimate, write_figures
+from storeys import Storey, describe_world, open_storeys
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.tables import format_text
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, estimate_value, weigh_buildings
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
@@ -44,39 +45,6 @@ LOOK = 5.0  # seconds for each detection
 SPEED = 1.0  # metres a second
 QUESTIONS = 5  # of a world that was made from a building
 Question = tuple[str, str]  # a thing, and the room where the robot starts
-FOUND = """\
-In worlds made from buildings, `next_room` saves {0:.0f} % of the metres and {1:.0f} % of the
-seconds that a search of the nearest room costs. In pyrobosim's own worlds it saves {2:.0f} and
-{3:.0f} % where the thing is in another room than the robot. **Where it is in the robot's room,
-`next_room` loses**: it names a room that is likelier in homes, and these worlds keep apples, water
-and cola in a bedroom. `nearest` always begins with the room where it is.
-
-![Ways of one search in a synthetic building]({picture})
-
-*One search in a synthetic building. Dark furniture was searched; the star is the thing.*
-
-- **What the robot knows**: that it is in a home, the map of the rooms and their furniture, the ways
-  between the rooms, and a room's label if the building has it. It does not know what lies in or on
-  the furniture.
-- **What it does**: `next_room` names a room. The robot searches all furniture there, the nearest
-  piece first, reports what it detects, and asks again. `nearest` goes to the nearest room instead.
-  `first` goes to the room of the first piece in pyrobosim's list, the default of its queries.
-- **pyrobosim** plans each way (A*), drives it at {speed:g} m/s, opens what is closed, and detects.
-  Each detection counts as {look:g} s.
-- **Means** are over the searches of a world, then over worlds. A search that does not find the
-  thing counts as not found, with all that it drove.
-- **A world made from a building** has the storey with most connected rooms. The dataset does not
-  say where in a room something is: one piece of furniture of each class stands at a random place,
-  and each thing lies in or on a random piece. The robot looks for up to {questions} things, of
-  {things} classes of the model, each from a random room without it. Worlds are of the first
-  buildings, by id, that have enough rooms.
-- **pyrobosim's own worlds** are asked for every thing from every room. Three of the four have the
-  same three rooms, and the shipped model answers.
-
-`make robot` runs this in pyrobosim's own worlds and in ten synthetic ones: 5 minutes, and an
-environment of 0.7 GB."""
-
-
 # Worlds, and what the robot knows of them
 
 
@@ -232,7 +200,7 @@ def find(world: Any, question: Question, choose: Choice, *, model: str) -> Searc
     return search
 
 
-# Measurement, page and picture
+# Measurement and picture
 
 Row = Sequence[Search]  # the searches of one question, by each choice
 
@@ -357,7 +325,7 @@ def open_models(options: argparse.Namespace) -> tuple[Dataset, dict[str, str]]:
 
 
 def main(argv: Sequence[str]) -> None:
-    """Run all searches, and write the page and the picture."""
+    """Run all searches, and write the tables and the picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, help="a dataset that the shipped model has not seen")
     parser.add_argument("--leaderboard", type=Path, help="buildings, each with a model")
@@ -387,13 +355,9 @@ def main(argv: Sequence[str]) -> None:
         report("The same, from rooms that hold the thing", own[True], model=shipped),
     ]
     packages = ("belief-scene-graphs", "pyrobosim", "numpy")
-    title = "A robot that searches in a simulator"
-    means = [average(worlds).mean(axis=0)[:, :2] for worlds in (made, own[False])]
-    saved = 100 * (1 - np.concatenate([one[0] / one[1] for one in means]))
-    picture = options.picture.name if options.picture else "../figures/robot.png"
-    settings = {"speed": SPEED, "look": LOOK, "questions": QUESTIONS, "things": len(THINGS)}
-    found = FOUND.format(*saved, **settings, picture=picture)
-    write_page(options.out, title, tables, argv=argv, found=found, data=data, packages=packages)
+    for one in tables:
+        print(f"\n{one.title}: {one.reading}\n{format_text(one.rows, header=one.header)}")
+    write_figures(options.out, "robot", tables, argv=argv, data=data, packages=packages)
     if options.picture:
         draw_searches(choose_typical(made), options.picture)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import networkx as nx
 from folds import FoldModel, measure, tally_likelihood
-from results import ResultsTable, format_estimate, write_page
+from results import ResultsTable, format_estimate, write_figures
 
 from bsg_data.dataset.commit import revise
 from bsg_data.dataset.dataset import Dataset
@@ -152,12 +152,12 @@ def tabulate(found: Mapping[str, Mapping[str, Bootstrap]]) -> list[list[str]]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Train, measure, and write the page."""
+    """Train, measure, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--hm3d", type=Path, required=True, help="dataset of bsg-data build")
     parser.add_argument("--behavior", type=Path, required=True, help="of the same class space")
     parser.add_argument("--runs", type=Path, required=True, help="folder for datasets and runs")
-    parser.add_argument("--out", type=Path, required=True, help="page to write")
+    parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     parser.add_argument("--model", default="universal", help="name of the zoo")
     parser.add_argument("--epochs", type=int, help="default: those of the model")
     parser.add_argument("--folds", type=int, default=5)
@@ -203,9 +203,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     table = ResultsTable(
         "Hidden NLL over the classes of all rooms", header, tabulate(found), reading
     )
-    write_page(
+    write_figures(
         options.out,
-        "Training on one source, testing on another",
+        "transfer",
         [table],
         argv=[__file__, *(argv or sys.argv[1:])],
         data=data[BOTH],

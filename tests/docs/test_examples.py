@@ -16,9 +16,9 @@ def test_the_lines_of_the_page_run(
 ) -> None:
     """Beside docs/office.json."""
     monkeypatch.chdir(REPOSITORY / "docs")
-    text = (REPOSITORY / "docs" / "planners.md").read_text("utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(compile(block, "docs/planners.md", "exec"), {"__name__": "planning"})
+    text = (REPOSITORY / "docs" / "robot-software.md").read_text("utf-8")
+    (block,) = re.findall(r"<!-- planners -->\n```python\n(.*?)```", text, re.DOTALL)
+    exec(compile(block, "docs/robot-software.md", "exec"), {"__name__": "planning"})
     assert capsys.readouterr().out.split() == re.findall("# → (.*)", block)
 
 

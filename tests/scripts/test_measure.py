@@ -1,4 +1,4 @@
-"""The scripts that make pages of results: means by hand, and every page on a tiny leaderboard."""
+"""The scripts that measure results: means by hand, and every measurement of a tiny leaderboard."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import first_rooms
 import foreign
 import numpy as np
 import pytest
 import reproduction
-from conftest import REPOSITORY, annotation_text, load_script, write_scene
+from conftest import annotation_text, load_script, write_scene
 from folds import (
     bootstrap,
     list_models,
@@ -170,7 +171,7 @@ def test_the_likelihood_is_that_of_the_leaderboard(board: Path, name: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("page", "options"),
+    ("name", "options"),
     [
         ("leaderboard", []),
         ("masks", ["--models", "gamma-poisson@rooms"]),
@@ -184,37 +185,42 @@ def test_the_likelihood_is_that_of_the_leaderboard(board: Path, name: str) -> No
         ),
     ],
 )
-def test_a_page_is_written(board: Path, tmp_path: Path, page: str, options: list[str]) -> None:
-    out = tmp_path / f"{page}.md"
-    argv = [page, f"--leaderboard={board}", f"--out={out}", "--draws=1", "--resamples=5", *options]
+def test_figures_are_written(board: Path, tmp_path: Path, name: str, options: list[str]) -> None:
+    out = tmp_path / "figures.json"
+    out.write_text('{"other": {"made": {}, "tables": {}}}', "utf-8")
+    argv = [name, f"--leaderboard={board}", f"--out={out}", "--draws=1", "--resamples=5", *options]
     assert load_script("measure/report").main(argv) == 0
-    check_page(out.read_text("utf-8"), tmp_path)
+    assert list(json.loads(out.read_text("utf-8"))) == ["other", name]
+    read_tables(out, name)
 
 
-def check_page(text: str, folder: Path) -> None:
-    """Check that a page has whole tables and its command, and no folder of this machine."""
-    assert "python scripts/measure/" in text
-    assert "12 buildings, class space hm3d45-v2" in text
-    assert str(folder.parent) not in text
+def read_tables(path: Path, name: str) -> dict[str, Any]:
+    """Return the tables of a measurement: whole, with its command, without folders."""
+    text = path.read_text("utf-8")
+    assert str(path.parent.parent) not in text
     assert "nan" not in text
-    tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
-    assert tables
-    for table in tables:
-        assert len({line.count("|") for line in table.splitlines()}) == 1
+    found = json.loads(text)[name]
+    assert found["made"]["command"].startswith("python scripts/measure/")
+    assert found["tables"]
+    for table in found["tables"].values():
+        assert {len(row) for row in table["rows"]} == {len(table["header"])}
+    return dict(found["tables"])
 
 
 def test_rooms_that_were_not_entered_are_measured_alone(board: Path, tmp_path: Path) -> None:
     """There, and only there, a model that gives every room the same answer has an AUROC of 0.5."""
-    page = tmp_path / "page.md"
-    load_script("measure/report").main(["leaderboard", f"--leaderboard={board}", f"--out={page}"])
-    rooms, alone = page.read_text("utf-8").split("\n## ")[2:4]
-    assert re.findall(r"^\| `gamma-poisson` \| ([\d.]+) ", alone, re.MULTILINE) == ["0.5000"]
-    (row,) = re.findall(r"^\| `gamma-poisson` .*$", rooms, re.MULTILINE)
-    assert float(row.split("|")[3].split()[0]) > 0.6
+    out = tmp_path / "figures.json"
+    load_script("measure/report").main(["leaderboard", f"--leaderboard={board}", f"--out={out}"])
+    tables = read_tables(out, "leaderboard")
+    rooms, alone = tables["Masks: rooms"], tables["Rooms not entered, masks: rooms"]
+    cells = {row[0]: row[1:] for row in alone["rows"]}["`gamma-poisson`"]
+    assert cells[0].split()[0] == "0.5000"
+    cells = {row[0]: row[1:] for row in rooms["rows"]}["`gamma-poisson`"]
+    assert float(cells[1].split()[0]) > 0.6
 
 
 def test_rooms_without_area_or_label_are_no_result(board: Path, tmp_path: Path) -> None:
-    argv = ["room_size", f"--leaderboard={board}", f"--out={tmp_path / 'page.md'}", "--draws=1"]
+    argv = ["room_size", f"--leaderboard={board}", f"--out={tmp_path / 'f.json'}", "--draws=1"]
     with refuses(DatasetError, "evidence-unknown", golden=False):
         load_script("measure/report").main([*argv, "--models", "mixture@rooms", "--resamples=2"])
 
@@ -225,42 +231,42 @@ def test_one_source_is_tested_on_another(board: Path, tmp_path: Path) -> None:
         rooms = {0: ["sofa", "tv", "lamp"], 1: ["bed", "lamp"] * (k + 3)}
         write_scene(tmp_path / "raw", f"{900 + k:05d}-zyxwvutsr{k:02d}", annotation_text(rooms))
     build_dataset(HM3DFolder(tmp_path / "raw"), tmp_path / "other")
-    page = tmp_path / "transfer.md"
+    out = tmp_path / "figures.json"
     load_script("measure/transfer").main(
         [
             f"--hm3d={board.parent / 'dataset'}",
             f"--behavior={tmp_path / 'other'}",
             f"--runs={tmp_path / 'runs'}",
-            f"--out={page}",
+            f"--out={out}",
             *("--model=gamma-poisson", "--folds=3", "--draws=1", "--resamples=5"),
         ]
     )
-    text = page.read_text("utf-8")
-    assert "| trained on | HM3D (18) |" in text
+    (table,) = read_tables(out, "transfer").values()
+    assert table["header"][1] == "HM3D (18)"
+    rows = {row[0]: row[1] for row in table["rows"]}
     for name in ("HM3D", "BEHAVIOR", "HM3D and BEHAVIOR"):
-        assert re.search(rf"^\| {name} \| -?\d", text, re.MULTILINE)
+        assert re.match(r"-?\d", rows[name])
 
 
 @pytest.mark.heavy
 def test_readings_of_the_paper_are_compared(dataset: Path, tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    argv = [f"--data={dataset}", f"--runs={tmp_path / 'runs'}", f"--out={page}", "--epochs=1"]
+    out = tmp_path / "figures.json"
+    argv = [f"--data={dataset}", f"--runs={tmp_path / 'runs'}", f"--out={out}", "--epochs=1"]
     few = ["--seeds=1", "--draws=1", "--resamples=2", "--workers=1", "--readings", "no dropout"]
     assert reproduction.main([*argv, *few]) == 0
-    check_page(page.read_text("utf-8"), tmp_path)
-    assert page.read_text("utf-8").count("| no dropout |") == 4
+    tables = read_tables(out, "reproduction")
+    assert sum(row[0] == "no dropout" for one in tables.values() for row in one["rows"]) == 4
 
 
 @pytest.mark.heavy
 def test_ways_to_tell_the_hidden_share_are_compared(
     dataset: Path, run: Path, tmp_path: Path
 ) -> None:
-    page, script = tmp_path / "hidden_share.md", load_script("measure/hidden_share")
-    argv = [f"--data={dataset}", f"--out={page}", "--models", str(run), "--draws=3"]
+    out, script = tmp_path / "figures.json", load_script("measure/hidden_share")
+    argv = [f"--data={dataset}", f"--out={out}", "--models", str(run), "--draws=3"]
     assert script.main(argv) == 0
-    text = page.read_text("utf-8")
-    check_page(text, tmp_path)
-    rows = dict(re.findall(r"^\| ([^|]+?) \| ([\d.]+) \|", text, re.MULTILINE))
+    (table,) = read_tables(out, "hidden_share").values()
+    rows = {row[0]: row[1] for row in table["rows"]}
     assert list(rows) == list(script.WAYS)
     assert float(rows[script.TRUE]) == 0
     assert float(rows["no estimate, integrated over"]) > 0
@@ -273,31 +279,17 @@ def test_a_look_errs_as_much_as_it_says() -> None:
     assert np.std([one.mean for one in looks]) == pytest.approx((0.24 / 6.4) ** 0.5, abs=0.02)
 
 
-def test_a_page_of_results_says_how_it_was_made() -> None:
-    """A section at its end, with the command, the date and the versions; the index has its row."""
-    results = REPOSITORY / "docs" / "results"
-    index = (results / "README.md").read_text("utf-8")
-    for path in sorted(results.glob("*.md")):
-        if path.name == "README.md":
-            continue
-        _, *sections = path.read_text("utf-8").split("\n## ")
-        assert sections[-1].startswith("How it was made\n\n```"), path.name
-        assert re.search(r"^- Date: \d{4}-\d\d-\d\d$", sections[-1], re.MULTILINE), path.name
-        assert f"]({path.name})" in index, path.name
-
-
 def test_models_are_measured_on_whole_datasets_that_they_never_saw(tmp_path: Path) -> None:
     rooms = [(area, room, n) for area in (1, 2) for room in (1, 2, 3) for n in range(room)]
     labels = [f"chair_{n}_office_{room}_{area}" for area, room, n in rooms]
     (tmp_path / "labels.json").write_text(json.dumps(labels), "utf-8")
     build_dataset(S3DISAreas(tmp_path / "labels.json"), tmp_path / "offices")
-    page = tmp_path / "page.md"
+    out = tmp_path / "figures.json"
     words = [f"--data={tmp_path / 'offices'}", "--models=mixture", "--draws=3", "--resamples=5"]
-    assert foreign.main([*words, f"--out={page}"]) == 0
-    text = page.read_text("utf-8")
-    assert "6 rooms, 2 scenes; 4 classes that the source can name" in text
-    assert text.count("| `mixture` | ") == 1  # it reads neither labels nor the kind
-    assert str(tmp_path) not in text
+    assert foreign.main([*words, f"--out={out}"]) == 0
+    (table,) = read_tables(out, "real_buildings").values()
+    assert table["reading"].startswith("6 rooms, 2 scenes; 4 classes that the source can name")
+    assert [row[0] for row in table["rows"]] == ["`mixture`"]  # it reads no labels, no kind
 
 
 def test_small_homes_and_the_words_of_a_detector_are_understood() -> None:

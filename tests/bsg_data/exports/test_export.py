@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY
 from dsg_files import robot_graph, write_graph
 from refusals import refuses
 
@@ -78,16 +77,3 @@ class TestExports(ExportContract):
     @pytest.fixture(autouse=True, params=EXPORTS.names())
     def _row(self, request: pytest.FixtureRequest) -> None:
         self.name = request.param
-
-
-def test_the_example_of_the_docs_is_an_export(
-    robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The lines of docs/extending.md."""
-    text = (REPOSITORY / "docs" / "extending.md").read_text("utf-8").split("<!-- export -->\n")[1]
-    names: dict[str, ExportRow] = {}
-    exec(compile(text.split("```python\n")[1].split("```")[0], "docs/extending.md", "exec"), names)
-    monkeypatch.setattr(ROW, names["ROW"])
-    done = export_dataset(robots, tmp_path / "out", to="habitat")
-    assert (done.files, done.rooms, done.left_out) == (2, 2, ("c",))
-    assert (tmp_path / "out" / "a.areas.json").read_text() == '{"0": 8.0}'

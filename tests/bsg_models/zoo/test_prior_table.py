@@ -136,7 +136,7 @@ def test_the_hand_table_is_sound() -> None:
     assert found[classes.index("refrigerator")] > 1 > -1 > found[classes.index("bed")]
 
 
-@pytest.mark.parametrize("document", ["docs/prior-table.md", "mappings/prior-table-prompt.md"])
+@pytest.mark.parametrize("document", ["docs/models.md", "mappings/prior-table-prompt.md"])
 def test_the_tables_in_the_documents_are_tables(tmp_path: Path, document: str) -> None:
     text = (REPOSITORY / document).read_text("utf-8")
     shown = re.search(r"^\{\n.*?^\}$", text, re.DOTALL | re.MULTILINE)

@@ -297,7 +297,7 @@ def test_the_page_has_all_topics_and_parameters() -> None:
     from bsg_cli.ros.node import PARAMETERS
     from bsg_cli.ros.requests import TOPICS
 
-    page = (REPOSITORY / "docs" / "ros.md").read_text("utf-8")
+    page = (REPOSITORY / "docs" / "robot-software.md").read_text("utf-8")
     rows = re.findall(r"^\| `([\w~/]+)` \| (\S+)", page, re.MULTILINE)
     shown = {name: value.strip("`") for name, value in rows}
     assert {f"~/{topic}" for topic in TOPICS} < shown.keys()

@@ -1,4 +1,4 @@
-"""The lines of docs/http.md and docs/mcp.md do what the pages say, in a shell and in Python."""
+"""The lines of docs/robot-software.md do what the page says, in a shell and in Python."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from conftest import REPOSITORY
 DOCS = REPOSITORY / "docs"
 
 
-def read_blocks(page: str, kind: str, address: str) -> list[str]:
-    text = (DOCS / page).read_text("utf-8").replace("http://127.0.0.1:8000", address)
-    return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
+def read_blocks(name: str, kind: str, address: str) -> list[str]:
+    text = (DOCS / "robot-software.md").read_text("utf-8")
+    text = text.replace("http://127.0.0.1:8000", address)
+    return re.findall(rf"<!-- {name} -->\n```{kind}\n(.*?)```", text, re.DOTALL)
 
 
 @pytest.mark.skipif(not (shutil.which("curl") and shutil.which("jq")), reason="no curl or no jq")
 def test_the_lines_of_curl_are_answered(address: str) -> None:
-    lines = "\n".join(b for b in read_blocks("http.md", "sh", address) if "curl" in b)
+    lines = "\n".join(read_blocks("http", "sh", address))
     shell = ["bash", "-euo", "pipefail", "-c", f"{{ {lines}\n}} | jq --slurp ."]
     done = subprocess.run(shell, cwd=DOCS, capture_output=True, text=True, check=True)
     find, expect, file = json.loads(done.stdout)
@@ -31,11 +32,12 @@ def test_the_lines_of_curl_are_answered(address: str) -> None:
 
 
 def test_the_lines_of_the_client_are_answered(address: str) -> None:
-    (block,) = read_blocks("mcp.md", "python", address)
+    (block,) = read_blocks("mcp", "python", address)
     done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=True)
     assert done.stdout == "kitchen\n"
 
 
 def test_the_configurations_are_json() -> None:
-    for block in read_blocks("mcp.md", "json", ""):
-        assert json.loads(block)
+    blocks = read_blocks("mcp", "json", "")
+    assert len(blocks) == 2
+    assert all(map(json.loads, blocks))
