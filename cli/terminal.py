@@ -172,7 +172,7 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
         yield None
         return
     from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
+    from multiprocessing import active_children, get_context
 
     with (
         _importing_nothing_from_here(),
@@ -186,7 +186,12 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
         for _ in range(workers):
             pool.submit(os.getpid)
         signal.signal(signal.SIGINT, handler)
-        yield pool
+        try:
+            yield pool
+        except KeyboardInterrupt:  # a task may take minutes, and a killed one leaves nothing mixed
+            for process in active_children():
+                process.terminate()
+            raise
 
 
 @contextmanager

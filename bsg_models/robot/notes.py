@@ -12,6 +12,7 @@ from bsg_data.observation.robot_json import list_unmapped, note_room_types
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_data.spelling import SHOWN
+from bsg_models.robot.ways import list_lost
 from bsg_models.runs.predictor import Predictor
 
 _MOST_NAMES = 5  # in a note
@@ -25,6 +26,8 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
         known = ", ".join(KNOWN_SOURCES)
         yield f"source {graph.source!r} is read as unknown; models know {known}"
     yield from _note_classless(graph, predictor)
+    if lost := [room.label or room.name for room in list_lost(graph)]:
+        yield f"{_list(lost)}: neither position nor connection; the cost of the way is a guess"
     unsaid = [room.label or room.name for room in graph.rooms if room.share == VAGUE]
     if unsaid:
         yield (

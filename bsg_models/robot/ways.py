@@ -75,6 +75,17 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     return Ways(edges, straight, unit)
 
 
+def list_lost(graph: PartialGraph) -> list[KnownRoom]:
+    """Return the rooms without place and connection, if other rooms have one."""
+    joined = {end for pair in graph.adjacency for end in pair}
+    lost = [
+        room
+        for number, room in enumerate(graph.rooms, 1)
+        if number not in joined and _place_of(room) is None
+    ]
+    return lost if len(lost) < len(graph.rooms) else []
+
+
 def _straight_lines(graph: PartialGraph) -> Floats:
     """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
     nowhere = (np.nan, np.nan, np.nan)

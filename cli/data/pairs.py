@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 import bsg_data
-from bsg_cli.data.totals import format_hashes
 from bsg_cli.options import (
     dataset_argument,
     force_option,
@@ -81,4 +80,5 @@ def pairs(
             )
     hashes = extend.hash_splits(bsg_data.Dataset.open(dataset))
     print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
-    print_text(f"{format_hashes(hashes)}\nnext: bsg-train {dataset} --config universal --out run")
+    print_text(f"sha256 of all masks: {hashes['all']}")
+    print_text(f"next: bsg-train {dataset} --config universal --out run")

@@ -107,7 +107,7 @@ def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path) -> None:
 
 
 def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
+    out = tmp_path / "out.tables"
     measure = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
     believe = BeliefRequest(run=run, dataset=dataset, split="test", out=(out,), force=True)
     met: list[bool] = []

@@ -82,7 +82,7 @@ def test_two_processes_train_as_one(dataset: Path, tmp_path: Path) -> None:
     (tmp_path / "run.toml").write_text(write_toml(config))
     if sys.version_info >= (3, 11):  # else Python does not know PYTHONSAFEPATH
         (tmp_path / "random.py").write_text("open('it ran', 'w')", "utf-8")
-    train = ["bsg_cli.train", "--config", "run.toml", "--data", str(dataset), "--out", "two"]
+    train = ["bsg_cli.train", str(dataset), "--config", "run.toml", "--out", "two"]
     said = run_by_torchrun(train, tmp_path)
     assert said.count("epochs in") == 1
     assert not (tmp_path / "it ran").exists()
