@@ -97,7 +97,7 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute th
 
 figures: demo robot ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
-	cp $(DEMO)/search/search.png docs/figures/search.png
+	$(BIN)/bsg-search $(DEMO)/dataset --scene 00017-sta13NdfxpY --worlds geometry --artifacts room-specific --mask explore --fraction 0.9 --episodes 60 --trace --replay docs/figures/search.png --force --out $(DEMO)/small
 	cp demo-robot/robot.png docs/figures/robot.png
 	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"

@@ -11,8 +11,8 @@
   let step = 0, timer = null;
 
   /* Draw where a robot is after so many rooms; one that is done stays. */
-  function show(panel, walk) {
-    const svg = panel.querySelector("svg"), stops = walk.stops.slice(0, step + 1), here = stops[stops.length - 1];
+  function show(panel, stops) {
+    const svg = panel.querySelector("svg"), here = stops[stops.length - 1];
     const box = svg.getBoundingClientRect();
     const scale = Math.min((box.width - 8) / Math.max(1, plan.width), (box.height - 8) / Math.max(1, plan.height));
     const [dx, dy] = [(box.width - scale * plan.width) / 2, (box.height - scale * plan.height) / 2];
@@ -23,7 +23,6 @@
     for (const [text, spot] of plan.captions) draw("text", { class: "caption", x: at(spot)[0], y: at(spot)[1] }, svg, text);
     for (const [a, b] of replay.doors) if (rooms.get(a).part === rooms.get(b).part) drawLine(scene, "door", a, b);
     drawWay(scene);
-    tell(panel, stops, here);
   }
 
   function drawRoom({ svg, stops, here, at }, room) {
@@ -63,7 +62,8 @@
   }
 
   const cost = (x) => x.toFixed(1) + (replay.unit ? " " + replay.unit : "");
-  function tell(panel, stops, here) {
+  function tell(panel, stops) {
+    const here = stops[stops.length - 1];
     const entered = stops.length - 1, done = here.target === null, name = (room) => rooms.get(room).name;
     panel.classList.toggle("done", done);
     panel.querySelector(".cost").textContent = cost(here.cost);
@@ -82,7 +82,9 @@
     pick("step").value = step;
     pick("where").textContent = "room " + step + " of " + last;
     history.replaceState(null, "", "#" + step);
-    panels.forEach((panel, k) => show(panel, walks[k]));
+    const reached = walks.map((walk) => walk.stops.slice(0, step + 1));
+    panels.forEach((panel, k) => tell(panel, reached[k]));  // first: the words leave room for the plan
+    panels.forEach((panel, k) => show(panel, reached[k]));
   }
   function play(on) {
     clearInterval(timer);

@@ -16,14 +16,14 @@ from bsg_models.studies.search_study import Study
 _NAMED = "This search was named by its number, so it need not be typical."
 _NOT_EVENTFUL = (
     "This search was chosen as worth watching, but no search met the rule: artifacts are in many "
-    "rooms, or a robot finds one within a few rooms. Of the searches whose saving is nearest to "
-    "that of all, it is the one in which beliefs change most."
+    "rooms, or a robot finds one within a few rooms. Its saving is near that of all searches, and "
+    "beliefs change much in it."
 )
 _EVENTFUL = (
     "This search was chosen as worth watching, by a rule. "
     f"At most {100 * MOST_HOLDING:.0f} % of the rooms hold what is sought, and every robot enters "
     f"at least {LEAST_ENTERED} rooms. The saving is within {100 * TYPICAL:.0f} points of that of "
-    "all searches, or as near as there is. Of these searches, beliefs change most in this one."
+    "all searches, or as near as there is. Among such searches, this one changes beliefs most."
 )
 
 

@@ -43,6 +43,23 @@ def told(page: Any) -> list[str]:
     return [part.inner_text() for part in page.locator(".told").all()]
 
 
+@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080), (390, 844)])
+def test_the_whole_plan_is_there_on_load(
+    browser: Any, tmp_path: Path, size: tuple[int, int]
+) -> None:
+    """On a phone, too; there both robots are on the first screen."""
+    write_replay(make_replay(), tmp_path / "page.html")
+    viewport = dict(zip(("width", "height"), size, strict=True))
+    with open_page(browser, tmp_path / "page.html", viewport=viewport) as opened:
+        for panel in opened.locator(".walk svg").all():
+            box, walls = panel.bounding_box(), panel.locator(".wall").all()
+            assert walls
+            for wall in (one.bounding_box() for one in walls):
+                assert box["y"] <= wall["y"]
+                assert wall["y"] + wall["height"] <= box["y"] + box["height"]
+            assert box["y"] + box["height"] <= size[1]
+
+
 def test_both_robots_go_step_by_step(page: Any) -> None:
     assert page.locator("h1").inner_text() == f"Looking for {HOSTILE}"
     assert page.locator("img").count() == 0
