@@ -159,5 +159,5 @@ def main(
     print_text(f"artifacts: {sought}; model: {report.model or 'none'}")
     for table in format_results(report.results):
         print_text("\n" + table)
-    written = "; ".join(f"{what}: {path}" for what, path in report.written.items())
-    print_text(f"\nall results: {report.report}; {written}")
+    print_text(f"\nall results: {report.report}; files:")
+    print_text("\n".join(f"  {path}  {what}" for what, path in report.written.items()))

@@ -60,7 +60,7 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
     few += ("--planners", "ratio", "--out", tmp_path / "out")
     picture = tmp_path / "search.gif"
     result = run_command(dataset, "--model", run, *few, "--trace", "--replay", picture)
-    assert f"the same as .gif: {picture}" in result.stdout
+    assert f"  {picture}  the same as .gif" in result.stdout
     page = (tmp_path / "out" / "trace.html").read_text("utf-8")
     assert "This search was chosen as worth watching" in page
     assert picture.read_bytes().startswith(b"GIF89a")
@@ -72,7 +72,7 @@ def test_a_search_is_recorded(dataset: Path, run: Path, tmp_path: Path) -> None:
     few = ("--episodes", 4, "--workers", 1, "--worlds", "star", "--trace", 0)
     file = tmp_path / "search.rrd"
     words = (dataset, "--model", run, *few, "--out", tmp_path / "out", "--replay", file)
-    assert f"the same as .rrd: {file}" in run_command(*words).stdout
+    assert f"  {file}  the same as .rrd" in run_command(*words).stdout
     found = read_recording(file)
     assert found["travelled/nearest scalars"][0] == [0.0]
     assert any("found" in row[0] for row in found["world/robot/nearest labels"])
