@@ -54,7 +54,7 @@ def _name_size(number: int) -> str:
 
 
 @main.command(cls=Command)
-@click.argument("name", metavar="NAME|RUN|HUB-ID", shell_complete=complete_model)
+@click.argument("name", metavar="NAME|RUN|FILE", shell_complete=complete_model)
 def show(name: str) -> None:
     """Show the card and the checkpoint of a model, and how a run was trained.
 
@@ -151,7 +151,7 @@ def download(name: str) -> None:
 
 
 @main.command(cls=Command)
-@click.argument("name", metavar="NAME|RUN|HUB-ID", shell_complete=complete_model)
+@click.argument("name", metavar="NAME|RUN|FILE", shell_complete=complete_model)
 @click.argument("file", metavar="FILE.onnx", type=PATH)
 @force_option
 def export(name: str, file: Path, force: bool) -> None:

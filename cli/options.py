@@ -80,7 +80,7 @@ def model_option(text: str, *, multiple: bool = False) -> Decorator[Any]:
     """Return `--model`: a shipped model, a run, or a model of the hub."""
     return click.option(
         "--model",
-        metavar="NAME|FOLDER|HUB-ID",
+        metavar="NAME|RUN|FILE",
         multiple=multiple,
         help=text,
         shell_complete=complete_model,
