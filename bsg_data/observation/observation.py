@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.observation.view import View, have_wholes
+from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
 
@@ -169,7 +169,6 @@ def observe_search(
     searched: Bools,
     artifacts: Ints,
     blind: Bools,
-    wholes: Ints | None,
     vocabulary: tuple[str, ...],
     connections: Connections,
     surroundings: Surroundings,
@@ -189,8 +188,6 @@ def observe_search(
         searched: `[N]` rooms that were entered since; the building (0) is none.
         artifacts: the classes that are looked for.
         blind: `[C]` classes that the building's source has no word for.
-        wholes: `[V]` class that each category is a part of, -1 for none, where parts of what is
-            withheld are, too; None where they are not.
         vocabulary: `[V]`.
         connections: between the rooms.
         surroundings: of the building.
@@ -200,8 +197,6 @@ def observe_search(
     withheld = (view.withheld | wanted) & outside
     seen, others = (np.where(outside, *two) for two in zip(left, there, strict=True))
     seen[withheld] = 0
-    if wholes is not None:
-        others[have_wholes(there[0], wholes) & wanted[wholes] & outside] = 0
     return Observation.of_building(
         scene_id,
         replace(view, withheld=withheld).search(searched).blind(blind),

@@ -322,14 +322,3 @@ def _find_rates(
         attached = (whole >= 0) & (things > 0) & (one.rows > 0) & recipe.parts
         rates.append(np.where(attached, gone / np.maximum(things, 1), np.nan))
     return np.concatenate(rates)
-
-
-def have_wholes(there: Counts, wholes: Ints) -> Bools:
-    """Return in which rooms a category has a thing to be a part of, `[N, K]`.
-
-    `there` `[N, C]` has the classified objects, `wholes` `[K]` the class that each category is a
-    part of, -1 for none.
-    """
-    attached = (wholes >= 0) & (there[:, wholes] > 0)
-    attached[0] = False
-    return attached

@@ -65,11 +65,6 @@ class Knowledge:
         """P(at least one instance of any class that is still to be found), `[E, N]`."""
         return np.asarray(1 - np.where(self.wanted[:, None], 1 - self.presence, 1.0).prod(axis=2))
 
-    @property
-    def left(self) -> Floats:
-        """P(at least one instance in the unexplored rooms), rooms being independent, `[E]`."""
-        return np.asarray(1 - np.where(self.unexplored, 1 - self.any_presence, 1.0).prod(axis=1))
-
 
 @dataclass(frozen=True, eq=False)
 class Travel:

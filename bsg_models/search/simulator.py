@@ -3,8 +3,7 @@
 A robot starts in a room without the artifact. It goes to the room that a planner names, and enters
 every room on the way. An entered room shows everything in it; then the belief and the planner are
 asked again. A run ends with the first instance of each sought class (`single`), or when all are
-found (`all`), which the simulator knows and the robot does not. With `stop_at`, it ends when the
-robot believes that nothing is left.
+found (`all`), which the simulator knows and the robot does not.
 
 All searches of one building run in lockstep: one call of a planner moves each of its searches once,
 and the beliefs of all robots are asked at once.
@@ -58,9 +57,6 @@ class Robot:
 
     planner: Planner  # that names its rooms
     task: Task  # when a search ends
-    # the robot ends the search itself once P(anything is left) is at most this; None leaves the end
-    # to the simulator
-    stop_at: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +66,10 @@ class Outcome:
     Attributes:
         costs: `[E]` total cost of travel.
         entered: `[E]` number of rooms, without the start.
-        missed: `[E]` instances that were not found; for `single`, those of classes of which none
-            was found.
     """
 
     costs: Floats
     entered: Ints
-    missed: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +102,10 @@ def search(
     while any(len(run.rows) for run in runs.values()):
         answers = _ask(runs, beliefs)
         for key, run in runs.items():
-            step = run.advance(answers.get(key)) if len(run.rows) else None
-            if step is not None and watch is not None:
+            if not len(run.rows):
+                continue
+            step = run.advance(answers.get(key))
+            if watch is not None:
                 watch(key, step)
     return {key: run.outcome for key, run in runs.items()}
 
@@ -164,23 +159,15 @@ class _Run:
 
     @property
     def outcome(self) -> Outcome:
-        return Outcome(self.costs, self.entered, self.unfound.sum(axis=1))
+        return Outcome(self.costs, self.entered)
 
     def _end(self) -> None:
         """Keep the searches that go on."""
-        going = self.entered[self.rows] < self.episodes.rooms.sum() - 1
-        if self.robot.stop_at is None:
-            going &= self.unfound[self.rows].any(axis=1)
-        self.rows = self.rows[going]
+        self.rows = self.rows[self.unfound[self.rows].any(axis=1)]
 
-    def advance(self, answer: Answer | None) -> Step | None:
-        """Move every search once; None if the robot ended all of them instead."""
+    def advance(self, answer: Answer | None) -> Step:
+        """Move every search once."""
         known = self._look(answer)
-        if self.robot.stop_at is not None:
-            known = known.take(known.left > self.robot.stop_at)
-            self.rows = known.rows
-            if not len(self.rows):
-                return None
         rows, travel = self.rows, self.episodes.travel
         target = ask_planner(self.robot.planner, known)
         place = travel.first_on_the_way(rows, known.here, target, known.unexplored)

@@ -68,7 +68,6 @@ class EvaluationRequest(Record):
     split: Literal["train", "val", "test"] = "test"  # split to measure on
     # files of predictions of other programs, or folders of such files
     predictions: tuple[Path, ...] = ()
-    fold: int | None = Field(default=None, ge=0)  # fold to measure if there is no run; None for all
     # masks of a dataset without a split, all buildings of which are measured
     fresh: PairsRecipe = PairsRecipe()
     # folder for the expectations of the runs, written as predictions
@@ -79,7 +78,6 @@ class EvaluationRequest(Record):
     html: Path | None = None  # file for one page with all results; None for none
     # number of bootstrap resamples of the buildings; 0 gives no intervals
     resamples: int = Field(default=200, ge=0)
-    seed: int = Field(default=0, ge=0)  # of the bootstrap
     force: bool = False  # replace existing results
 
     @model_validator(mode="after")
@@ -172,8 +170,8 @@ def compare_runs(
     """
     data, split = Dataset.open(request.dataset), request.split
     loaded = _load_runs(request.runs, data)
-    fold = _one_fold(loaded, request.fold) if loaded else request.fold
-    folds: Folds = (fold,) if loaded else folds_of(data, fold)
+    fold = _one_fold(loaded) if loaded else None
+    folds: Folds = (fold,) if loaded else folds_of(data)
     fresh = None if data.splits else request.fresh
     if fresh is not None and request.predictions:
         message = f"{data.path}: predictions are for stored pairs; run `bsg-data split` and `pairs`"
@@ -196,7 +194,7 @@ def compare_runs(
     }
     many = len(measuring.buildings) > 1  # one building has no interval
     resamples = request.resamples if many else 0
-    bootstraps = measure_models(models, resamples=resamples, seed=request.seed)
+    bootstraps = measure_models(models, resamples=resamples)
     classes = data.manifest.class_space.classes
     tables = [one.tabulate(name, classes) for name, one in measuring.classes.items()]
     return Comparison(
@@ -339,14 +337,12 @@ def _describe(run: _Loaded) -> dict[str, Any]:
     }
 
 
-def _one_fold(loaded: Sequence[_Loaded], asked: int | None) -> int | None:
+def _one_fold(loaded: Sequence[_Loaded]) -> int | None:
     folds = {run.checkpoint.header.config.data.fold for run in loaded}
-    listed = ", ".join(
-        f"{run.found.name}: {run.checkpoint.header.config.data.fold}" for run in loaded
-    )
-    if asked is not None and folds != {asked}:
-        raise CheckpointError(f"expected runs that test on fold {asked}, found {listed}")
     if len(folds) > 1:
+        listed = ", ".join(
+            f"{run.found.name}: {run.checkpoint.header.config.data.fold}" for run in loaded
+        )
         raise CheckpointError(f"the runs test on different folds ({listed}); name runs of one fold")
     return folds.pop()
 
@@ -367,7 +363,6 @@ def _facts(measuring: _Measuring, *, fold: int | None) -> dict[str, Any]:
         "nodes": {"rooms": int(survey.rooms.sum()), "building": len(survey)},
         **{name: int(survey[name].sum()) for name in ("empty_inputs", "empty_targets")},
         "resamples": request.resamples,
-        "seed": request.seed,
     }
 
 

@@ -16,8 +16,7 @@ from bsg_data.observation.masks import Layout, sample_views
 from bsg_data.observation.observation import Observation, observe_search, stack
 from bsg_data.observation.view import hide_cells, see_others
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.class_space import find_wholes
-from bsg_models.search.simulator import Answer, Beliefs
+from bsg_models.search.simulator import Answer
 from bsg_models.zoo.model import BeliefModel
 
 _NODES = 4096  # of all graphs in one call of the model
@@ -53,7 +52,6 @@ class ModelBeliefs:
         self._blind = ~data.nameable(scene_id)
         every, classes = data.others(scene_id), data.manifest.class_space.classes
         self._others = place_others(every, model.vocabulary)
-        self._wholes = find_wholes(model.vocabulary, classes) if mask.parts else None
         numbers: list[int] = np.unique(draws).tolist()
         many, recipes = len(numbers), [mask] * len(numbers)
         streams = MaskStreams(recipes, [scene_id] * many, numbers)
@@ -135,18 +133,7 @@ class ModelBeliefs:
             searched=state[1 + width :] > 0,
             artifacts=state[1 : 1 + width],
             blind=self._blind,
-            wholes=self._wholes,
             vocabulary=self._model.vocabulary,
             connections=self._connections,
             surroundings=self._surroundings,
         )
-
-
-def fix_beliefs(presence: Floats, share: Floats | None = None) -> Beliefs:
-    """Return beliefs that exploration does not change: presence, and share if it differs."""
-    every = presence if share is None else share
-
-    def answer(rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
-        return presence[rows], every[rows]
-
-    return answer

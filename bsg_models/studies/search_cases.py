@@ -37,8 +37,7 @@ def sample_episodes(
             return _NOT_MEASURED[world.kind]
     drawn = sample_searches(cells, rooms, recipe, scene_id=scene_id)
     if drawn is None:
-        few = f"fewer than {recipe.at_once} artifacts" if recipe.at_once > 1 else "no artifact"
-        return f"{few} that some room has and another has not"
+        return "no artifact that some room has and another has not"
     artifacts, starts = drawn
     if graph is not None:
         travel = graph.travel(recipe.episodes)
@@ -53,11 +52,10 @@ def sample_episodes(
 def sample_searches(
     cells: Counts, rooms: Bools, recipe: StudyRecipe, *, scene_id: str
 ) -> tuple[Ints, Ints] | None:
-    """Sample artifacts `[E, A]` and starts `[E]`; empty if no search is possible.
+    """Sample artifacts `[E, 1]` and starts `[E]`; None if no search is possible.
 
-    The first artifact is uniform over the classes that some room has and another has not. The start
-    is uniform over the rooms without it. Further artifacts are uniform over the classes that the
-    start also lacks.
+    The artifact is uniform over the classes that some room has and another has not. The start is
+    uniform over the rooms without it.
     """
     strange = [c for c in recipe.artifacts or () if not 0 <= c < cells.shape[1]]
     if strange:
@@ -69,22 +67,14 @@ def sample_searches(
     there = (cells > 0) & rooms[:, None]
     sought = pool & there.any(axis=0)
     lacking = sought & ~there  # [N, C] what a search that starts in a room may look for
-    lacking &= rooms[:, None] & (lacking.sum(axis=1) >= recipe.at_once)[:, None]
+    lacking &= rooms[:, None]
     first = np.flatnonzero(lacking.any(axis=0))
     if not len(first):
         return None
-    numbers = world_generator(recipe.seed, scene_id, "searches").random(
-        (recipe.episodes, recipe.at_once + 1)
-    )
-    artifacts = np.zeros((recipe.episodes, recipe.at_once), dtype=np.int64)
-    artifacts[:, 0] = first[(numbers[:, 0] * len(first)).astype(int)]
+    numbers = world_generator(recipe.seed, scene_id, "searches").random((recipe.episodes, 2))
+    artifacts = first[(numbers[:, 0] * len(first)).astype(int)]
     starts = np.zeros(recipe.episodes, dtype=np.int64)
-    for e, row in enumerate(numbers):
-        possible = np.flatnonzero(lacking[:, artifacts[e, 0]])
-        starts[e] = possible[int(row[-1] * len(possible))]
-        for a in range(1, recipe.at_once):
-            rest = lacking[starts[e]].copy()
-            rest[artifacts[e, :a]] = False
-            classes = np.flatnonzero(rest)
-            artifacts[e, a] = classes[int(row[a] * len(classes))]
-    return artifacts, starts
+    for e, artifact in enumerate(artifacts):
+        possible = np.flatnonzero(lacking[:, artifact])
+        starts[e] = possible[int(numbers[e, 1] * len(possible))]
+    return artifacts[:, None], starts

@@ -12,7 +12,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.observation.masks import MASKS
-from bsg_data.recipes import MaskRecipe, Record, Share
+from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.rendering.animation import require_suffix
@@ -57,13 +57,10 @@ class StudyRecipe(Record):
     # classes that may be searched for, None for every class; a search takes those that at least one
     # room has and another has not
     artifacts: tuple[int, ...] | None = None
-    at_once: int = Field(default=1, ge=1)  # classes that one search looks for
     episodes: int = Field(default=200, ge=1)  # searches of every building in every world
-    masks: int = Field(default=10, ge=1)  # of every building; the searches take turns
+    draws: int = Field(default=10, ge=1)  # masks of every building; the searches take turns
     strategy: str = "uniform"  # of the masks, which say what the robot saw before its search
     fraction: float = Field(default=0.5, gt=0, le=1)  # share of the objects that a mask hides
-    withhold: Share = 0.0  # share of the classes that a mask withholds, besides the artifacts
-    parts: bool = False  # whether hiding an object also hides its parts; the same for artifacts
     seed: int = Field(default=0, ge=0)  # of all random draws
 
     @field_validator("planners")
@@ -87,8 +84,7 @@ class StudyRecipe(Record):
     @property
     def mask(self) -> MaskRecipe:
         """The recipe of the masks."""
-        same = self.model_dump(include={"strategy", "fraction", "seed", "withhold", "parts"})
-        return MaskRecipe(**same)
+        return MaskRecipe(**self.model_dump(include={"strategy", "fraction", "seed"}))
 
 
 class SearchRequest(StudyRecipe):

@@ -148,7 +148,7 @@ def _search_building(
     data = Dataset.open(dataset)
     planners = choose_planners(recipe, own, remote=False)
     robots, found = _robots(recipe, planners), _Found([], [], {})
-    draws = np.arange(recipe.episodes) % recipe.masks
+    draws = np.arange(recipe.episodes) % recipe.draws
     asked: dict[bytes, ModelBeliefs] = {}  # worlds with the same rooms have the same searches
     with one_thread():
         for world in recipe.worlds:

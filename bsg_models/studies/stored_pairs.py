@@ -34,10 +34,10 @@ Folds = tuple[int | None, ...]  # (None,) without folds
 Expect = Callable[[MaskedBuildings], Expectation]
 
 
-def folds_of(data: Dataset, fold: int | None) -> Folds:
-    """Return the folds to measure: one, all of a dataset in folds, or (None,) without folds."""
+def folds_of(data: Dataset) -> Folds:
+    """Return all folds of a dataset, or (None,) without folds."""
     number = sum(name.startswith("fold-") for name in data.splits)
-    return tuple(range(number)) if fold is None and number else (fold,)
+    return tuple(range(number)) or (None,)
 
 
 def hash_measured(data: Dataset, split: Split, folds: Folds) -> str:

@@ -222,7 +222,7 @@ def ask(
     kind: type[ModelBeliefs], model: BeliefModel, data: Dataset, scene: str, episodes: Episodes
 ) -> ModelBeliefs:
     """Return beliefs about the searches of a building."""
-    draws = np.arange(len(episodes.starts)) % COMPARED.masks
+    draws = np.arange(len(episodes.starts)) % COMPARED.draws
     return kind(
         model,
         data=data,

@@ -331,7 +331,7 @@ def _search(options: argparse.Namespace, name: str) -> list[WorldResult]:
             planners=PLANNERS,
             worlds=options.worlds,
             episodes=options.episodes,
-            masks=options.draws,
+            draws=options.draws,
             resamples=options.resamples,
             out=Path(folder) / "search",
         )

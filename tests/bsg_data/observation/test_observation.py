@@ -82,7 +82,6 @@ def search(
     view: View | None = None,
     others: list[list[int]],
     others_left: list[list[int]] | None = None,
-    wholes: list[int] | None = None,
     blind: list[int] | None = None,
 ) -> Observation:
     """Observe a search; every room was visited and hides half, if no view is given."""
@@ -95,7 +94,6 @@ def search(
         searched=np.isin(np.arange(nodes), searched),
         artifacts=np.array([artifact]),
         blind=np.isin(np.arange(len(cells[0])), blind or []),
-        wholes=None if wholes is None else np.array(wholes),
         vocabulary=("tap",),
         connections=Connections.of_pairs(()),
         surroundings=Surroundings.unknown(nodes=nodes),
@@ -141,13 +139,6 @@ def test_what_a_mask_told_of_rooms_stays_until_they_are_searched() -> None:
         [False, False],
         [True, True],
     ]
-
-
-def test_parts_of_what_is_withheld_are_withheld() -> None:
-    """Of two rooms with curtain rods one has a curtain; the rod of the null region is seen."""
-    cells, rods = [[1], [2], [0]], [[1], [2], [1]]
-    seen = search(cells, cells, others=rods, searched=[], artifact=0, wholes=[0])
-    assert seen.others.ravel().tolist() == [2, 0, 1]
 
 
 def test_what_a_source_cannot_name_is_not_absent_in_a_searched_room() -> None:

@@ -169,7 +169,7 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
     split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=2))
     data = Dataset.open(dataset)
-    assert folds_of(data, None) == (0, 1, 2)
+    assert folds_of(data) == (0, 1, 2)
     measured = []
     for fold in range(3):
         model = make_model(find_config("gamma-poisson"), classes=45)
@@ -187,7 +187,8 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         assert every.estimates["gamma-poisson"][name].value == pytest.approx(point[name])
     assert every.facts["masks_sha256"] == hash_splits(data)["all"]
     assert every.facts["buildings"] == 12
-    one = compare([], dataset, predictions=mine, fold=1, resamples=0)
+    run = train(dataset, tmp_path / "run", "data.fold=1")
+    one = compare([run], dataset, predictions=mine, resamples=0)
     name = "rooms/presence_brier/all"
     assert one.estimates["mine"][name].value == pytest.approx(measure([measured[1]]).point[name])
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(seed=1), draws=4), force=True)

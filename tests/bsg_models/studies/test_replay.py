@@ -26,9 +26,7 @@ from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, study_search
 
 WORLDS = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
-RECIPE = StudyRecipe(
-    worlds=WORLDS, tasks=("all",), episodes=5, masks=2, at_once=2, planners=("ratio",)
-)
+RECIPE = StudyRecipe(worlds=WORLDS, tasks=("all",), episodes=5, draws=2, planners=("ratio",))
 EPISODE = 3
 CORRIDOR = np.full((4, 4), np.inf)  # rooms 1 – 2 – 3 in a row, 2 m and 3 m apart
 CORRIDOR[[1, 2, 2, 3], [2, 1, 3, 2]] = 2.0, 2.0, 3.0, 3.0

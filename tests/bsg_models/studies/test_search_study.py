@@ -33,7 +33,7 @@ def costs_of(study: Study, *, episodes: int = 6) -> list[float]:
 
 
 def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
-    recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=6, masks=3)
+    recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=6, draws=3)
     runs = dict.fromkeys(list(read_cells(dataset))[-4:], run)
     alone = study_search(dataset, runs, recipe)
     with ThreadPoolExecutor(2) as pool:
@@ -47,10 +47,9 @@ def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
     assert costs_of(other) != costs_of(alone)
 
 
-@pytest.mark.parametrize("at_once", [1, 2])
-def test_artifacts_and_starts_are_possible(dataset: Path, at_once: int) -> None:
+def test_artifacts_and_starts_are_possible(dataset: Path) -> None:
     """And those of a search do not depend on the number of searches."""
-    recipe = StudyRecipe(artifacts=EVERY, episodes=50, at_once=at_once)
+    recipe = StudyRecipe(artifacts=EVERY, episodes=50)
     for scene, cells in read_cells(dataset).items():
         rooms = np.arange(len(cells)) > 0
         drawn = sample_searches(cells, rooms, recipe, scene_id=scene)
@@ -58,16 +57,15 @@ def test_artifacts_and_starts_are_possible(dataset: Path, at_once: int) -> None:
         first = sample_searches(cells, rooms, few, scene_id=scene)
         if drawn is None or first is None:
             assert first is drawn
-            assert at_once > 1 or len(cells) == 2
+            assert len(cells) == 2
             continue
         for some, all_ in zip(first, drawn, strict=True):
             np.testing.assert_array_equal(some, all_[:2])
         for classes, start in zip(*drawn, strict=True):
-            assert len(set(classes.tolist())) == at_once
             assert not cells[start, classes].any()
             assert cells[1:, classes].any(axis=0).all()
     cells = np.array([[3, 0], [1, 0], [2, 0]])  # every room has the only class that is there
-    recipe = StudyRecipe(artifacts=(0, 1), at_once=1)
+    recipe = StudyRecipe(artifacts=(0, 1))
     assert sample_searches(cells, np.arange(3) > 0, recipe, scene_id="s") is None
 
 
