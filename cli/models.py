@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import click
@@ -72,7 +73,8 @@ def show(name: str) -> None:
         ("sha256", model.sha256),
     ]
     # The front matter is for the hub; the card repeats it in words.
-    print_text(model.card.partition("\n---\n")[2].strip() + "\n")
+    card = model.card.partition("\n---\n")[2].strip()
+    print_text(re.sub(r"<!-- .* -->\n", "", card) + "\n")
     print_text(format_text(facts, header=("checkpoint", "")))
     if is_run(Path(name)):
         _print_trainings(Path(name))

@@ -21,6 +21,7 @@ from click.testing import CliRunner
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
+from bsg_data.results import read_seal, write_seal
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.tables import format_markdown
 from bsg_models.evaluation.catalogue import METRICS
@@ -31,6 +32,7 @@ DOCS = Path(__file__).resolve().parent.parent
 WIDTHS = {"terminal_width": 88, "max_content_width": 88}
 READS = {"none": "costs", "belief": "costs, belief", "truth": "costs, the truth"}
 FIGURES = "docs/results/figures.json"
+WEIGHTS = DOCS / "weights"
 DEMO = "docs/assets/demo.html"  # the explorer of docs/home.json
 COMPARED = {  # model of the README's table → what it is
     "universal": "the kind that is shipped",
@@ -45,8 +47,8 @@ PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DO
 
 def find_documents() -> list[Path]:
     """Return every document that may have generated parts."""
-    pages = sorted((DOCS / "docs").glob("*.md")) + sorted((DOCS / "docs/results").glob("*.md"))
-    return [DOCS / "README.md", *pages]
+    folders = (DOCS / "docs", DOCS / "docs/results", WEIGHTS)
+    return [DOCS / "README.md", *(page for one in folders for page in sorted(one.glob("*.md")))]
 
 
 def renew(text: str) -> str:
@@ -77,6 +79,8 @@ def _generate(kind: str, name: str) -> str:
     if kind == "made":
         rows = [_describe_measurement(one) for one in name.split()]
         return "\n".join(format_markdown(rows, header=("figures", "command", "date", "data")))
+    if kind == "accuracy":
+        return "\n".join(_show_accuracy(name))
     if kind == "results":
         return "\n".join(_compare_models() if name == "models" else _tell_robots())
     if kind == "helps":
@@ -128,6 +132,17 @@ def _compare_models() -> list[str]:
         cells = [Decimal(v).quantize(Decimal("0.001"), ROUND_HALF_UP) for v in values]
         rows.append((f"`{model}`, {what}", *map(str, cells)))
     return format_markdown(rows, header=("model", *columns))
+
+
+def _show_accuracy(model: str) -> list[str]:
+    """Return the table of a model card: the model's rows of the leaderboard."""
+    tables = {"half of every room hidden": "uniform", "half of the rooms not entered": "rooms"}
+    columns = ("NLL ↓", "NLL ÷ gamma-poisson", "AUROC unseen ↑", "calibration error ↓")
+    rows = [
+        (what, *(_find_cell("leaderboard", f"Masks: {mask}", one, model) for one in columns))
+        for what, mask in tables.items()
+    ]
+    return format_markdown(rows, header=("HM3D", *columns))
 
 
 def _tell_robots() -> list[str]:
@@ -221,7 +236,7 @@ def make_demo(path: Path) -> None:
 
 
 def main() -> int:
-    """Renew all documents and the demo page; say which documents changed."""
+    """Renew all documents and the demo page; say which changed. Cards are sealed anew."""
     make_demo(DOCS / DEMO)
     for path in find_documents():
         old = path.read_text("utf-8")
@@ -229,6 +244,8 @@ def main() -> int:
         if new != old:
             path.write_text(new, "utf-8")
             print(f"renewed {path.relative_to(DOCS)}")
+            if path.parent == WEIGHTS:
+                write_seal(WEIGHTS, read_seal(WEIGHTS) or ())
     return 0
 
 

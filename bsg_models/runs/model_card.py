@@ -24,7 +24,6 @@ UNKNOWN = "unknown"
 LIBRARY = "belief-scene-graphs"
 PAPER = "https://arxiv.org/abs/2402.03840"
 TAGS = ("belief-scene-graphs", "object-search", "robotics", "scene-graph")
-_MEASURED = int | float | str | None
 _CANNOT = (
     "A presence is a probability, not an observation. Do not let a robot act on it where a mistake "
     "could hurt somebody.",
@@ -104,7 +103,7 @@ def write_card(
     card: ModelCard,
     *,
     fields: Mapping[str, Any],
-    figures: Sequence[Mapping[str, _MEASURED]] = (),
+    accuracy: str = "",
     measured: Sequence[str] = (),
 ) -> str:
     """Return the card of a model: front matter for the hub, then Markdown.
@@ -112,7 +111,7 @@ def write_card(
     Args:
         card: its facts.
         fields: of the header of its checkpoint.
-        figures: rows of a table of measured values, each with the same keys.
+        accuracy: Markdown on how good the model is.
         measured: sentences on what the weights tell of their training data.
     """
     classes = len(fields["class_space"]["classes"])
@@ -137,10 +136,8 @@ def write_card(
         *format_markdown(_list_facts(fields), header=("fact", "value")),
         "",
     ]
-    if figures:
-        columns = tuple(figures[0])
-        rows = [tuple(_show(row[name]) for name in columns) for row in figures]
-        lines += ["## Accuracy", "", *format_markdown(rows, header=columns), ""]
+    if accuracy:
+        lines += ["## Accuracy", "", accuracy, ""]
     if measured:
         lines += ["## Training data in the weights", "", *(f"{one}\n" for one in measured)]
     lines += ["## Limits", "", *(f"- {sentence}" for sentence in _CANNOT), ""]
@@ -220,9 +217,3 @@ def _list_facts(fields: Mapping[str, Any]) -> list[tuple[str, str]]:
     if fields["epoch"]:
         facts.append(("best epoch", str(fields["best_epoch"])))
     return facts
-
-
-def _show(value: _MEASURED) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
