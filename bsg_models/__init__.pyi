@@ -36,7 +36,6 @@ from .runs.found_model import (
 from .runs.hub import HubModel
 from .runs.model_summary import (
     ModelSummary,
-    describe_model,
     list_shipped,
     summarise_model,
 )
@@ -154,7 +153,6 @@ __all__ = [
     "check_results",
     "choose_default_run",
     "compare_runs",
-    "describe_model",
     "download",
     "explain",
     "export_onnx",

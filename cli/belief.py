@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 import bsg_data
 import bsg_models
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from bsg_models.belief.graph_file import GraphFile
 
 _MOST_ROWS = 60
+_MANIFEST = "dataset.json"  # in every dataset; the module that defines it is slow to import
+_OF_DATASET, _OF_GRAPH = ("split", "scene", "mask", "fraction"), ("labels", "shares", "find")
+_PAGES = (".html", ".htm")
 
 
 @click.command("bsg-belief", cls=Command)
@@ -93,19 +97,20 @@ def main(
       bsg-belief dsg.json --labels mpcat40 --out annotated.dsg.json
       bsg-belief dataset --split val --model run --out beliefs.tables
     """
-    dataset = paths[0] if (paths[0] / "dataset.json").is_file() else None
-    if dataset is not None and len(paths) > 1:
-        raise click.UsageError(f"expected GRAPHs or one DATASET, found {len(paths)} paths")
+    dataset = _find_dataset(paths)
+    _refuse_unused(_OF_GRAPH if dataset else _OF_DATASET, "a DATASET" if dataset else "a GRAPH")
     if here is not None and not find:
         raise click.UsageError("--from needs --find THING; give both or neither")
-    if find and (dataset is not None or len(paths) > 1):
+    if find and len(paths) > 1:
         raise click.UsageError(f"--find: expected one GRAPH, found {' '.join(map(str, paths))}")
+    if find and not options["out"]:
+        _refuse_unused(("mode", "top"), "--find without --out")
     _require_formats(options["out"])
-    pages = [path for path in options["out"] if path.suffix.casefold() in (".html", ".htm")]
+    pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
         raise click.UsageError("--open shows a page; add --out FILE.html")
     model, labels = options.pop("model") or bsg_models.DEFAULT_MODEL, options.pop("labels")
-    shares = _read_shares(options.pop("shares"), dataset)
+    shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
     files = [_open_graph(path, labels, shares) for path in graphs]
     if find:
@@ -124,10 +129,42 @@ def main(
         if not find:
             _print_report(report, files, as_json=as_json)
         if request.out and not as_json:
-            print_text(f"written: {', '.join(map(str, request.out))}")
+            print_text(f"written: {', '.join(_describe_file(path, shows) for path in request.out)}")
     for page in pages if shows else ():
         if not webbrowser.open(page.resolve().as_uri()):
             print_note(f"no browser opens here; open {page} in one")
+
+
+def _find_dataset(paths: Sequence[Path]) -> Path | None:
+    """Return the dataset among the paths; None if all are graphs."""
+    folders = [path for path in paths if path.is_dir()]
+    if not folders:
+        return None
+    if len(paths) > 1:
+        raise click.UsageError(f"expected GRAPHs or one DATASET, found {len(paths)} paths")
+    if not (folders[0] / _MANIFEST).is_file():
+        raise click.UsageError(
+            f"{folders[0]}: expected the file of a GRAPH or the folder of a DATASET, found a "
+            f"folder without {_MANIFEST}"
+        )
+    return folders[0]
+
+
+def _refuse_unused(names: Sequence[str], what: str) -> None:
+    """Refuse options on the command line that would change nothing."""
+    context = click.get_current_context()
+    for option in context.command.params:
+        source = context.get_parameter_source(str(option.name))
+        if option.name in names and source is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{what} does not use {option.opts[0]}; leave one of them out")
+
+
+def _describe_file(path: Path, shows: bool) -> str:
+    """Return a file that was written, and what opens it if that is not obvious."""
+    suffix = path.suffix.casefold()
+    if suffix in _PAGES and not shows:
+        return f"{path} (open it in a browser, or add --open)"
+    return f"{path} (next: rerun {path})" if suffix == ".rrd" else str(path)
 
 
 def _require_formats(paths: Sequence[Path]) -> None:
@@ -186,12 +223,8 @@ def _open_graph(path: Path, labels: str | None, shares: dict[str, Any]) -> Graph
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
 
-def _read_shares(said: Sequence[str], dataset: Path | None) -> dict[str, Any]:
+def _read_shares(said: Sequence[str]) -> dict[str, Any]:
     """Return the hidden shares of `--hidden-share`: `0.4` for all rooms, `kitchen=0.2` for one."""
-    if said and dataset is not None:
-        raise click.UsageError(
-            "--hidden-share is for GRAPHs; of a DATASET, --mask says what is hidden"
-        )
     shares: dict[str, float] = {}  # by room; the empty name stands for all other rooms
     for word in said:
         room, _, number = word.rpartition("=")

@@ -76,5 +76,9 @@ def main(model: tuple[str, ...], as_json: bool, **options: Any) -> None:
         verdicts = bsg_models.explain(comparison.bootstraps, runs=comparison.runs)
         print_text("\n".join(verdicts) + "\n")
     print_text(format_text(bsg_models.headline_rows(comparison), header=["", *names]))
-    print_text(f"\nall metrics: {report.report}; per class: {report.classes}; figures:")
-    print_text("\n".join(f"  {path}  {what}" for what, path in report.figures.items()))
+    figures = f"figures beside them: {len(report.figures)}"
+    print_text(f"\nall metrics: {report.report}; per class: {report.classes}; {figures}")
+    if options["html"] is None:
+        print_text("all on one page: the same command with --html report.html --force")
+    else:
+        print_text(f"all on one page: {options['html']} (open it in a browser)")

@@ -14,7 +14,8 @@ from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, prin
 from bsg_cli.train import print_run
 from bsg_data.errors import BSGError
 from bsg_data.tables import format_text
-from bsg_models.runs.run_folder import is_run
+from bsg_models.errors import CheckpointError
+from bsg_models.runs.run_folder import BEST, is_run
 
 
 @click.group("bsg-models", cls=CommandGroup)
@@ -64,7 +65,14 @@ def show(name: str) -> None:
       bsg-models show universal
       bsg-models show run
     """
-    model = bsg_models.summarise_model(name)
+    run = Path(name)
+    try:
+        model = bsg_models.summarise_model(name)
+    except CheckpointError:
+        if not is_run(run) or (run / BEST).exists():
+            raise
+        _print_trainings(run)  # it has saved nothing yet
+        return
     facts = [
         ("name", f"{model.name} ({model.kind})"),
         ("model of the zoo", model.zoo_name),
@@ -76,14 +84,14 @@ def show(name: str) -> None:
     card = model.card.partition("\n---\n")[2].strip()
     print_text(re.sub(r"<!-- .* -->\n", "", card) + "\n")
     print_text(format_text(facts, header=("checkpoint", "")))
-    if is_run(Path(name)):
-        _print_trainings(Path(name))
+    if model.kind == "run" and is_run(run):
+        print_text("")
+        _print_trainings(run)
 
 
 def _print_trainings(run: Path) -> None:
     """Print what a run is and how each of its trainings ended."""
     summary = bsg_models.summarise_run(run)
-    print_text("")
     print_run(summary)
     print_text(
         f"seed {summary.config.seed}; to train it again: "

@@ -101,7 +101,8 @@ def _read_number(value: str) -> int | str:
     "replays",
     type=PATH,
     multiple=True,
-    help="With --trace: also write it as .gif, animated .png or .rrd (Rerun); may be repeated.",
+    help="Also write the search of --trace as .gif, animated .png or .rrd (Rerun); may be "
+    "repeated. Without --trace, an instructive one.",
 )
 @click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
@@ -138,7 +139,8 @@ def main(
     runs = () if model == ("none",) else tuple(map(bsg_models.locate_run, model))
     if not model:
         runs, note = bsg_models.choose_default_run(dataset, planners=chosen, split=options["split"])
-        print_note(note)
+        if note:
+            print_note(note)
     request = bsg_models.SearchRequest.read(
         dataset,
         runs=runs,

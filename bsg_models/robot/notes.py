@@ -31,8 +31,8 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
     unsaid = [room.label or room.name for room in graph.rooms if room.share == VAGUE]
     if unsaid:
         yield (
-            f"{_list(unsaid)}: nobody said how much was seen; {VAGUE} is taken as hidden "
-            "(floor_in_view or hidden_share would say it)"
+            f"{_list(unsaid)}: nothing says how much was seen; assumed {VAGUE} hidden (say "
+            "floor_in_view or hidden_share)"
         )
 
 
@@ -67,7 +67,7 @@ def _note_classless(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
     for is_read, counted in names.items():
         if counted:
             fate = "read as evidence, not counted" if is_read else "ignored"
-            most = _list([repr(name[:SHOWN]) for name, _ in counted.most_common()])
+            most = _list([name[:SHOWN] for name, _ in counted.most_common()])
             yield f"{most}: not among the {len(predictor.classes)} classes; {fate}"
 
 

@@ -87,18 +87,6 @@ def _summarise(found: FoundModel) -> ModelSummary:
     )
 
 
-def describe_model(model: AnyPath = DEFAULT_MODEL) -> str:
-    """Return which model is used: `universal (shipped; trained on 145 buildings of hm3d)`.
-
-    Raises:
-        CheckpointError: if there is no such model.
-    """
-    found = find_model(model)
-    if found.kind == "shipped":
-        return f"{found.name} (shipped; trained on {summarise_model(found).data})"
-    return f"{found.name} ({found.kind}, {found.path})"
-
-
 def write_model_card(found: FoundModel, fields: Mapping[str, Any]) -> str:
     """Return the card beside a model, or a card made from the header of its checkpoint."""
     beside = found.path.with_name(HUB_CARD)

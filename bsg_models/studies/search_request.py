@@ -19,7 +19,6 @@ from bsg_models.rendering.animation import require_suffix
 from bsg_models.rendering.recording import RECORDING, require_rerun
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import DEFAULT_MODEL, locate_run, name_run, shipped_names
-from bsg_models.runs.model_summary import describe_model
 from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Task
@@ -121,6 +120,8 @@ class SearchRequest(StudyRecipe):
         task: Literal["single", "all", "both"] = "both",
         artifacts: Sequence[str] = ("every",),
         mask: str = "uniform",
+        trace: int | Literal["auto"] | None = None,
+        replays: tuple[Path, ...] = (),
         **options: Any,
     ) -> SearchRequest:
         """Return the request that the words of a command mean.
@@ -134,6 +135,8 @@ class SearchRequest(StudyRecipe):
             task: when a search ends.
             artifacts: names of classes, or `every`, or `room-specific`.
             mask: the recipe's `strategy`.
+            trace: of the request; with `replays`, None means `auto`.
+            replays: of the request.
             options: other fields of the request.
 
         Raises:
@@ -151,6 +154,8 @@ class SearchRequest(StudyRecipe):
             tasks=("single", "all") if task == "both" else (task,),
             artifacts=_choose_artifacts(artifacts, data.manifest.class_space.classes),
             strategy=mask,
+            trace="auto" if replays and trace is None else trace,
+            replays=replays,
             **options,
         )
         _require_what_it_needs(request)
@@ -179,13 +184,8 @@ def _require_what_it_needs(request: SearchRequest) -> None:
             require_rerun()
         else:
             require_suffix(path)
-    if request.replays and request.trace is None:
-        raise RecipeError("--replay writes a search that was kept: add --trace")
-    needs = {
-        **{f"planner {name!r}": PLANNERS[name].reads == "belief" for name in request.planners},
-        "--trace": request.trace is not None,
-    }
-    needing = [what for what, is_so in needs.items() if is_so]
+    needing = [f"planner {n!r}" for n in request.planners if PLANNERS[n].reads == "belief"]
+    needing += ["a replay"] * (request.trace is not None)
     if needing and not request.runs:
         raise RecipeError(f"{needing[0]} needs a belief; name a --model")
 
@@ -193,10 +193,10 @@ def _require_what_it_needs(request: SearchRequest) -> None:
 def choose_default_run(
     dataset: AnyPath, *, planners: Sequence[str] | None, split: str
 ) -> tuple[tuple[Path, ...], str]:
-    """Return the default model for a search that names none, and a line about it.
+    """Return the default model for a search that names none, or none and a line that says why.
 
-    No model is returned, and the line says why, if no planner reads a belief, the buildings may
-    have been in its training (`all`), none is shipped, or the dataset has other classes or folds.
+    There is none if no planner reads a belief, the buildings may have been in its training (`all`),
+    none is shipped, or the dataset has other classes or folds.
 
     Raises:
         DatasetError: if the dataset is damaged.
@@ -219,7 +219,7 @@ def choose_default_run(
         why = "was not trained for these folds"
     if why:
         return (), f"without a belief: the model {DEFAULT_MODEL!r} {why}"
-    return (run,), f"model: {describe_model()}"
+    return (run,), ""
 
 
 def choose_buildings(request: SearchRequest, data: Dataset) -> tuple[_Chosen, list[str]]:

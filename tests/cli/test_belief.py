@@ -135,6 +135,10 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
         (("dataset", "--scene", "nowhere"), 1),
         (("dataset", "--split", "train", "--out", "x.json"), 2),
         (("dataset", "dataset"), 2),
+        (("dataset", "--find", "sink"), 2),
+        (("dataset", "--labels", "mpcat40"), 2),
+        (("home.json", "--mask", "rooms"), 2),
+        ((".",), 2),
     ],
 )
 def test_what_cannot_be_done_is_refused(

@@ -74,6 +74,7 @@ def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
         (OFFICE, "--find", "qqqxz"),
         (OFFICE, "--from", "kitchen"),
         (OFFICE, OFFICE, "--find", "sink"),
+        (OFFICE, "--find", "sink", "--top", "9"),
     ],
 )
 def test_what_cannot_be_asked_is_wrong_usage(words: tuple[object, ...]) -> None:

@@ -56,6 +56,9 @@ def test_a_run_tells_how_it_was_trained(dataset: Path, tmp_path: Path) -> None:
     again = tmp_path / "again"
     run(dataset, "--config", out / "config.toml", "--out", again)
     assert (again / "last.safetensors").read_bytes() == before["last.safetensors"]
+    for name in ("best.safetensors", "SHA256SUMS"):  # as if it was killed before it saved anything
+        (again / name).unlink()
+    assert "finished  0 to 4" in CliRunner().invoke(models.main, ["show", str(again)]).stdout
 
 
 @pytest.mark.parametrize(
