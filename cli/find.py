@@ -104,7 +104,7 @@ def _name(place: bsg_models.Place) -> str:
 
 def _cost(cost: float | None, unit: str | None) -> str:
     if cost is None:
-        return "–"
+        return "unknown"
     if cost == 0:
         return "here"
     if unit == "rooms":

@@ -70,6 +70,8 @@ def main(
     out = out or Path("leaderboard")
     bsg_models.refuse_finished(out, force=force)
     recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
+    folds = f"{recipe.folds} folds of {len(recipe.masks)} masks, each with {recipe.draws} draws"
+    print_note(f"{len(chosen)} models in {folds}")
     try:
         with worker_pool(workers) as executor, ExitStack() as stack:
             bars = {

@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import TextIOWrapper
-from threading import Thread, current_thread, main_thread
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -105,16 +105,23 @@ def _is_of_extra(error: ModuleNotFoundError) -> bool:
 
 @contextmanager
 def _ended_in_order() -> Iterator[None]:
-    """Let SIGTERM end the block like Ctrl-C; ignore further SIGTERM while it ends."""
+    """Let SIGTERM end the block like Ctrl-C; ignore further SIGTERM while it ends.
+
+    Ctrl-C raises KeyboardInterrupt again; it ended the process during the imports.
+    """
 
     def end(number: int, frame: FrameType | None) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         raise _AskedToEndError
 
-    if current_thread() is not main_thread():  # only the main thread may set handlers
+    if (
+        threading.current_thread() is not threading.main_thread()
+    ):  # only the main thread may set handlers
         yield
         return
     before = signal.signal(signal.SIGTERM, end)
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield
     finally:
@@ -189,6 +196,7 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
         try:
             yield pool
         except KeyboardInterrupt:  # a task may take minutes, and a killed one leaves nothing mixed
+            threading.excepthook = lambda _: None  # the pool's thread complains of killed processes
             for process in active_children():
                 process.terminate()
             raise
@@ -222,7 +230,7 @@ def _end_with_parent() -> None:
         parent.join()
         os._exit(FAILED)
 
-    Thread(target=wait, daemon=True).start()
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def print_json(value: object) -> None:

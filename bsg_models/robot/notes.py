@@ -26,8 +26,13 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
         known = ", ".join(KNOWN_SOURCES)
         yield f"source {graph.source!r} is read as unknown; models know {known}"
     yield from _note_classless(graph, predictor)
-    if lost := [room.label or room.name for room in list_lost(graph)]:
-        yield f"{_list(lost)}: neither position nor connection; the cost of the way is a guess"
+    if not predictor.reads_labels and any(room.room_type for room in graph.rooms):
+        yield f"room types: {predictor.name} does not read them"
+    rooms = [room.label or room.name for room in graph.rooms]
+    if lost := [rooms[node - 1] for node in sorted(list_lost(graph))]:
+        yield f"{_list(lost)}: neither position nor connection; the planner guesses the way"
+    if not graph.rooms and not graph.objects:
+        yield "no rooms yet, so nothing is expected"
     unsaid = [room.label or room.name for room in graph.rooms if room.share == VAGUE]
     if unsaid:
         yield (

@@ -8,6 +8,7 @@ All names are the robot's own: ids or labels of its rooms, and any word for a th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
@@ -43,7 +44,7 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import read_nouns
 from bsg_models.robot.notes import note_graph
-from bsg_models.robot.ways import Costs, Ways, choose_destination, measure_ways
+from bsg_models.robot.ways import Costs, Ways, choose_destination, list_lost, measure_ways
 from bsg_models.robot.words import Meaning, find_meaning, find_room, set_hidden_shares
 from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.runs.predictor import Predictor
@@ -65,7 +66,7 @@ class Place:
     unseen: float  # P(at least one unseen is there)
     expected: float  # number of unseen ones
     seen: tuple[str, ...]  # ids of those that were seen there
-    cost: float | None  # of the way to the room; None if the robot did not say where it is
+    cost: float | None  # of the way to the room; None if unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,7 +339,7 @@ class SeenBuilding:
             costs: (room, room) → cost, replacing what the graph measures; ∞ closes a way.
         """
         seen, presence, hidden = self._look_up(thing)
-        costs_from = None if here is None else self.ways(costs).costs[find_room(self._graph, here)]
+        known_costs = {} if here is None else self._known_costs(here, costs)
         places = [
             Place(
                 room=room.name,
@@ -347,13 +348,16 @@ class SeenBuilding:
                 unseen=float(presence[node]),
                 expected=float(hidden[node]),
                 seen=seen[node],
-                cost=None if costs_from is None else float(costs_from[node]),
+                cost=known_costs.get(node),
             )
             for node, room in enumerate(self._graph.rooms, 1)
         ]
         if seen[0]:
             places.append(Place(None, None, 1.0, 0.0, 0.0, seen[0], None))
-        return tuple(sorted(places, key=lambda place: (-place.probability, place.cost or 0.0)))
+        far = math.inf
+        return tuple(
+            sorted(places, key=lambda p: (-p.probability, far if p.cost is None else p.cost))
+        )
 
     @_alone
     def anywhere(self, thing: str) -> float:
@@ -478,6 +482,16 @@ class SeenBuilding:
         if self._ways is None:
             self._ways = measure_ways(self._graph)
         return self._ways
+
+    def _known_costs(self, here: str, costs: Costs | None) -> dict[int, float]:
+        """Return the cost of the way from a room to each node, without ways that are guessed."""
+        start, ways = find_room(self._graph, here), self.ways(costs)
+        lost = set() if costs else list_lost(self._graph)
+        if start in lost:
+            return {start: 0.0}
+        return {
+            node: float(cost) for node, cost in enumerate(ways.costs[start]) if node not in lost
+        }
 
     def _class_maps(self) -> Iterator[ClassMap]:
         """Yield the model's class map, then that of the wide model if it may answer, too.

@@ -75,15 +75,15 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     return Ways(edges, straight, unit)
 
 
-def list_lost(graph: PartialGraph) -> list[KnownRoom]:
-    """Return the rooms without place and connection, if other rooms have one."""
+def list_lost(graph: PartialGraph) -> set[int]:
+    """Return the nodes of rooms without place and connection, if other rooms have one."""
     joined = {end for pair in graph.adjacency for end in pair}
-    lost = [
-        room
-        for number, room in enumerate(graph.rooms, 1)
-        if number not in joined and _place_of(room) is None
-    ]
-    return lost if len(lost) < len(graph.rooms) else []
+    lost = {
+        node
+        for node, room in enumerate(graph.rooms, 1)
+        if node not in joined and _place_of(room) is None
+    }
+    return lost if len(lost) < len(graph.rooms) else set()
 
 
 def _straight_lines(graph: PartialGraph) -> Floats:

@@ -77,6 +77,11 @@ class Predictor:
         return self._model.vocabulary
 
     @property
+    def reads_labels(self) -> bool:
+        """Whether the model reads the kinds of rooms."""
+        return self._model.reads_labels
+
+    @property
     def class_map(self) -> ClassMap:
         """The class map from a robot's words to the classes of the model.
 

@@ -284,7 +284,10 @@ def choose_runs(
         scenes = scenes_of(data, part, fold=fold)
         taken = sorted(set(scenes) & set(chosen))
         if taken:
-            raise DatasetError(f"{run}: is for the same buildings as another run, e.g. {taken[0]}")
+            raise DatasetError(
+                f"{name_run(run)}: is for the same buildings as another model, e.g. {taken[0]}; "
+                "search with one model at a time, or give one run for each fold"
+            )
         if header.dataset_sha256 != data.sha256:
             notes.append(
                 f"{name_run(run)}: was trained on another dataset or other pairs; it may have seen "

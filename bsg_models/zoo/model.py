@@ -66,6 +66,11 @@ class BeliefModel(ABC):
         """Categories outside the classes that it reads, `[V]`; its observations need the same."""
         return self.inputs.vocabulary
 
+    @property
+    def reads_labels(self) -> bool:
+        """Whether it reads room labels, as far as its settings say."""
+        return "labels" in getattr(self.config, "reads", ("labels",))
+
     def fit(self, data: Dataset, choice: DataConfig) -> None:  # noqa: B027 - not all learn
         """Learn from the training buildings of a dataset, or set the start of a training."""
 

@@ -85,7 +85,7 @@ class Thing(Record):
         Field(
             description="Rooms, the likeliest first: `probability` of at least one, `unseen` of at "
             "least one that was not seen, `expected` number of these, `seen` ids, `cost` of the "
-            "way. `room` is null for things that were seen in no room."
+            "way, null if unknown. `room` is null for things that were seen in no room."
         ),
     ]
 

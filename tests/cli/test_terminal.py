@@ -150,6 +150,16 @@ def test_a_command_that_is_asked_to_end_puts_in_order_first(name: str, code: int
     assert "Traceback" not in ended.stderr
 
 
+def test_ctrl_c_ends_the_imports_of_a_command_in_silence() -> None:
+    script = (
+        "import os, signal, sys\nsys.argv = ['bin/bsg-belief']\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "import bsg_cli\nos.kill(os.getpid(), signal.SIGINT)"
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (-signal.SIGINT, "")
+
+
 def test_nothing_that_a_command_prints_is_obeyed_by_a_terminal() -> None:
     bad = "\x1b]0;evil\x07\x9b2J\N{RIGHT-TO-LEFT OVERRIDE}"
 

@@ -46,7 +46,7 @@ def told(page: Any) -> list[str]:
 BOTTOMS = "walls => walls.map((wall) => wall.getBBox().y + wall.getBBox().height)"
 
 
-@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080), (390, 844)])
+@pytest.mark.parametrize("size", [(1366, 768), (1920, 1080), (390, 844), (360, 640)])
 def test_the_whole_plan_is_there_on_load(
     browser: Any, tmp_path: Path, size: tuple[int, int]
 ) -> None:
@@ -58,6 +58,7 @@ def test_the_whole_plan_is_there_on_load(
             box, bottoms = plan.bounding_box(), plan.locator(".wall").evaluate_all(BOTTOMS)
             assert max(bottoms) <= box["height"]
             assert box["y"] + box["height"] <= size[1]
+        assert opened.evaluate("document.documentElement.scrollWidth") == size[0]
 
 
 def test_both_robots_go_step_by_step(page: Any) -> None:

@@ -66,6 +66,11 @@ def test_a_word_without_a_class_is_evidence_for_models_that_read_it(universal: P
     assert read.count("coat rack") == ignored.count("coat rack") == 1
 
 
+def test_a_model_that_reads_no_room_types_says_so() -> None:
+    (note,) = notes_on(Predictor("mixture"), {"room_type": "kitchen"}, "sink")
+    assert note == "room types: mixture does not read them"
+
+
 def test_python_gets_the_notes_of_what_came_later() -> None:
     seen = open_graph({"scene_id": "home", "rooms": [{"id": "a", "hidden_share": 0.5}]})
     assert seen.notes == ()

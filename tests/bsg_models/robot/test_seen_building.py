@@ -103,6 +103,17 @@ def test_a_room_type_that_models_do_not_know_is_a_note(seen: SeenBuilding) -> No
     assert len(seen.where("stove")) == len(seen.rooms)
 
 
+def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> None:
+    seen.discovered("attic")
+    costs = {place.room: place.cost for place in seen.where("stove", here="kitchen")}
+    assert costs.pop("attic") is None
+    assert None not in costs.values()
+    from_there = {place.room: place.cost for place in seen.where("stove", here="attic")}
+    assert from_there == {**dict.fromkeys(costs), "attic": 0}
+    said = {("attic", "kitchen"): 2.0}
+    assert {p.room: p.cost for p in seen.where("stove", here="kitchen", costs=said)}["attic"] == 2
+
+
 @pytest.mark.parametrize(
     "tell",
     [
