@@ -26,7 +26,8 @@ def _format_short(tasks: Sequence[bsg_models.WorldResult]) -> str:
             saving = one.savings[name]
             rows[-1] += [_percent(saving.saved), round(100 * saving.wins / one.searches)]
     header = [cell for one in tasks for cell in (f"{one.task}: saved, %", "wins, %")]
-    title = f"{first.world}: {first.searches:,} searches of {first.buildings} buildings per task"
+    buildings = f"{first.buildings} building{'s' if first.buildings > 1 else ''}"
+    title = f"{first.world}: {first.searches:,} searches of {buildings} per task"
     return f"{title}{_rate_belief(first)}\n{format_text(rows, header=['planner', *header])}"
 
 

@@ -106,8 +106,8 @@ def _write_head(
     done = f"{replay.describe_cost(here.cost)} travelled, {len(stops) - 1} rooms entered{state}"
     figure.text(x, 1 - 0.68 / height, name, size=13, weight="bold", color=_INK)
     figure.text(x, 1 - 0.95 / height, done, size=12, color=_INK)
-    saw = ", ".join(f"{count} {name}" for name, count in here.seen[:4]) or "no object of a class"
-    line = f"in {replay.plan.find(here.room).name}: {saw}"
+    saw = ", ".join(f"{count} × {name}" for name, count in here.seen[:4]) or "no object of a class"
+    line = f"saw in {replay.plan.find(here.room).name}: {saw}"
     figure.text(x, (_FOOT - 0.27) / height, _cut(line, 68), size=9.5, color=_SOFT)
 
 

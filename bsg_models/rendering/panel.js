@@ -34,7 +34,7 @@ const Panel = (() => {
     paragraph(side, [amount(of.seen)], " seen, ", [amount(of.more)], " more expected",
       ...(of.unseen === null ? ["."] : ["; true: ", [amount(of.unseen)], " more."]));
     const bare = view.classless[node];
-    if (bare) paragraph(side, [amount(bare)], " seen of no class.");
+    if (bare) paragraph(side, [amount(bare)], " seen without a class.");
     const share = room ? room.share : view.hidden_share;
     paragraph(side, room && !room.visited ? "Not visited yet. The expectation follows from the rest of the building and the kind of room, if it was given. Ids and labels are not read."
       : share === 0 ? "All of it was searched." : "About " + percent(share) + " of its objects are assumed to be unseen.");

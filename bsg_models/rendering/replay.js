@@ -69,7 +69,7 @@
     panel.querySelector(".cost").textContent = cost(here.cost);
     panel.querySelector(".count").textContent =
       "travelled, " + entered + (entered === 1 ? " room" : " rooms") + " entered" + (done ? ", done" : "");
-    const seen = here.seen.map(([what, many]) => many + " " + what).join(", ") || "no object of a class";
+    const seen = here.seen.map(([what, many]) => many + " × " + what).join(", ") || "no object of a class";
     const found = here.found.length ? " Found: " + here.found.join(", ") + "." : "";
     const next = done ? " The search is over." : ` Next: ${name(here.target)}, ${cost(here.leg)} away`
       + (here.presence ? ", " + percent(here.presence[here.target - 1]) + " likely." : ".");

@@ -67,7 +67,7 @@ def test_both_robots_go_step_by_step(page: Any) -> None:
     assert page.locator("#where").inner_text() == "room 0 of 3"
     assert [part.count() for part in (page.locator(".likely"), page.locator(".robot"))] == [3, 2]
     assert told(page)[0] == (
-        "Begins in hall: saw 2 lamp. Next: bedroom 1, 3.0 m away, 20 % likely."
+        "Begins in hall: saw 2 × lamp. Next: bedroom 1, 3.0 m away, 20 % likely."
     )
     assert told(page)[1].endswith("Next: bedroom 1, 3.0 m away.")
     page.locator("#on").click()
