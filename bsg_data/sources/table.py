@@ -293,7 +293,9 @@ def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> _Tab
     try:
         return _TableRow.model_validate({"scene": "", **given})
     except ValidationError as error:
-        message = f"{where}, column {name_fault(error)}"
+        fault = name_fault(error)
+        whole = fault.removeprefix("the whole file: ")  # of a rule for the row
+        message = f"{where}: {whole}" if whole != fault else f"{where}, column {fault}"
         raise SourceError(message, code="row-malformed", where=where) from error
 
 
