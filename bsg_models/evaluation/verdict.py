@@ -18,8 +18,6 @@ from bsg_models.evaluation.catalogue import find_value, label_value
 
 _Verdict = Literal["better", "not distinguishable", "worse"]
 
-BESIDE_DOUBLED = "compared with doubling what was seen (by 95 % intervals of the paired difference)"
-
 # The values that are shown first, by topic.
 HEADLINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -69,18 +67,22 @@ def judge(ours: Bootstrap, other: Bootstrap, name: str) -> _Verdict:
 def judge_all(
     bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str]
 ) -> dict[str, dict[str, list[str]]]:
-    """Return run → verdict → the headlines with this verdict, compared with doubling what was seen.
+    """Return what is compared → verdict → the headlines with this verdict.
 
-    A headline that is not defined for both has no verdict.
+    The first run is compared with doubling what was seen, every other run with the first. A
+    headline that is not defined for both has no verdict.
     """
-    other = bootstraps["doubled"]
     judged: dict[str, dict[str, list[str]]] = {}
     for run in runs:
+        is_first = run == runs[0]
+        other = bootstraps["doubled" if is_first else runs[0]]
+        rival = "doubling what was seen" if is_first else runs[0]
         labels: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
         for name in list_headlines(bootstraps):
             if not np.isnan(bootstraps[run].point[name] - other.point[name]):
                 labels[judge(bootstraps[run], other, name)].append(label_value(name))
-        judged[run] = {verdict: some for verdict, some in labels.items() if some}
+        heading = f"{run}, compared with {rival} (by 95 % intervals of the paired difference)"
+        judged[heading] = {verdict: some for verdict, some in labels.items() if some}
     return judged
 
 
@@ -95,10 +97,10 @@ def list_headlines(bootstraps: Mapping[str, Bootstrap]) -> list[str]:
 
 
 def explain(bootstraps: Mapping[str, Bootstrap], *, runs: Sequence[str]) -> list[str]:
-    """Return lines that compare each run with doubling what was seen, in plain words."""
+    """Return the verdicts of `judge_all` as lines."""
     lines = []
-    for run, verdicts in judge_all(bootstraps, runs=runs).items():
-        lines.append(f"{run}, {BESIDE_DOUBLED}:")
+    for heading, verdicts in judge_all(bootstraps, runs=runs).items():
+        lines.append(f"{heading}:")
         for verdict, labels in verdicts.items():
             lines.append(f"  {verdict}: {labels[0]}")
             lines += [" " * (len(verdict) + 4) + label for label in labels[1:]]

@@ -24,7 +24,7 @@ from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.prediction_files import PredictionWriter
-from bsg_models.evaluation.verdict import BESIDE_DOUBLED, judge_all, list_headlines
+from bsg_models.evaluation.verdict import judge_all, list_headlines
 from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
@@ -134,11 +134,9 @@ def _write_page(
             "± is half of a 95 % interval over buildings; ↓ less is better, ↑ more is better.",
             *comparison.notes,
         ],
-        findings={
-            f"{run}, {BESIDE_DOUBLED}": verdicts
-            for run, verdicts in judge_all(comparison.bootstraps, runs=comparison.runs).items()
-            if comparison.has_verdicts
-        },
+        findings=judge_all(comparison.bootstraps, runs=comparison.runs)
+        if comparison.has_verdicts
+        else {},
         tables=[
             Table("In short", ["metric", *estimates], headline_rows(comparison)),
             Table("Every metric", ["metric", "nodes", *estimates], metric_rows(comparison)),

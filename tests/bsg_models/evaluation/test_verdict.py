@@ -71,7 +71,7 @@ def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
     )
     both = {"ours": measured(1.0, **unvisited), "doubled": measured(1.5, **unvisited)}
     assert not set(list_headlines(both)) & set(HEADLINES["unvisited rooms"])
-    verdicts = judge_all(both, runs=["ours"])["ours"]
+    (verdicts,) = judge_all(both, runs=["ours"]).values()
     assert set(verdicts) == {"better", "worse"}
     assert verdicts["better"][0] == "NLL, rooms"
     assert "AUROC macro" in verdicts["worse"]
@@ -80,3 +80,10 @@ def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
     assert lines[0].startswith("ours, compared with doubling what was seen")
     assert lines[1] == "  better: NLL, rooms"
     assert len(lines) == 1 + len(list_headlines(both))
+
+
+def test_a_second_run_is_judged_beside_the_first() -> None:
+    three = {"ours": measured(1.0), "theirs": measured(0.5), "doubled": measured(0.1)}
+    _, (heading, verdicts) = judge_all(three, runs=["ours", "theirs"]).items()
+    assert heading.startswith("theirs, compared with ours (")
+    assert verdicts["better"][0] == "NLL, rooms"
