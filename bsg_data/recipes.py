@@ -43,7 +43,8 @@ def name_fault(error: ValidationError) -> str:
     value = first["input"]
     is_shown = isinstance(value, str | int | float) and first["type"] not in _SAID
     shown = f", found {show_value(value)}" if is_shown else ""
-    return f"{where}: {first['msg'].removeprefix('Value error, ')}{shown}"
+    said = first["msg"].removeprefix("Value error, ").replace("valid tuple", "valid list")
+    return f"{where}: {said}{shown}"
 
 
 def read_number(name: str, value: object, *, most: float, wanted: str = "") -> float:
