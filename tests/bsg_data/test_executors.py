@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from pathlib import Path
 from threading import Event
 
 import pytest
@@ -12,8 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data import executors
+from bsg_data.build import build_dataset
 from bsg_data.errors import BSGError
 from bsg_data.executors import run_all, run_in_order
+from bsg_data.sources.hm3d import HM3DFolder
 
 
 @pytest.fixture
@@ -78,3 +81,25 @@ def test_a_dead_worker_is_told_in_words() -> None:
 
     with ThreadPoolExecutor(1) as pool, pytest.raises(BSGError, match="a worker process died"):
         run_all(die, [(1,)], executor=pool)
+
+
+@pytest.mark.heavy
+def test_a_cluster_of_dask_builds_the_same_bytes(hm3d_folder: Path, tmp_path: Path) -> None:
+    """As docs/scaling.md says: two worker processes on loopback, one task at a time each."""
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "one", scenes_per_shard=4)
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        build_dataset(
+            HM3DFolder(hm3d_folder),
+            tmp_path / "many",
+            scenes_per_shard=4,
+            executor=client.get_executor(),
+        )
+    for path in (tmp_path / "one").rglob("*.*"):
+        copy = tmp_path / "many" / path.relative_to(tmp_path / "one")
+        assert copy.read_bytes() == path.read_bytes(), path.name
