@@ -110,5 +110,4 @@ def ask_to_install(extra: str) -> str:
 
     It names a place, never the bare name: on a package index, that name may be a stranger's.
     """
-    where = "the folder of your checkout, or your wheel file"
-    return f"pip install './belief-scene-graphs[{extra}]' ({where})"
+    return f"pip install '.[{extra}]' in your clone of the project (or name your wheel for the dot)"

@@ -194,7 +194,7 @@ def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> 
     elif "left-out" in roles:
         why = "class maps know the name, but no shipped model has a class for it"
     else:
-        why = "no class map knows the name"
+        why = "no known thing has this English name"
     hint = f"; did you mean {', '.join(near)}?" if near else "."
     return (
         f"no model here can look for {word!r}: {why}{hint} `bsg-data map show NAME` says which "

@@ -62,7 +62,7 @@ def test_a_recording_that_cannot_be_written_is_refused_before_anything_is_read(
 ) -> None:
     monkeypatch.setattr("bsg_models.rendering.recording.find_spec", lambda name: None)
     done = call("none.json", "--out", tmp_path / "b.rrd", code=2)
-    assert "pip install './belief-scene-graphs[rerun]'" in done.stderr
+    assert "pip install '.[rerun]'" in done.stderr
 
 
 def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> None:

@@ -69,8 +69,7 @@ def test_a_command_that_lacks_an_extra_names_it(monkeypatch: pytest.MonkeyPatch)
     assert done.exit_code == 1
     assert done.output == (
         "Error: torch is not installed; bsg_models needs it: "
-        "pip install './belief-scene-graphs[train]' "
-        "(the folder of your checkout, or your wheel file)\n"
+        "pip install '.[train]' in your clone of the project (or name your wheel for the dot)\n"
     )
 
 

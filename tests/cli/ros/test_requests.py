@@ -179,4 +179,4 @@ def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPa
     done = CliRunner().invoke(main, ["--ros-args", "-p", "graph:=home.json"])
     assert done.exit_code == 1
     assert "setup.bash" in done.stderr
-    assert "belief-scene-graphs[ros]" in done.stderr
+    assert "[ros]" in done.stderr

@@ -165,7 +165,7 @@ def test_without_its_packages_the_command_says_how_to_install_them(
     monkeypatch.setitem(sys.modules, "fastapi", None)
     result = CliRunner().invoke(serve)
     assert result.exit_code == 1
-    assert "bsg-serve needs fastapi: pip install './belief-scene-graphs[serve]'" in result.output
+    assert "bsg-serve needs fastapi: pip install '.[serve]'" in result.output
 
 
 @pytest.mark.heavy
