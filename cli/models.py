@@ -58,7 +58,7 @@ def _name_size(number: int) -> str:
 @main.command(cls=Command)
 @click.argument("name", metavar="NAME|RUN|FILE", shell_complete=complete_model)
 def show(name: str) -> None:
-    """Show the card and the checkpoint of a model, and how a run was trained.
+    """Show the card of a model, and how it was trained.
 
     \b
     Example:

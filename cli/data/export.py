@@ -18,9 +18,10 @@ from bsg_data.exports.catalogue import EXPORTS
 @out_option("Folder to write to. Other files in it stay.", required=True)
 @force_option
 def export(dataset: Path, to: str, out: Path, force: bool) -> None:
-    """Write a dataset in the format of another program; habitat needs geometry.
+    """Write a dataset in the format of another program.
 
-    habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim.
+    habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim;
+    it needs geometry.
 
     \b
     Example:

@@ -69,7 +69,7 @@ def _bar(share: float) -> str:
 @dataset_argument
 @json_option
 def check(dataset: Path, as_json: bool) -> None:
-    """Check hashes, schemas, keys, counts, splits and masks of a dataset.
+    """Check hashes, schemas, counts, splits and masks.
 
     \b
     Example:

@@ -68,5 +68,5 @@ def test_what_cannot_be_had_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with pytest.raises(CheckpointError, match="cannot be had from the hub"):
         download("owner/rooms", local_files_only=True, cache_dir=tmp_path)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
-    with pytest.raises(CheckpointError, match=r"pip install '\./belief-scene-graphs\[hub\]'"):
+    with pytest.raises(CheckpointError, match=r"pip install '\.\[hub\]'"):
         find_model("owner/rooms")
