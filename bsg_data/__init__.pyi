@@ -12,7 +12,8 @@ from .observation.hidden_share import estimate_hidden_share
 from .observation.masked_graph import mask_scene
 from .observation.observation import Observation
 from .observation.pairs import write_pairs
-from .observation.partial_graph import KnownRoom, PartialGraph, SeenObject, observe
+from .observation.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
+from .observation.reports import observe
 from .observation.robot_json import read_robot_graph
 from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import ClassMap, load_class_map
@@ -31,6 +32,7 @@ __all__ = [
     "DatasetError",
     "Edge",
     "KnownRoom",
+    "Look",
     "MaskRecipe",
     "Observation",
     "PairsRecipe",

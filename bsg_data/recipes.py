@@ -57,7 +57,9 @@ def read_number(name: str, value: object, *, most: float, wanted: str = "") -> f
     if 0 <= number <= most:
         return number
     span = "0 or more" if most == math.inf else f"0 to {most:g}"
-    raise RecipeError(f"{name}: expected {wanted or span}, found {show_value(value)}")
+    raise RecipeError(
+        f"{name}: expected {wanted or span}, found {show_value(value)}", code="number-impossible"
+    )
 
 
 class SplitRecipe(Record):

@@ -21,7 +21,8 @@ from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .rendering.explorer import View, write_explorer
 from .rendering.recording import write_recording
 from .robot.find_probability import FindProbability
-from .robot.seen_building import ExpectedClass, Place, SeenBuilding, open_graph
+from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
+from .robot.unfound_rooms import EXPLORE
 from .robot.ways import Ways
 from .robot.words import Meaning, set_hidden_shares
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model
@@ -89,6 +90,7 @@ from .zoo.settings import DataConfig, ModelConfig, TrainingConfig
 __all__ = [
     "BASELINES",
     "DEFAULT_MODEL",
+    "EXPLORE",
     "FORMATS",
     "PLANNERS",
     "ZOO",
@@ -139,6 +141,7 @@ __all__ = [
     "SearchReport",
     "SearchRequest",
     "SeenBuilding",
+    "Step",
     "Study",
     "StudyRecipe",
     "TrainingConfig",

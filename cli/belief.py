@@ -113,8 +113,7 @@ def main(
     shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
     files = [_open_graph(path, labels, shares) for path in graphs]
-    if find:
-        _ask(files[0], model, find, here=here, as_json=as_json)
+    answer = _ask(files[0], model, find, here=here, as_json=as_json) if find else None
     if options["out"] or not find:
         mask = {"strategy": options.pop("mask"), "fraction": options.pop("fraction")}
         request = bsg_models.BeliefRequest(
@@ -122,6 +121,7 @@ def main(
             graphs=tuple(files),
             dataset=dataset,
             mask=bsg_data.MaskRecipe.model_validate(mask),
+            answer=answer,
             **options,
         )
         with progress_bar("belief", unit="graph") as progress:
@@ -199,7 +199,8 @@ def _ask(
     *,
     here: str | None,
     as_json: bool,
-) -> None:
+) -> dict[str, Any]:
+    """Answer `--find`, and return the answer for a page."""
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
     from bsg_data.observation.partial_graph import reclassify
     from bsg_models.robot.words import find_room
@@ -211,7 +212,7 @@ def _ask(
     seen = bsg_models.SeenBuilding(graph, predictor, notes=file.notes)
     for note in seen.notes:
         print_note(f"{file.path}: {note}")
-    find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
+    return find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
 
 
 def _open_graph(path: Path, labels: str | None, shares: dict[str, Any]) -> GraphFile:

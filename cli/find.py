@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,46 +10,60 @@ import bsg_models
 from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text
 
-_MOST_ROWS = 20
+EXPLORE = bsg_models.EXPLORE
+_MOST_ROWS, _MOST_STEPS = 20, 5
+_SURE = 0.95  # a building that has one so surely: what the rooms have if there is one is no news
 
 
 def find_things(
     seen: bsg_models.SeenBuilding, things: Sequence[str], *, here: str | None, as_json: bool
-) -> None:
+) -> dict[str, Any]:
     """Print where things probably are in a partly seen building, and where to go first.
 
-    JSON has room ids; text has labels as well.
+    JSON has room ids, and is returned; text has labels as well.
     """
+    facts = describe_things(seen, things, here=here)
     if as_json:
-        print_json(describe_things(seen, things[0] if len(things) == 1 else things, here=here))
-        return
-    meanings = [seen.understand(thing) for thing in things]
-    answers = [seen.where(thing, here=here) for thing in things]
-    first = seen.next_room(things, here=here)
-    unit = None if here is None else seen.ways().unit
-    for meaning, places in zip(meanings, answers, strict=True):
-        _print_places(seen, meaning, places, unit)
+        print_json(facts)
+        return facts
+    unit = facts["cost_unit"]
+    for thing in things:
+        _print_places(seen, seen.understand(thing), seen.where(thing, here=here), unit)
         if len(things) > 1:
             print_text("")
-    if first is None:
-        print_text("no room is left to search")
-    else:
-        print_text(f"go first to {_name(next(p for p in answers[0] if p.room == first))}")
+    _print_plan(seen, facts, unit)
+    return facts
 
 
 def describe_things(
-    seen: bsg_models.SeenBuilding, things: str | Sequence[str], *, here: str | None
+    seen: bsg_models.SeenBuilding,
+    things: str | Sequence[str],
+    *,
+    here: str | None,
+    robots: Mapping[str, str] | None = None,
+    **options: Any,
 ) -> dict[str, Any]:
-    """Return where things probably are, and where to go first, as JSON has it.
+    """Return where things probably are, and where to go first: what every door answers.
 
-    What is said of a thing stands at the top if `things` is a word, and in a list if it is a list.
+    Args:
+        seen: the building.
+        things: one word, or several.
+        here: the robot's room.
+        robots: name of each of several robots → its room, instead of `here`.
+        options: `look`, `chance` and `task` of `next_room`.
     """
-    if isinstance(things, str):
-        facts = _describe(seen, things, here)
-    else:
-        facts = {"things": [_describe(seen, thing, here) for thing in things]}
-    unit = None if here is None else seen.ways().unit
-    return {**facts, "go_first": seen.next_room(things, here=here), "cost_unit": unit}
+    # Imported here: a help or a typo must not wait for SciPy.
+    from bsg_models.robot.words import find_room
+
+    if here is not None:
+        here = seen.rooms[find_room(seen.graph, here) - 1]  # which may be said by its label
+    words = [things] if isinstance(things, str) else [*things]
+    facts: dict[str, Any] = {"things": [_describe(seen, word, here) for word in words]}
+    facts["go_first"] = None if robots else seen.next_room(words, here=here, **options)
+    steps = [] if here is None or robots else seen.explain(words, here=here, **options)
+    facts["plan"] = list(map(asdict, steps))
+    facts["robots"] = seen.next_rooms(robots, words, **options) if robots else None
+    return {**facts, "cost_unit": None if here is None else seen.ways().unit, "here": here}
 
 
 def _describe(seen: bsg_models.SeenBuilding, thing: str, here: str | None) -> dict[str, Any]:
@@ -73,42 +87,86 @@ def _print_places(
     """Print the rooms of one thing as a table, then how likely the building has one."""
     if meaning.how:
         print_note(meaning.how)
-    header = ("room", f"P({meaning.name})", "expected more", "seen", "cost")
+    anywhere, is_counted = seen.anywhere(meaning.word), meaning.class_name is not None
     words = {obj.name: f"{obj.name} ({obj.raw_category})" for obj in seen.graph.objects}
-    columns = len(header) if unit else len(header) - 1
-    rows = [
-        (
-            _name(place),
-            _percent(place.probability),
-            f"{place.expected:.2f}",
-            ", ".join(words[one] for one in place.seen) or "–",
-            _cost(place.cost, unit),
-        )[:columns]
-        for place in places[:_MOST_ROWS]
-    ]
-    print_text(format_text(rows, header=header[:columns], numeric=(*header[1:3], "cost")))
+    columns: dict[str, Callable[[bsg_models.Place], str]] = {
+        "room": _name,
+        f"P({meaning.name})": lambda place: _percent(place.probability),
+        "if there is one": lambda place: _percent(place.if_there),
+        "expected more": lambda place: f"{place.expected:.2f}",
+        "seen": lambda place: ", ".join(words[one] for one in place.seen) or "–",
+        "cost": lambda place: _cost(place.cost, unit),
+    }
+    order = [*columns]
+    if not is_counted:  # what annotators write down says little of how many homes have one
+        order[1:3] = ["if there is one", "noted"]
+        columns["noted"] = columns[f"P({meaning.name})"]
+    elif anywhere >= _SURE:
+        order.remove("if there is one")
+    if unit is None:
+        order.remove("cost")
+    rows = [[columns[name](place) for name in order] for place in places[:_MOST_ROWS]]
+    numbers = [name for name in order if name not in ("room", "seen")]
+    print_text(format_text(rows, header=order, numeric=numbers))
     if len(places) > _MOST_ROWS:
         print_note(f"… and {len(places) - _MOST_ROWS:,} less likely rooms; --json prints all")
-    somewhere = _percent(seen.anywhere(meaning.word))
-    source = "" if meaning.noun is None else "the table of nouns and "
     model = seen.asked(meaning.word)
-    print_text(f"somewhere in the building: {somewhere}, by {source}the model {model}")
+    if is_counted:
+        source = "" if meaning.noun is None else "the table of nouns and "
+        print_text(f"somewhere in the building: {_percent(anywhere)}, by {source}the model {model}")
+    else:
+        print_text(
+            f"noted: annotators write one down in {_percent(anywhere)} of such buildings, by the "
+            f"table of nouns and the model {model}"
+        )
+
+
+def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: str | None) -> None:
+    """Print the room to go to first, and the order of the search if it has several steps."""
+    labels = {room.name: room.label for room in seen.graph.rooms}
+    first = facts["go_first"]
+    if first is None:
+        print_text("no room is left to search")
+        return
+    go = "explore first: find the rooms that are not found yet"
+    print_text(go if first == EXPLORE else f"go first to {_call(first, labels.get(first))}")
+    steps = facts["plan"]
+    if len(steps) < 2:
+        return
+    rows = [
+        (
+            _call(step["room"], step["label"]),
+            _percent(step["probability"]),
+            _cost(step["way"], unit),
+            _cost(step["look"], unit, here="nothing"),
+            _percent(step["found"]),
+        )
+        for step in steps[:_MOST_STEPS]
+    ]
+    header = ("look into", "P", "way", "look", "found by then")
+    print_text("\n" + format_text(rows, header=header, numeric=header[1:]))
+    if len(steps) > _MOST_STEPS:
+        print_note(f"… and {len(steps) - _MOST_STEPS:,} more rooms; --json prints all")
 
 
 def _name(place: bsg_models.Place) -> str:
+    return "in no room" if place.room is None else _call(place.room, place.label)
+
+
+def _call(room: str, label: str | None) -> str:
     """Return the id of a room, with its label if it has another one."""
-    if place.room is None:
-        return "in no room"
-    return place.room if place.label in (None, place.room) else f"{place.room} ({place.label})"
+    if room == EXPLORE:
+        return str(label)
+    return room if label in (None, room) else f"{room} ({label})"
 
 
-def _cost(cost: float | None, unit: str | None) -> str:
+def _cost(cost: float | None, unit: str | None, *, here: str = "here") -> str:
     if cost is None:
         return "unknown"
     if cost == 0:
-        return "here"
+        return here
     if unit == "rooms":
-        return f"{cost:g} {'room' if cost == 1 else 'rooms'}"
+        return f"{cost:.2g} {'room' if cost == 1 else 'rooms'}"
     return f"{cost:.1f} m"
 
 

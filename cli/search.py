@@ -47,6 +47,11 @@ def _read_number(value: str) -> int | str:
     return "auto" if value == "auto" else int(click.IntRange(min=0)(value))
 
 
+def _read_look(value: str) -> float | str:
+    """Return the cost of a look, or `usual`."""
+    return "usual" if value == "usual" else float(click.FloatRange(min=0)(value))
+
+
 @click.command("bsg-search", cls=Command)
 @dataset_argument
 @model_option(
@@ -86,6 +91,32 @@ def _read_number(value: str) -> int | str:
     "What the robot has seen before the search.",
     "Share of the objects to hide; the artifact is always hidden.",
     min_open=True,
+)
+@click.option(
+    "--look",
+    type=_read_look,
+    default="0",
+    metavar="COST",
+    help="Cost of a look: 0, and a robot has looked into every room that it enters; a number; or "
+    "`usual`, by the size of the room.  [default: 0]",
+)
+@click.option(
+    "--chance",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="Chance that a look finds an object that is there; below 1, --look is above 0.",
+)
+@choice_option(
+    "--start",
+    ["elsewhere", "anywhere"],
+    "Start in a room without the artifact, or in any room; `anywhere` needs --look above 0.",
+    default="elsewhere",
+)
+@number_option(
+    "--robots",
+    "Robots that search together: --task single --start anywhere, and the planner expected-cost.",
+    default=1,
 )
 @click.option(
     "--trace",
@@ -129,6 +160,7 @@ def main(
     Example:
       bsg-search dataset
       bsg-search dataset --model run --worlds star:1-10 --artifacts stove,bed --trace
+      bsg-search dataset --worlds layout --look usual --chance 0.8 --start anywhere
     """
     chosen = split_names(planners, option="--planners")
     graphs = split_names(worlds, option="--worlds")

@@ -20,7 +20,18 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-SAID = ("discovered", "entered", "saw", "searched", "where", "expected")
+SAID = (
+    "discovered",
+    "entered",
+    "saw",
+    "searched",
+    "looked",
+    "gone",
+    "describe",
+    "more_rooms",
+    "where",
+    "expected",
+)
 
 
 def tell(topic: str, content: Any) -> None:

@@ -20,7 +20,7 @@ from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.observation.partial_graph import hide_of_room
+from bsg_data.observation.reports import hide_of_room
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_models.runs.predictor import Predictor
@@ -103,10 +103,9 @@ def test_the_ten_lines_run_and_print_what_they_say(
     assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
 
 
-def test_the_robot_that_begins_with_nothing_goes_where_the_page_says(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    block = read_blocks("robot.md")[0]
+def test_the_robots_of_the_page_go_where_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    """The one that begins with nothing, and the one that looks in vain."""
+    block = "".join(read_blocks("robot.md")[:2])
     run_block("robot.md", block)
     assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
 

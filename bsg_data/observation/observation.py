@@ -169,6 +169,7 @@ def observe_search(
     searched: Bools,
     artifacts: Ints,
     blind: Bools,
+    is_missed: bool = False,
     vocabulary: tuple[str, ...],
     connections: Connections,
     surroundings: Surroundings,
@@ -188,6 +189,7 @@ def observe_search(
         searched: `[N]` rooms that were entered since; the building (0) is none.
         artifacts: the classes that are looked for.
         blind: `[C]` classes that the building's source has no word for.
+        is_missed: whether a search of a room may miss the artifacts, so that they stay withheld.
         vocabulary: `[V]`.
         connections: between the rooms.
         surroundings: of the building.
@@ -195,6 +197,8 @@ def observe_search(
     outside = ~searched[:, None]
     wanted = np.isin(np.arange(there[0].shape[1]), artifacts)
     withheld = (view.withheld | wanted) & outside
+    if is_missed:
+        withheld = withheld | wanted
     seen, others = (np.where(outside, *two) for two in zip(left, there, strict=True))
     seen[withheld] = 0
     return Observation.of_building(

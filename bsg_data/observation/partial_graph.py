@@ -2,13 +2,12 @@
 
 A robot knows the rooms, which of them it entered, what it saw there, and the hidden share of each
 room. The hidden share is 1 for a room that it never entered, and 0 for a room that it searched.
-Node indices are those of `bsg_data.scene.scene_graph`. Each update returns a new graph.
+Node indices are those of `bsg_data.scene.scene_graph`. `bsg_data.observation.reports` updates it.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, lru_cache
 from numbers import Real
@@ -24,12 +23,13 @@ from pydantic import (
     PlainValidator,
     TypeAdapter,
     ValidationError,
+    WithJsonSchema,
 )
 
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import count_cells, place_columns, to_histograms
 from bsg_data.errors import RecipeError
-from bsg_data.observation.hidden_share import VAGUE, ShareBelief
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import View
 from bsg_data.recipes import name_fault
@@ -42,6 +42,8 @@ from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings
 from bsg_data.spelling import show_value
 
 GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
+EVIDENCE_SCORE = 0.5  # models read objects that are there with at least this probability
+MOST_MORE_ROOMS = 1000
 
 
 def _read_number(said: object) -> object:
@@ -50,6 +52,24 @@ def _read_number(said: object) -> object:
     if isinstance(said, bool) or not isinstance(said, Real):
         raise ValueError(f"expected a number, found {show_value(said)}")
     return said
+
+
+def check_more_rooms(said: object) -> int | None:
+    """Return a number of rooms that are not found yet; True for as many as homes have.
+
+    Raises:
+        RecipeError: for what is no whole number.
+    """
+    if said is None or said is True:
+        return said
+    number = 0 if said is False else said.item() if isinstance(said, np.generic) else said
+    if not isinstance(number, int) or not 0 <= number <= MOST_MORE_ROOMS:
+        raise RecipeError(
+            f"more_rooms: expected true or a whole number of 0 to {MOST_MORE_ROOMS:,}, found "
+            f"{show_value(said)}",
+            code="more-rooms-impossible",
+        )
+    return number
 
 
 # What a robot's JSON may hold; `KnownRoom` in Python is trusted.
@@ -65,6 +85,14 @@ _Corners = Annotated[
 ]
 _AS_CORNERS = GetPydanticSchema(lambda _, handler: handler.generate_schema(_Corners | None))
 Share = Annotated[float, Field(ge=0, le=1, strict=True)]
+Score = Annotated[float, Number, Field(ge=0, le=1)]
+Hours = Annotated[float, Number, Field(ge=0, le=1e6)]
+Stay = Annotated[float, Number, Field(gt=0, le=1e9)]
+MoreRooms = Annotated[
+    int | None,
+    PlainValidator(check_more_rooms),
+    WithJsonSchema({"type": ["integer", "boolean", "null"], "minimum": 0}),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +106,8 @@ class SeenObject:
         category: the corrected name by the class map; None if the map does not have the name.
         class_index: its class; None outside the classes.
         position: metres, Z up; None if unknown.
+        score: P(it is there now), of a detector or of what has happened since; None if nobody
+            doubts it.
     """
 
     name: Annotated[Id, Field(alias="id")]
@@ -86,6 +116,17 @@ class SeenObject:
     category: str | None
     class_index: int | None
     position: Position | None = None
+    score: Score | None = None
+
+    @property
+    def probability(self) -> float:
+        """P(it is there now); 1 if nobody doubts it."""
+        return 1.0 if self.score is None else self.score
+
+    @property
+    def is_evidence(self) -> bool:
+        """Whether models read it: it is probably there."""
+        return self.probability >= EVIDENCE_SCORE
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +178,21 @@ _Report = TypeVar("_Report", KnownRoom, SeenObject)
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """A search of a room for one thing, which did not find it.
+
+    Attributes:
+        room_index: the room, 1..R.
+        thing: what was looked for, in the robot's word.
+        chance: P(the look would have found it, if one is there).
+    """
+
+    room_index: int
+    thing: Text
+    chance: Score
+
+
+@dataclass(frozen=True, slots=True)
 class PartialGraph:
     """What a robot has seen of one building.
 
@@ -154,6 +210,11 @@ class PartialGraph:
         detector: the words that the robot's detector knows, each with its class, None for one
             outside the classes. Absence of any other class says nothing, in searched rooms too.
             None: it knows every class.
+        looks: searches for single things that did not find them, the last one at the end; one for
+            each room and thing, with the chance of all of them together.
+        more_rooms: number of rooms that are not found yet; True for as many as homes have; None if
+            nobody says: then none are expected.
+        stays: hours after which half of the things are elsewhere; None if unknown.
     """
 
     scene_id: str
@@ -165,6 +226,9 @@ class PartialGraph:
     building_kind: str | None = None
     source: str | None = None
     detector: tuple[tuple[str, int | None], ...] | None = None
+    looks: tuple[Look, ...] = ()
+    more_rooms: int | None = None
+    stays: float | None = None
 
     def share_with(self, shares: Sequence[float]) -> float:
         """Return the hidden share of the building if its rooms have these shares, `[R]`.
@@ -223,7 +287,11 @@ class PartialGraph:
 
     def _cells(self) -> Counts:
         """Return the seen objects of the classes, `[1 + R, C]`."""
-        known = [(o.room_index, o.class_index) for o in self.objects if o.class_index is not None]
+        known = [
+            (obj.room_index, obj.class_index)
+            for obj in self.objects
+            if obj.class_index is not None and obj.is_evidence
+        ]
         return self._count(np.array(known, dtype=np.int64), len(self.class_space.classes))
 
     def _others(self, vocabulary: Sequence[str]) -> Counts:
@@ -231,7 +299,10 @@ class PartialGraph:
         known = [
             (obj.room_index, obj.category)
             for obj in self.objects
-            if obj.class_index is None and obj.category and not is_nameless(obj.category)
+            if obj.class_index is None
+            and obj.category
+            and not is_nameless(obj.category)
+            and obj.is_evidence
         ]
         columns = place_columns([category for _, category in known], vocabulary)
         pairs = np.stack([[room for room, _ in known], columns], axis=-1).astype(np.int64)
@@ -265,58 +336,6 @@ def _adapter_of(*, is_room: bool) -> TypeAdapter[Any]:
     return TypeAdapter(KnownRoom if is_room else SeenObject)
 
 
-def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
-    """Return the partial graph after the robot has searched a room.
-
-    The hidden share of the building falls in proportion to the sum of its rooms' shares.
-
-    Args:
-        graph: the partial graph before.
-        room_index: the room, 1..R.
-        objects: all objects in the room, seen before or not; they replace the known objects.
-
-    Raises:
-        RecipeError: if the room does not exist, or an object is in another room or occurs twice.
-    """
-    if not 1 <= room_index <= len(graph.rooms):
-        raise RecipeError(
-            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}",
-            code="room-unknown",
-            where=room_index,
-        )
-    inside = tuple(objects)
-    strays = [obj.name for obj in inside if obj.room_index != room_index]
-    if strays:
-        raise RecipeError(
-            f"{graph.scene_id}: object {strays[0]} is not in room {room_index}",
-            code="object-elsewhere",
-            where=strays[0],
-        )
-    every = (*(obj for obj in graph.objects if obj.room_index != room_index), *inside)
-    twice = [name for name, times in Counter(obj.name for obj in every).items() if times > 1]
-    if twice:
-        raise RecipeError(
-            f"{graph.scene_id}: {twice[0]} is there twice", code="object-twice", where=twice[0]
-        )
-    return enter(replace(graph, objects=every), room_index, hidden_share=ShareBelief(0.0))
-
-
-def hide_of_room(
-    graph: PartialGraph, room_index: int, share: ShareBelief, *, visited: bool | None = None
-) -> PartialGraph:
-    """Return the graph with another hidden share of a room, 1..R, and whether it was visited."""
-    rooms = list(graph.rooms)
-    room = rooms[room_index - 1]
-    rooms[room_index - 1] = replace(
-        room,
-        hidden_share=share.mean,
-        hidden_share_sd=share.sd,
-        visited=room.visited if visited is None else visited,
-    )
-    building = graph.share_with([room.hidden_share for room in rooms])
-    return replace(graph, rooms=tuple(rooms), hidden_share=building)
-
-
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
     """Return the graph with the classes that another class map gives its objects."""
     found = [class_map.classify(obj.raw_category) for obj in graph.objects]
@@ -329,55 +348,4 @@ def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
             replace(obj, category=one.category, class_index=one.class_index)
             for obj, one in zip(graph.objects, found, strict=True)
         ),
-    )
-
-
-def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
-    """Return the partial graph after the robot has seen one object.
-
-    A known object of this name moves to the new place. A room of which nothing was seen becomes
-    glimpsed. The hidden share of any other room stays the same, because one object does not say how
-    much more the robot looked at.
-    """
-    others = tuple(obj for obj in graph.objects if obj.name != seen.name)
-    graph = replace(graph, objects=(*others, seen))
-    if not seen.room_index or graph.rooms[seen.room_index - 1].hidden_share < 1:
-        return graph
-    return hide_of_room(graph, seen.room_index, ShareBelief(GLIMPSED_SHARE))
-
-
-def enter(
-    graph: PartialGraph, room_index: int, *, hidden_share: ShareBelief | None = None
-) -> PartialGraph:
-    """Return the partial graph after the robot has entered a room, 1..R, or seen more of it.
-
-    Without a new hidden share, the known one stays, but a room not yet visited with a share above
-    0.5 gets `VAGUE`.
-    """
-    known = graph.rooms[room_index - 1]
-    if hidden_share is None:
-        was_inside = known.visited and known.hidden_share < 1
-        hidden_share = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
-    return hide_of_room(graph, room_index, hidden_share, visited=True)
-
-
-def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = ()) -> PartialGraph:
-    """Return the partial graph with one more room, the last, `beside` known ones.
-
-    Raises:
-        RecipeError: if the name is known already.
-    """
-    number = len(graph.rooms) + 1
-    if room.name in {known.name for known in graph.rooms}:
-        raise RecipeError(
-            f"{graph.scene_id}: room {room.name!r} is known already",
-            code="room-known",
-            where=room.name,
-        )
-    pairs = {*graph.adjacency, *((other, number) for other in beside)}
-    return replace(
-        graph,
-        rooms=(*graph.rooms, room),
-        adjacency=tuple(sorted(pairs)),
-        hidden_share=(graph.hidden_share * (number - 1) + room.hidden_share) / number,
     )

@@ -11,7 +11,8 @@
       ],
       "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null}],
       "adjacency": [["kitchen", "hall"]],
-      "detector": ["fridge", "chair", "cup"]
+      "detector": ["fridge", "chair", "cup"],
+      "looks": [{"room": "kitchen", "thing": "cup", "chance": 0.8}], "more_rooms": 3
     }
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
@@ -22,7 +23,7 @@ docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 
 The simplest map is read, too: room → the things that were seen there.
 
-    {"kitchen": ["sink", "stove"], "hall": []}
+    {"kitchen": ["sink", "stove"], "hall": [], "more_rooms": true}
 """
 
 from __future__ import annotations
@@ -49,15 +50,21 @@ from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS, ROBOT
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
+    Hours,
     Id,
     KnownRoom,
+    Look,
+    MoreRooms,
     Number,
     PartialGraph,
     Position,
+    Score,
     SeenObject,
     Share,
+    Stay,
     Text,
 )
+from bsg_data.observation.reports import LOOK_CHANCE, MOST_LOOKS, say_score
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
@@ -66,7 +73,12 @@ from bsg_data.scene.surroundings import area_of, check_building_kind
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 _MOST_WORDS = 5  # named in a note
-_ENTRIES = {"rooms": "room", "objects": "object", "adjacency": "pair of adjacency"}
+_ENTRIES = {
+    "rooms": "room",
+    "objects": "object",
+    "adjacency": "pair of adjacency",
+    "looks": "look",
+}
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _WORDS = {  # of JSON, where pydantic's are of Python's types
     "model_type": "expected a JSON object (docs/belief.md)",
@@ -80,9 +92,10 @@ _FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WOR
 _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
 # What a robot may say of its rooms, its objects and the building, in any file format.
 ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
-OBJECT_WORDS = ("id", "category", "position")
-_GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source")
-GRAPH_WORDS = (*_GRAPH_FACTS, "detector")
+OBJECT_WORDS = ("id", "category", "position", "score", "age", "stays")
+_GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_rooms", "stays")
+GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks")
+_FACTS_OF_MAPS = ("more_rooms", "building_kind")
 
 
 class RobotGraphError(SourceError):
@@ -124,6 +137,15 @@ class _Object(Record):
     corrected: Text | None = None
     class_name: Annotated[Text | None, Field(alias="class")] = None
     position: Position | None = None
+    score: Score | None = None
+    age: Hours | None = None
+    stays: Stay | None = None
+
+
+class _Look(Record):
+    room: Id
+    thing: Annotated[Text, Field(min_length=1)]
+    chance: Score = LOOK_CHANCE
 
 
 def _list_words(said: Any) -> Any:
@@ -148,6 +170,9 @@ class _Graph(Record):
     adjacency: Annotated[tuple[tuple[Id, Id], ...], FailFast()] = ()
     # A list of words; or word → class, as `encode_robot_graph` writes them.
     detector: Annotated[dict[Text, Text | None] | None, BeforeValidator(_list_words)] = None
+    looks: Annotated[tuple[_Look, ...], Field(max_length=MOST_LOOKS), FailFast()] = ()
+    more_rooms: MoreRooms = None
+    stays: Stay | None = None
 
 
 _SIMPLEST = TypeAdapter(
@@ -157,6 +182,7 @@ _KEYS = {
     "": tuple(_Graph.model_fields),
     "rooms": ROOM_WORDS,
     "objects": tuple(one.alias or name for name, one in _Object.model_fields.items()),
+    "looks": tuple(_Look.model_fields),
 }
 
 
@@ -212,8 +238,11 @@ def _find_partial(said: Any, path: Path) -> Any:
             "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
             f"found {show_value(said)}"
         )
-    if not said.keys() & set(_KEYS[""]):
-        return _spell_out(_SIMPLEST.validate_python(said), path)
+    # Beside its rooms, the simplest map may state these; a list is a room of this name.
+    facts = {k: v for k, v in said.items() if k in _FACTS_OF_MAPS and not isinstance(v, list)}
+    things = {key: value for key, value in said.items() if key not in facts}
+    if not things.keys() & set(_KEYS[""]):
+        return _spell_out(_SIMPLEST.validate_python(things), path) | facts
     return said
 
 
@@ -246,7 +275,12 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
         room = _find(obj.room, index, called) if obj.room is not None else 0
         found = _classify(obj.category, obj.corrected, obj.class_name, by)
-        objects.append(SeenObject(obj.id, room, obj.category, *found, obj.position))
+        score = say_score(called, obj.score, age=obj.age, stays=obj.stays or document.stays)
+        objects.append(SeenObject(obj.id, room, obj.category, *found, obj.position, score))
+    looks = tuple(
+        Look(_find(one.room, index, f"look for {one.thing[:SHOWN]!r}"), one.thing, one.chance)
+        for one in document.looks
+    )
     share = document.hidden_share
     if share is None:
         share = float(np.mean([room.hidden_share for room in rooms])) if rooms else VAGUE.mean
@@ -259,6 +293,9 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         adjacency=tuple(sorted({_connect(ends, index) for ends in document.adjacency})),
         building_kind=document.building_kind,
         source=document.source,
+        looks=looks,
+        more_rooms=document.more_rooms,
+        stays=document.stays,
         detector=None
         if document.detector is None
         else tuple(
@@ -356,11 +393,17 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
                 "corrected": obj.category,
                 "class": None if obj.class_index is None else classes[obj.class_index],
                 "position": obj.position,
+                "score": obj.score,
             }
             for obj in graph.objects
         ],
         "adjacency": [[names[a - 1], names[b - 1]] for a, b in graph.adjacency],
     }
+    if graph.looks:
+        said["looks"] = [
+            {"room": names[one.room_index - 1], "thing": one.thing, "chance": one.chance}
+            for one in graph.looks
+        ]
     if graph.detector is not None:
         said["detector"] = {w: None if c is None else classes[c] for w, c in graph.detector}
     return said

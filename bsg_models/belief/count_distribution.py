@@ -237,6 +237,34 @@ class CountDistribution:
             weights = weights / weights.sum(axis=0)
         return replace(self, tilts=tilts, weights=weights)
 
+    def miss(self, chance: Floats) -> Floats:
+        """Return P(a look finds none), `[N, C]`, if it finds each object with a `chance` `[N, C]`.
+
+        It is E[(1 − chance)^H]. A factor s^h turns a negative binomial of mean μ into one of mean
+        r s μ / (r + (1 − s) μ), and leaves r and the tilts.
+        """
+        missed: Floats = self._miss_each(chance)[1].sum(axis=0).clip(0.0, 1.0)
+        return missed
+
+    def missed(self, chance: Floats) -> CountDistribution:
+        """Return the distribution after a look that found none; see `miss`.
+
+        It is Bayes' rule: P(H = h | none found) ∝ P(H = h) (1 − chance)^h.
+        """
+        after, weights = self._miss_each(chance)
+        return replace(after, weights=weights / weights.sum(axis=0).clip(min=TINY))
+
+    def _miss_each(self, chance: Floats) -> tuple[CountDistribution, Floats]:
+        """Return the components after a look that found none, and the weight of each times P."""
+        missed = 1 - chance
+        means = missed * self.means * self.dispersions
+        means = means / (self.dispersions + chance * self.means)
+        after = replace(self, means=means)
+        log_p = self._untilted_none - after._untilted_none
+        if self.tilts is not None:
+            log_p = log_p + np.log(after._normaliser) - np.log(self._normaliser)
+        return after, self.weights * np.exp(log_p)
+
     def without(self, known: npt.NDArray[np.bool_]) -> CountDistribution:
         """Return the distribution with nothing hidden in the cells `known` `[N, C]`."""
         if isinstance(known, np.ndarray) and not known.any():

@@ -148,7 +148,7 @@ def _encode_graph(partial: PartialGraph) -> Document:
     for number, (obj, facts) in enumerate(zip(partial.objects, said["objects"], strict=True)):
         around = partial.rooms[obj.room_index - 1].position if obj.room_index else None
         position = obj.position or around or origin
-        held = {key: facts[key] for key in OBJECT_WORDS}
+        held = {key: facts[key] for key in OBJECT_WORDS if key in facts}
         nodes.append(_encode_node("OBJECTS", number, obj.raw_category, position, held))
         above = ("ROOMS", obj.room_index - 1) if obj.room_index else ("BUILDINGS", 0)
         edges.append((*above, "OBJECTS", number))

@@ -39,6 +39,19 @@ _PREPOSITION = re.compile(r" (?:of|for|with|without|from|in|on|to) ")
 _PARTITIVE = re.compile(
     r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
 )
+# How a thing looks says nothing of where it is.
+# fmt: off
+_LOOKS = frozenset({
+    "red", "blue", "green", "yellow", "black", "white", "grey", "gray", "brown", "pink", "purple",
+    "orange", "beige", "golden", "silver", "big", "small", "large", "little", "tiny", "huge",
+    "tall", "short", "long", "wide", "narrow", "old", "new", "clean", "dirty", "empty", "full",
+    "round", "square", "broken", "favourite", "favorite", "other",
+})
+# Plurals that mean something else than their singular, or have none.
+_PLURAL = frozenset({
+    "glasses", "clothes", "scissors", "goods", "pants", "shorts", "jeans", "tights", "news", "keys",
+})
+# fmt: on
 _DETERMINERS = re.compile(
     r"^(?:(?:an?|the|my|your|his|her|its|our|their|this|that|some|any)(?: |$))+"
 )
@@ -47,14 +60,26 @@ _DETERMINERS = re.compile(
 def split_head(name: str) -> tuple[list[str], str]:
     """Return the words before the head of a name, and the head; empty if there is none.
 
-    >>> split_head("my cup of tea"), split_head("a pair of running shoes")
+    Words that only say how it looks are left out; see `looks_of`.
+
+    >>> split_head("my cup of tea"), split_head("a pair of red running shoes")
     (([], 'cup'), (['running'], 'shoes'))
     """
     said = re.sub(r"[^\w']|_", " ", normalise_name(name)).rstrip(" 0123456789")
     words = [word.removesuffix("'s") for word in said.split()[:_MOST_WORDS]]
     bare = _PARTITIVE.sub("", _DETERMINERS.sub("", " ".join(words)))
     words = _PREPOSITION.split(bare, maxsplit=1)[0].split()
-    return (words[:-1], words[-1]) if words else ([], "")
+    before = [word for word in words[:-1] if word not in _LOOKS]
+    return (before, words[-1]) if words else ([], "")
+
+
+def looks_of(name: str) -> frozenset[str]:
+    """Return the words of a name that say how the thing looks.
+
+    >>> sorted(looks_of("the big red mug"))
+    ['big', 'red']
+    """
+    return _LOOKS & {*normalise_name(name).split()[:_MOST_WORDS]}
 
 
 def describe_state(expected: Floats) -> Floats:
@@ -83,10 +108,15 @@ class Noun:
     is_whole: bool = True
 
     def names(self, category: str) -> bool:
-        """Return whether a robot's name for an object is this noun, or says more about one."""
+        """Return whether a robot's name for an object is this noun, or says more about one.
+
+        A mug may be the red mug, as long as nobody calls it blue.
+        """
         asked, said = split_head(self.name), split_head(category)
         heads = {said[1], *singulars(said[1])} & {asked[1], *singulars(asked[1])}
-        return bool(heads) and set(asked[0]) <= set(said[0])
+        looks = looks_of(self.name), looks_of(category)
+        may_be = not all(looks) or not looks[0].isdisjoint(looks[1])
+        return bool(heads) and set(asked[0]) <= set(said[0]) and may_be
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +197,8 @@ class NounTable:
         return [word]
 
     def _row(self, word: str, *, things: bool = False) -> int | None:
-        rows = (self.rows.get(one) for one in (word, *singulars(word)))
+        one = () if word in _PLURAL else singulars(word)
+        rows = (self.rows.get(spelling) for spelling in (*one, word))
         return next((r for r in rows if r is not None and (self.things[r] or not things)), None)
 
     def expect(self, noun: Noun, belief: Expectation) -> CountDistribution:

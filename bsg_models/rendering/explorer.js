@@ -9,8 +9,9 @@
   const isCrowded = views.length > 0 && views[0].rooms.length > 20;
   const look = start();
 
-  function start() {
-    return { view: 0, node: 0, sought: Beliefs.ALL, threshold: 0, plan: innerWidth < 640 || isCrowded, theme: "" };
+  function start(view = 0) {
+    const { answer } = views[view], sought = Beliefs.first(views[view]);
+    return { view, node: 0, sought, threshold: 0, plan: innerWidth < 640 || isCrowded || Boolean(answer), theme: "" };
   }
 
   function change(some) {
@@ -22,7 +23,7 @@
   function show() {
     showControls();
     paint();
-    Panel.show(side, views[look.view], look, turn);
+    Panel.show([...side.children], views[look.view], look, turn);
     pick("spoken").textContent = Beliefs.say(views[look.view], look.node, look.sought);
     Link.write(views, titles, look);
   }
@@ -64,10 +65,11 @@
     const view = views[look.view], select = pick("class");
     select.replaceChildren();
     const add = (value, text) => make("option", { value }, select, text);
+    Beliefs.things(view).forEach((one, k) => add(Beliefs.askedAs(k), `${one.thing} (asked)`));
     add(Beliefs.ALL, "all classes");
     view.classes.map((name, c) => [name, c]).sort((a, b) => a[0].localeCompare(b[0]))
       .forEach(([name, c]) => add(c, `${name} (${Beliefs.amount(Beliefs.numbers(view, 0, c).more)} more)`));
-    if (look.sought >= view.classes.length) look.sought = Beliefs.ALL;
+    if (!Beliefs.has(view, look.sought)) look.sought = Beliefs.first(view);
   }
 
   /* Tell beside what is pointed at, or focused, what it is. */
@@ -111,10 +113,10 @@
   }
   /* Show what the link says, and what it does not say as at the start. */
   function open() {
-    const { theme = "", ...said } = Link.read(views, titles);
-    Object.assign(look, start());
+    const { theme = "", view = 0, ...said } = Link.read(views, titles);
+    Object.assign(look, start(view));
     Theme.choose(theme);
-    change({ view: 0, ...said });
+    change({ view, ...said });
   }
 
   titles.forEach((title, value) => make("option", { value }, pick("view"), title));

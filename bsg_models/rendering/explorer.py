@@ -9,6 +9,7 @@ part of a very large building. The numbers of a building always count all of it.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -30,6 +31,8 @@ MOST_OBJECTS = 2_500  # of a building; also the limit of its blind nodes
 PAGE_ROOMS = 2_500  # of all buildings of a page, which keeps it below 8 MB
 PAGE_DOTS = 50_000  # objects and blind nodes of all buildings of a page
 _LIKELIEST = 3  # rooms shown for every class
+_FIRST = 10  # rooms of an answer's way and ranking that are shown in any case
+_EXPLORE = "explore"  # instead of a room: those not found yet
 _ALL_OF_IT = "`bsg-belief … --out beliefs.json` writes everything."
 _DIGITS = 4
 _ONE_ROW = 1e9  # an aspect so wide that all storeys lie in one row
@@ -37,11 +40,16 @@ _ONE_ROW = 1e9  # an aspect so wide that all storeys lie in one row
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One belief graph for the explorer."""
+    """One belief graph for the explorer.
+
+    An answer says where things are that somebody asked for, in its `places`, and in which order
+    the robot would search the rooms, in its `plan`. It names rooms by their ids.
+    """
 
     belief: BeliefGraph
     truth: npt.NDArray[np.integer] | None = None  # [N, C] counts, the building first
     title: str = ""  # of the view; if empty, the scene id
+    answer: Mapping[str, Any] | None = None  # the page opens with its first thing picked
 
 
 def write_explorer(views: Sequence[View], path: AnyPath) -> None:
@@ -74,14 +82,15 @@ def explorer_page(views: Sequence[View]) -> str:
 
 def _encode(view: View) -> dict[str, Any]:
     belief, partial = view.belief, view.belief.partial
-    rooms = _choose_rooms(belief)
+    rooms = _choose_rooms(belief, view.answer)
     nodes = [0, *rooms]
     place = {number: node for node, number in enumerate(nodes)}
-    dots = _encode_dots(belief, place)
+    dots = _encode_dots(belief, place, view.answer)
+    numbers = {partial.rooms[number - 1].name: node for node, number in enumerate(rooms, 1)}
     classless = Counter(obj.room_index for obj in partial.objects if obj.class_index is None)
     return {
         "title": view.title or partial.scene_id,
-        "left_out": _say_left_out(belief, len(rooms), len(dots["objects"]), len(dots["blind"])),
+        "left_out": _say_left_out(view, len(rooms), len(dots["objects"]), len(dots["blind"])),
         "model": belief.model,
         "mode": belief.mode,
         "classes": list(partial.class_space.classes),
@@ -96,11 +105,47 @@ def _encode(view: View) -> dict[str, Any]:
         "adjacency": [
             [place[a], place[b]] for a, b in partial.adjacency if a in place and b in place
         ],
+        "answer": None if view.answer is None else _encode_answer(view.answer, numbers),
     }
 
 
-def _encode_dots(belief: BeliefGraph, place: Mapping[int, int]) -> dict[str, Any]:
+def _encode_answer(answer: Mapping[str, Any], nodes: Mapping[str, int]) -> dict[str, Any]:
+    """Return an answer for the page; `nodes` is id of a room → its node, of the shown rooms."""
+    find: dict[str | None, Any] = {None: None, _EXPLORE: _EXPLORE} | dict(nodes.items())
+
+    def show(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        return [
+            {**{key: _round(value) for key, value in row.items()}, "room": find[row["room"]]}
+            for row in rows
+            if row["room"] in find
+        ]
+
+    return {
+        **answer,
+        "here": find.get(answer["here"]),
+        "go_first": find.get(answer["go_first"]),
+        "things": [
+            {**one, "anywhere": _round(one["anywhere"]), "places": show(one["places"])}
+            for one in answer["things"]
+        ],
+        "plan": show({**stop, "step": step} for step, stop in enumerate(answer["plan"], 1)),
+    }
+
+
+def _round(value: Any) -> Any:
+    """Return a number with few digits, one that is not finite as None, and all else as it is."""
+    if not isinstance(value, float):
+        return value
+    return round(value, _DIGITS) if math.isfinite(value) else None
+
+
+def _encode_dots(
+    belief: BeliefGraph, place: Mapping[int, int], answer: Mapping[str, Any] | None
+) -> dict[str, Any]:
     """Return the shown objects and blind nodes; `place` is room → its node on the page."""
+    things = [] if answer is None else answer["things"]
+    ids = [{name for spot in one["places"] for name in spot["seen"]} for one in things]
+    names = belief.partial.class_space.classes
     every = belief.partial.objects
     objects = _take_evenly([obj.room_index for obj in every], list(place))
     blind = _take_evenly([node.room_index for node in belief.blind], list(place))
@@ -111,6 +156,7 @@ def _encode_dots(belief: BeliefGraph, place: Mapping[int, int]) -> dict[str, Any
                 "name": obj.raw_category,
                 "class": obj.class_index,
                 "at": None if obj.position is None else [round(v, 2) for v in obj.position],
+                **_note_asked(obj.name in some for some in ids),
             }
             for obj in (every[number] for number in objects)
         ],
@@ -120,10 +166,17 @@ def _encode_dots(belief: BeliefGraph, place: Mapping[int, int]) -> dict[str, Any
                 "class": node.class_index,
                 "expected": round(node.expected, _DIGITS),
                 "presence": round(node.presence, _DIGITS),
+                **_note_asked(one["class"] == names[node.class_index] for one in things),
             }
             for node in (belief.blind[number] for number in blind)
         ],
     }
+
+
+def _note_asked(answers: Iterable[bool]) -> dict[str, Any]:
+    """Return which of the things that were asked for this is one of, by number, if any."""
+    asked = [number for number, is_one in enumerate(answers) if is_one]
+    return {"asked": asked} if asked else {}
 
 
 def _encode_rooms(rooms: Sequence[KnownRoom], shown: Sequence[int]) -> dict[str, Any]:
@@ -155,15 +208,30 @@ def _name(room: KnownRoom) -> str:
     return room.label or (f"room {room.name}" if room.name.isdecimal() else room.name)
 
 
-def _choose_rooms(belief: BeliefGraph) -> list[int]:
-    """Return the likeliest rooms of every class, then those where most is expected, 1..R."""
+def _choose_rooms(belief: BeliefGraph, answer: Mapping[str, Any] | None) -> list[int]:
+    """Return the rooms to show, 1..R.
+
+    First come those of the answer, then the likeliest of every class, then those where most is
+    expected.
+    """
     number = len(belief.partial.rooms)
     if number <= MOST_ROOMS:
         return list(range(1, number + 1))
     likeliest = np.argsort(-belief.presence[1:], axis=0, kind="stable")[:_LIKELIEST]
     promising = np.argsort(-belief.hidden[1:].sum(axis=1), kind="stable")
-    order = dict.fromkeys([*likeliest.ravel().tolist(), *promising.tolist()])
+    index = {room.name: number for number, room in enumerate(belief.partial.rooms)}
+    first = [index[name] for name in _name_rooms(answer) if name in index]
+    order = dict.fromkeys([*first, *likeliest.ravel().tolist(), *promising.tolist()])
     return sorted(room + 1 for room in list(order)[:MOST_ROOMS])
+
+
+def _name_rooms(answer: Mapping[str, Any] | None) -> list[str | None]:
+    """Return the ids of the rooms that an answer is about, if there is one."""
+    if answer is None:
+        return []
+    lists = [answer["plan"], *(one["places"] for one in answer["things"])]
+    named = [row["room"] for rows in lists for row in rows[:_FIRST]]
+    return [answer["here"], answer["go_first"], *named]
 
 
 def _take_evenly(rooms: Sequence[int], shown: Sequence[int]) -> list[int]:
@@ -177,14 +245,15 @@ def _take_evenly(rooms: Sequence[int], shown: Sequence[int]) -> list[int]:
     return sorted(thing for _, thing in sorted(turns)[:MOST_OBJECTS])
 
 
-def _say_left_out(belief: BeliefGraph, rooms: int, objects: int, blind: int) -> str:
-    partial = belief.partial
+def _say_left_out(view: View, rooms: int, objects: int, blind: int) -> str:
+    belief, partial, answer = view.belief, view.belief.partial, view.answer
     every = (len(partial.rooms), len(partial.objects), len(belief.blind))
     if (rooms, objects, blind) == every:
         return ""
+    rooms_are = "The rooms are" if answer is None else "The rooms are those of the answer, then"
     return (
         f"This page shows {rooms:,} of {every[0]:,} rooms, {objects:,} of {every[1]:,} seen "
-        f"objects and {blind:,} of {every[2]:,} blind nodes. The rooms are the {_LIKELIEST} "
+        f"objects and {blind:,} of {every[2]:,} blind nodes. {rooms_are} the {_LIKELIEST} "
         "likeliest for each class, then those with the most expected unseen objects. The numbers "
         f"of the building and of each room count everything. {_ALL_OF_IT}"
     )

@@ -6,20 +6,25 @@ const Names = (() => {
   const brush = document.createElement("canvas").getContext("2d");
 
   const widths = new Map();  // measuring is slow, and a name is tried in many places
-  function width(name, number) {
-    const family = getComputedStyle(document.body).fontFamily, key = [family, name, number].join("\n");
+  function width(text, weight) {
+    const family = getComputedStyle(document.body).fontFamily, key = [family, weight, text].join("\n");
     if (widths.has(key)) return widths.get(key);
-    const measure = (text, weight) => { brush.font = `${weight} ${SIZE}px ${family}`; return brush.measureText(text).width; };
-    widths.set(key, measure(name, 600) + (number ? 5 + measure(number, 400) : 0) + 4);
+    brush.font = `${weight} ${SIZE}px ${family}`;
+    widths.set(key, brush.measureText(text).width);
     return widths.get(key);
   }
-  const boxOf = ({ x, y, wide }) => ({ left: x - wide / 2, right: x + wide / 2, top: y - ABOVE, bottom: y + BELOW });
+  /* What is written: a name with its number behind it, or `under` it. */
+  const beside = (name, number) => ({ name, number, under: false, wide: width(name, 600) + (number ? 5 + width(number, 400) : 0) + 4 });
+  const under = (name, number) => ({ name, number, under: true, wide: Math.max(width(name, 600), width(number, 400)) + 4 });
+  const bare = (name) => beside(name, "");
+  const boxOf = ({ x, y, wide, under }) =>
+    ({ left: x - wide / 2, right: x + wide / 2, top: y - ABOVE, bottom: y + BELOW + (under ? LINE : 0) });
   const meet = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
   const within = (a, b) => a.left >= b.left && a.right <= b.right && a.top >= b.top && a.bottom <= b.bottom;
 
   /* Give each of `wanted`, in order, the first of its places that is free; `taken` boxes are kept clear.
 
-     Returns for each its place `{ name, number, x, y, box, leader }`, or null. */
+     Returns for each its place `{ name, number, under, x, y, box, leader }`, or null. */
   function settle(wanted, taken, bounds) {
     const boxes = [...taken];
     return wanted.map((places) => {
@@ -40,32 +45,34 @@ const Names = (() => {
     return left > 1 ? name.slice(0, left - 1).trimEnd() + "…" + tail : name.slice(0, letters - 1) + "…";
   }
 
-  /* Places in an outline: whole with its number, whole, a little cut; then beside it; then cut short.
+  /* Places in an outline: whole with its number, a little cut; then beside it; then cut short; then without its number.
 
-     What lies over the outline, boxes, is kept clear where that can be. */
-  function* inOutline(points, name, number, { over, grounds }) {
+     What lies over the outline, and the planned way's trail, boxes, are kept clear where that can be. */
+  function* inOutline(points, name, number, { over, trail, grounds }) {
+    const clearOf = (boxes) => (box) => !boxes.some((other) => meet(box, other));
     const cuts = [];
-    for (let letters = name.length - 1; letters >= FEWEST; letters--) cuts.push([cut(name, letters), ""]);
-    const little = cuts.filter(([text]) => text.length >= 0.6 * name.length);
-    const texts = [[name, number], [name, ""], ...little];
-    for (const place of inRows(points, texts)) {
-      const own = boxOf(place);
-      if (!over.some((box) => meet(own, box))) yield place;
-    }
-    yield* inRows(points, texts);
-    yield* around(Plan.middle(points), [[name, number], [name, ""]], grounds);
-    yield* inRows(points, cuts.slice(little.length));
+    for (let letters = name.length - 1; letters >= FEWEST; letters--) cuts.push(cut(name, letters));
+    const little = cuts.filter((text) => text.length >= 0.6 * name.length), short = cuts.slice(little.length);
+    const texts = [beside(name, number), under(name, number), ...little.map((text) => under(text, number))];
+    for (const boxes of [[...over, ...trail], trail]) yield* only(clearOf(boxes), inRows(points, texts));
+    yield* around(Plan.middle(points), texts.slice(0, 2), clearOf([...grounds, ...trail]));
+    yield* inRows(points, [...texts, ...short.map((text) => under(text, number)), beside("", number), bare(name), ...little.map(bare)]);
+    yield* around(Plan.middle(points), [bare(name)], clearOf(grounds));
+    yield* inRows(points, short.map(bare));
   }
+
+  function* only(isClear, places) { for (const place of places) if (isClear(boxOf(place))) yield place; }
 
   function* inRows(points, texts) {
     const e = Plan.extent(points);
-    for (const [name, number] of texts) {
-      const wide = width(name, number);
+    for (const text of texts) {
+      const { wide } = text, more = text.under ? LINE : 0;
       if (wide > e.right - e.left) continue;
-      for (let y = e.top + ABOVE + 2; y < e.bottom - BELOW; y += LINE) {
-        const [left, right] = chord(points, y - ABOVE / 2);
+      for (let y = e.top + ABOVE + 2; y < e.bottom - BELOW - more; y += LINE) {
+        const [first, last] = [chord(points, y - ABOVE / 2), chord(points, y - ABOVE / 2 + more)];
+        const left = Math.max(first[0], last[0]), right = Math.min(first[1], last[1]);
         for (const x of [(left + right) / 2, left + wide / 2 + 2, right - wide / 2 - 2])
-          if (right - left >= wide + 2) yield { name, number, x, y, wide, leader: null };
+          if (right - left >= wide + 2) yield { ...text, x, y, leader: null };
       }
     }
   }
@@ -78,34 +85,47 @@ const Names = (() => {
     return [Math.min(...xs), Math.max(...xs)];
   }
 
-  /* Places at a knot: above, beside or below it, then farther off, then cut. */
-  function* atKnot([x, y], name, number) {
-    for (const [text, extra] of [[name, number], [name, ""], [cut(name, 12), ""], [cut(name, 7), ""]]) {
-      const wide = width(text, extra), aside = wide / 2 + 9;
-      for (const [dx, dy] of [[0, -12], [aside, 4], [-aside, 4], [0, 20], [aside, -9], [-aside, -9]])
-        yield { name: text, number: extra, x: x + dx, y: y + dy, wide, leader: null };
-    }
-    yield* around([x, y], [[name, ""]], []);
+  /* Places at a knot where it is clear: above, beside or below it, then cut, then farther off; then where it is not clear;
+     then without the number. */
+  function* atKnot(knot, name, number, isClear) {
+    const full = [beside(name, number), under(name, number)], short = [12, 7].map((letters) => cut(name, letters));
+    const texts = [...full, ...short.map((text) => under(text, number))], bares = [name, ...short].map(bare);
+    yield* only(isClear, close(knot, texts));
+    yield* around(knot, full, isClear);
+    yield* close(knot, texts);
+    yield* close(knot, bares);
+    yield* around(knot, [bare(name)], () => true);
   }
-  /* Places off the grounds of rooms, tied to their own by a line. */
-  function* around([x, y], texts, grounds) {
-    for (const [name, number] of texts) {
-      const wide = width(name, number);
+  function* close([x, y], texts) {
+    for (const text of texts) {
+      const aside = text.wide / 2 + 9, up = text.under ? LINE : 0;
+      for (const [dx, dy] of [[0, -12 - up], [aside, 4 - up / 2], [-aside, 4 - up / 2], [0, 20], [aside, -9 - up], [-aside, -9 - up]])
+        yield { ...text, x: x + dx, y: y + dy, leader: null };
+    }
+  }
+  /* Clear places farther off, tied to their own by a line. */
+  function* around([x, y], texts, isClear) {
+    for (const text of texts) {
       for (let far = 26; far <= 150; far += 12) for (let turn = 0; turn < 16; turn++) {
         const angle = -Math.PI / 2 + (turn % 2 ? 1 : -1) * Math.ceil(turn / 2) * Math.PI / 8;
         const at = { x: x + 1.4 * far * Math.cos(angle), y: y + 4 + far * Math.sin(angle) };
-        const place = { name, number, ...at, wide, leader: [x, y] };
-        const box = boxOf(place);
-        if (!grounds.some((ground) => meet(box, ground))) yield place;
+        const place = { ...text, ...at, leader: [x, y] };
+        if (isClear(boxOf(place))) yield place;
       }
     }
   }
-  /* The place right under a dot. */
-  function* under([x, y], name) { yield { name, number: "", x, y, wide: width(name, ""), leader: null }; }
+  /* The place at a point: its middle. */
+  function* at([x, y], name) { yield { ...bare(name), x, y, leader: null }; }
   /* The place to the right of a point, at its height. */
   function* rightOf([x, y], name) {
-    const wide = width(name, "");
-    yield { name, number: "", x: x + wide / 2, y, wide, leader: null };
+    const text = bare(name);
+    yield { ...text, x: x + text.wide / 2, y, leader: null };
   }
-  return { settle, inOutline, atKnot, under, rightOf, cut };
+  /* Places close to a ring of 13 pixels around a point. */
+  function* near([x, y], name) {
+    const text = bare(name), aside = text.wide / 2 + 14;
+    for (const [dx, dy] of [[0, 26], [0, -18], [aside, 4], [-aside, 4]]) yield { ...text, x: x + dx, y: y + dy, leader: null };
+  }
+  const long = (name) => bare(name).wide;
+  return { LINE, settle, inOutline, atKnot, at, near, rightOf, cut, long, meet };
 })();

@@ -3,19 +3,22 @@ const Panel = (() => {
   "use strict";
   const { make } = Elements;
   const { ALL, amount, nodeName, percent, soughtName } = Beliefs;
-  const FIRST = 10;  // rows of a ranking before it is folded
+  const FIRST = 10;  // rows of a ranking before it is folded, and steps of a planned way that are listed
 
-  /* Show a node; `go` gets the `{ node }` or `{ sought }` that the user chose. */
-  function show(side, view, look, go) {
-    side.replaceChildren();
-    const { node, sought } = look;
-    if (node) button(side, "back", "← the building", () => go({ node: 0 }));
-    make("h2", {}, side, nodeName(view, node));
-    if (node && sought !== ALL) placeOf(side, view, look);
-    summarize(side, view, node);
-    if (!node) rankRooms(side, view, sought, go);
-    rankClasses(side, view, look, go);
-    listClasses(side, view, look);
+  /* Show a node; `go` gets the `{ node }` or `{ sought }` that the user chose. A phone shows the picture after the lead. */
+  function show([lead, rest], view, look, go) {
+    lead.replaceChildren();
+    rest.replaceChildren();
+    const { node, sought } = look, asked = node ? undefined : Beliefs.asked(view, sought);
+    if (node) button(lead, "back", "← the building", () => go({ node: 0 }));
+    make("h2", {}, lead, asked ? "Find " + asked.thing : nodeName(view, node));
+    if (asked) answer(lead, view, asked);
+    if (node && sought !== ALL) placeOf(lead, view, look);
+    if (!node) rankRooms(lead, view, sought, go);
+    if (asked) planWay(rest, view);
+    summarize(rest, view, node);
+    rankClasses(rest, view, look, go);
+    listClasses(rest, view, look);
   }
 
   function button(parent, name, text, pressed) {
@@ -29,7 +32,31 @@ const Panel = (() => {
     for (const word of words) Array.isArray(word) ? make("b", {}, line, word[0]) : line.append(word);
   }
 
+  function answer(side, view, { class: name, how, model, anywhere }) {
+    const { go_first: first, things } = view.answer, sought = things.length > 1 ? `, to find ${things.map((one) => one.thing).join(", ")}` : "";
+    make("p", { class: "go" }, side, first === null ? "Nothing is left to search."
+      : first === Beliefs.NOWHERE ? "First find the rooms that are not found yet." : `Go first to ${nodeName(view, first)}${sought}.`);
+    make("p", { class: "answer" }, side, `At least one in the building: ${percent(anywhere)}, by the model ${model}.`);
+    if (how || name === null) make("p", {}, side, how || "No model counts it.");
+  }
+
+  /* List the rooms in the order in which the robot would search them. */
+  function planWay(side, view) {
+    const { plan, here } = view.answer, say = (x) => typeof x === "number" ? Beliefs.cost(view, x) : "–";
+    if (plan.length < 2) return;
+    make("h3", {}, side, "The planned way" + (here ? " from " + nodeName(view, here) : ""));
+    const body = table(side, "way", ["", "room", "it is there", "way", "look", "found by then"]);
+    for (const { step, room, probability, way, look, found } of plan.slice(0, FIRST)) {
+      const row = make("tr", {}, body);
+      make("i", { class: "stop" }, make("td", {}, row), step);
+      make("th", { scope: "row" }, row, nodeName(view, room));
+      for (const text of [percent(probability), say(way), say(look), percent(found)]) make("td", {}, row, text);
+    }
+    if (plan.length > FIRST) make("p", {}, side, `${plan.length - FIRST} more`);
+  }
+
   function summarize(side, view, node) {
+    make("h3", {}, side, "Seen and expected");
     const of = Beliefs.numbers(view, node, ALL), room = node ? view.rooms[node - 1] : null;
     paragraph(side, [amount(of.seen)], " seen, ", [amount(of.more)], " more expected",
       ...(of.unseen === null ? ["."] : ["; true: ", [amount(of.unseen)], " more."]));
@@ -42,19 +69,21 @@ const Panel = (() => {
   }
 
   function placeOf(side, view, { node, sought }) {
-    const place = Beliefs.rankRooms(view, sought).findIndex((of) => of.node === node) + 1;
-    make("p", { class: "answer" }, side, `${Beliefs.sayLong(view, node, sought)}. Rank ${place} of ${view.rooms.length} rooms${view.left_out ? " shown" : ""}.`);
+    const place = Beliefs.rankRooms(view, sought).filter((of) => Number.isInteger(of.node)).findIndex((of) => of.node === node) + 1;
+    const rank = place ? ` Rank ${place} of ${view.rooms.length} rooms${view.left_out ? " shown" : ""}.` : "";
+    make("p", { class: "answer" }, side, Beliefs.sayLong(view, node, sought) + "." + rank);
   }
 
   function rankRooms(side, view, sought, go) {
-    make("h3", {}, side, sought === ALL ? "Rooms by expected unseen objects" : "Rooms by the probability of at least one unseen " + soughtName(view, sought));
-    if (sought !== ALL) make("p", { class: "answer" }, side, "In the whole building: " + Beliefs.sayLong(view, 0, sought) + ".");
+    make("h3", {}, side, sought === ALL ? "Rooms by expected unseen objects" : "Rooms by the probability of " + Beliefs.leastOf(view, sought));
+    if (sought > ALL) make("p", { class: "answer" }, side, "In the whole building: " + Beliefs.sayLong(view, 0, sought) + ".");
     const most = sought === ALL ? Beliefs.mostWorth(view, ALL) : 1;
-    rank(side, "rooms", Beliefs.rankRooms(view, sought).map((of) => ({
-      name: nodeName(view, of.node), words: Beliefs.sayShort(of, sought) + mark(of, sought),
-      share: Beliefs.worth(of, sought) / most, key: of.node, chosen: () => go({ node: of.node }),
+    const ranked = Beliefs.rankRooms(view, sought);
+    rank(side, "rooms", ranked.map((of) => ({
+      name: nodeName(view, of.node), words: (sought < ALL ? Beliefs.sayPlace(view, of, sought) : Beliefs.sayShort(of, sought)) + mark(of, sought),
+      share: Beliefs.worth(of, sought) / most, key: of.node, chosen: Number.isInteger(of.node) && (() => go({ node: of.node })),
     })));
-    if (view.truth && sought !== ALL) make("p", {}, side, "✓ the truth has an unseen one here, – it has none.");
+    if (sought !== ALL && ranked.some((of) => of.unseen !== null)) make("p", {}, side, "✓ the truth has an unseen one here, – it has none.");
   }
   const mark = (of, sought) => of.unseen === null || sought === ALL ? "" : of.unseen > 0 ? " ✓" : " –";
 
@@ -74,12 +103,12 @@ const Panel = (() => {
     const list = (parent, some, start) => {
       const made = make("ol", { class: "rank " + kind, start }, parent);
       for (const { name, words, share, key, picked, chosen } of some) {
-        const pressed = button(make("li", {}, made), picked ? "picked" : "", "", chosen);
-        pressed.dataset.key = key;
-        make("span", { class: "what" }, pressed, name);
-        pressed.append(" ");
-        make("span", { class: "much" }, pressed, words);
-        make("span", { class: "more", style: { width: `${(100 * share).toFixed(1)}%` } }, make("span", { class: "bar" }, pressed));
+        const item = make("li", {}, made), row = chosen ? button(item, picked ? "picked" : "", "", chosen) : make("div", {}, item);
+        if (chosen) row.dataset.key = key;
+        make("span", { class: "what" }, row, name);
+        row.append(" ");
+        make("span", { class: "much" }, row, words);
+        make("span", { class: "more", style: { width: `${(100 * share).toFixed(1)}%` } }, make("span", { class: "bar" }, row));
       }
     };
     list(side, rows.slice(0, FIRST), 1);
@@ -100,14 +129,12 @@ const Panel = (() => {
       make("i", { class: name }, item);
       item.append(text);
     }
-    const table = make("table", { class: "histogram" }, side);
-    const head = make("tr", {}, make("thead", {}, table)), body = make("tbody", {}, table);
-    for (const text of ["class", "", "seen", "more expected", "at least one unseen", ...(truth ? ["truly unseen"] : [])])
-      make(text ? "th" : "td", text ? { scope: "col" } : {}, head, text);
+    const body = table(side, "histogram", ["class", "", "seen", "more expected", "at least one unseen", ...(truth ? ["truly unseen"] : [])]);
+    const asked = Beliefs.asked(view, sought), picked = asked ? view.classes.indexOf(asked.class) : sought;
     const most = Math.max(1, ...expected, ...(truth || []));
     for (const { class: c } of rows) {
       const of = Beliefs.numbers(view, node, c);
-      const row = make("tr", c === sought ? { class: "picked" } : {}, body);
+      const row = make("tr", c === picked ? { class: "picked" } : {}, body);
       make("th", { scope: "row" }, row, view.classes[c]);
       const bar = make("div", { class: "bar" }, make("td", { class: "bars" }, row));
       make("div", { class: "seen", style: { width: `${100 * of.seen / most}%` } }, bar);
@@ -116,6 +143,13 @@ const Panel = (() => {
       for (const text of [amount(of.seen), amount(of.more), percent(of.chance), ...(truth ? [amount(of.unseen)] : [])])
         make("td", {}, row, text);
     }
+  }
+
+  /* Make a table with a head, and return its body. */
+  function table(side, name, heads) {
+    const made = make("table", { class: name }, side), head = make("tr", {}, make("thead", {}, made));
+    for (const text of heads) make(text ? "th" : "td", text ? { scope: "col" } : {}, head, text);
+    return make("tbody", {}, made);
   }
 
   /* Write the legend of colours and shades. */
@@ -127,11 +161,14 @@ const Panel = (() => {
     if (!look.plan) { entry("building", "building"); entry("room", "room"); }
     entry(one ? "sought" : "object", one ? "seen " + name : "seen object");
     if (!one && view.classless[0]) entry("classless", "seen, belongs to no class");
-    entry("blind", "blind node: expected, not seen (faint: unsure)");
-    const scale = make("span", {}, box, one ? `at least one unseen ${name}: 0 %` : "more expected: 0");
+    entry("blind", "blind node (faint: unsure)");
+    if (view.answer && view.answer.here) entry("robot", "the robot");
+    if (look.sought < ALL && view.answer.plan.length) entry("stop", "the planned way");
+    const scale = make("span", {}, box, one ? `${Beliefs.leastOf(view, look.sought)}: 0 %` : "more expected: 0");
     make("span", { class: "scale" }, scale);
     scale.append(one ? percent(most) : amount(most));
     if (view.rooms.some((room) => !room.visited)) make("span", {}, box, "dashed: not visited");
+    make("p", {}, box, "A class is a kind of object that the model counts. A blind node is an object that it expects and the robot has not seen.");
   }
   return { show, explain };
 })();

@@ -3,30 +3,36 @@ const Picture = (() => {
   "use strict";
   const { draw } = Elements;
   const MOST_NAMES = 80;  // of rooms: more cannot be told apart, and take long to place
+  const MOST_STOPS = 10;  // of the planned way
   const MARGIN = { side: 30, top: 36, bottom: 30 };
 
   /* Draw a view; `look` is `{ plan, sought, node, threshold }`. */
   function show(svg, view, look) {
     svg.replaceChildren();
     const box = svg.getBoundingClientRect(), size = { wide: Math.max(300, box.width), high: Math.max(260, box.height) };
-    if (!view.rooms.length) {
-      draw("text", { class: "name", x: size.wide / 2, y: 60 }, svg, "no rooms are known");
-      return;
-    }
+    if (!view.rooms.length) look = { ...look, plan: true };  // nothing has layers
     const scene = { view, look, ...lay(view, look, size) };
     scene.of = view.rooms.map((_, i) => Beliefs.numbers(view, i + 1, look.sought));
     scene.most = Beliefs.mostWorth(view, look.sought);
-    const [ties, grounds, doors, things, words] = Array.from({ length: 5 }, () => draw("g", {}, svg));
+    const [ties, grounds, doors, ways, things, words, stops] = Array.from({ length: 7 }, () => draw("g", {}, svg));
     scene.bounds = { left: 2, top: 2, right: size.wide - 2, bottom: size.high - 2 };
+    scene.here = view.answer && view.answer.here;
+    scene.stops = look.sought < Beliefs.ALL ? view.answer.plan.slice(0, MOST_STOPS).filter(({ room }) => room !== Beliefs.NOWHERE) : [];
+    scene.line = [scene.here, ...scene.stops.map(({ room }) => room)].filter(Boolean).map((room) => spotOf(scene, room));
+    scene.kept = scene.line.map(([x, y]) => square(x, y, 13));
+    scene.loose = layLoose(scene);
     const names = nameRooms(scene);
+    drawLoose(scene, things);
+    if (!view.rooms.length) draw("text", { class: "name", x: size.wide / 2, y: 60 }, svg, "no rooms are known");
     drawDoors(scene, look.plan ? doors : ties);
+    drawWay(scene, ways, stops);
     if (!look.plan) drawTies(scene, ties);
     for (const i of scene.order) {
       drawRoom(scene, i, grounds);
       drawThings(scene, i, things, words, names);
       if (!look.plan) drawKnot(scene, i, things);
     }
-    if (!look.plan) drawBuilding(scene, things);
+    if (!look.plan && view.rooms.length) drawBuilding(scene, things);
     for (const name of names) drawName(name, words);
   }
 
@@ -60,30 +66,49 @@ const Picture = (() => {
   }
 
   /* Settle the names of storeys, the building and its rooms: the one that is chosen first, then by worth. */
-  function nameRooms({ view, look, of, order, shapes, knots, peak, storeys, bounds }) {
-    const ranked = view.rooms.map((_, i) => i).sort((a, b) =>
-      (b + 1 === look.node) - (a + 1 === look.node) || Beliefs.worth(of[b], look.sought) - Beliefs.worth(of[a], look.sought) || a - b);
-    const boxes = shapes.map(Plan.extent);
+  function nameRooms(scene) {
+    const { view, look, of, order, shapes, knots, peak, storeys, bounds, loose, kept, here } = scene;
+    const worth = (i) => Beliefs.worth(of[i], look.sought);
+    const ranked = view.rooms.map((_, i) => i).sort((a, b) => (b + 1 === look.node) - (a + 1 === look.node) || worth(b) - worth(a) || a - b);
+    const boxes = shapes.map(Plan.extent), trail = boxesAlong(scene.line);
     const numberOf = (i) => Beliefs.sayWorth(of[i], look.sought);
     const placesOf = (i) => {
       const name = Names.cut(view.rooms[i].name, 40);
-      if (!look.plan) return Names.atKnot(knots[i], name, numberOf(i));
+      if (!look.plan) return Names.atKnot(knots[i], name, numberOf(i), (box) =>
+        !shapes.some((shape, k) => k !== i && Names.meet(box, boxes[k]) && Plan.isUnder(shape, box)));
       const over = order.slice(order.indexOf(i) + 1).map((k) => boxes[k]);
-      return Names.inOutline(shapes[i], name, numberOf(i), { over, grounds: boxes });
+      return Names.inOutline(shapes[i], name, numberOf(i), { over, trail, grounds: boxes });
     };
-    const captions = storeys.map(([text, spot]) => Names.rightOf(spot, text));
-    const building = look.plan ? [] : [Names.atKnot([peak[0], peak[1] - 6], Names.cut(view.title, 40), "")];
-    const taken = look.plan ? [] : [...knots, peak].map(([x, y]) => square(x, y, 7));
-    const found = Names.settle([...captions, ...building, ...ranked.slice(0, MOST_NAMES).map(placesOf)], taken, bounds);
-    return found.map((name, k) => name && { ...name, kind: k < captions.length ? "storey" : "name" }).filter(Boolean);
+    const captions = loose.words ? [...storeys, [loose.words, loose.spot]] : storeys;
+    const wanted = captions.map(([text, spot]) => ({ kind: "storey", places: Names.rightOf(spot, text) }));
+    if (!look.plan) wanted.push({ kind: "name", places: Names.atKnot([peak[0], peak[1] - 6], Names.cut(view.title, 40), "", () => true) });
+    for (const i of ranked.slice(0, MOST_NAMES)) wanted.push({ kind: "name", places: placesOf(i), room: i });
+    if (here) wanted.push({ kind: "name", places: Names.near(spotOf(scene, here), "robot") });
+    const taken = [...kept, ...loose.dots.map(([, [x, y]]) => square(x, y, 8)), ...(look.plan ? [] : [...knots, peak].map(([x, y]) => square(x, y, 7)))];
+    const found = Names.settle(wanted.map((one) => one.places), taken, bounds);
+    return dropSmaller(found.map((name, k) => name && { ...wanted[k], ...name }).filter(Boolean), ranked, worth);
   }
+  /* Where a room's number found no place, no smaller one may seem to be the greatest. */
+  function dropSmaller(names, ranked, worth) {
+    const told = new Set(names.map((name) => name.number && name.room));
+    const least = Math.max(-1, ...ranked.filter((i) => !told.has(i)).map(worth));
+    return names.map((name) => name.room !== undefined && worth(name.room) < least ? { ...name, number: "" } : name)
+      .filter((name) => name.name || name.number);
+  }
+  /* Boxes along a line through some points. */
+  const boxesAlong = (line) => line.slice(1).flatMap(([x, y], k) => {
+    const [left, top] = line[k], count = Math.ceil(Math.hypot(x - left, y - top) / 8);
+    return Array.from({ length: count }, (_, i) => square(left + (x - left) * i / count, top + (y - top) * i / count, 3));
+  });
+  /* Where the middle of a room's floor is. */
+  const spotOf = ({ at, centres }, room) => at(centres[room - 1]);
   const square = (x, y, half) => ({ left: x - half, right: x + half, top: y - half, bottom: y + half });
 
-  function drawName({ name, number, x, y, wide, leader, box, kind }, words) {
+  function drawName({ name, number, under, x, y, leader, box, kind }, words) {
     if (leader) draw("line", { class: "leader", x1: leader[0], y1: leader[1],
       x2: Math.max(box.left, Math.min(box.right, leader[0])), y2: Math.max(box.top, Math.min(box.bottom, leader[1])) }, words);
     const text = draw("text", { class: kind, x, y }, words, name);
-    if (number) draw("tspan", { class: "number", dx: 5 }, text, number);
+    if (number) draw("tspan", { class: "number", ...(under ? { x, dy: Names.LINE } : { dx: name ? 5 : 0 }) }, text, number);
   }
 
   const line = (name, [x1, y1], [x2, y2], parent) => draw("line", { class: name, x1, y1, x2, y2 }, parent);
@@ -125,39 +150,77 @@ const Picture = (() => {
     draw("ellipse", { class: "lid", cx: x, cy: y - 8, rx: 15, ry: 5 }, group);
   }
 
+  /* What was seen in a room, or in none, 0, and its blind nodes. */
+  function thingsIn({ view, look }, room) {
+    const isShown = (thing) => thing.room === room && Beliefs.isSought(look.sought, thing);
+    const seen = view.objects.filter(isShown).sort((a, b) => (a.class === null) - (b.class === null));
+    return [...seen, ...view.blind.filter((node) => isShown(node) && node.presence >= look.threshold)];
+  }
+  const drawDot = ({ view, look, radius }, thing, [cx, cy], parent) =>
+    draw("circle", { cx, cy, r: radius, "data-node": thing.room, ...dot(view, look, thing) }, parent);
+
+  /* Lay what is in no room into a row beside the building, as many as there is space for. */
+  function layLoose(scene) {
+    const { look, peak, bounds } = scene, all = thingsIn(scene, 0);
+    const radius = Math.max(3.5, scene.radius), step = 2 * radius + 3;
+    const spot = look.plan ? [10, bounds.bottom - 8] : [peak[0] + 24, peak[1] + 4];
+    const words = all.length ? `${all.length} in no room` : "";
+    const left = spot[0] + Names.long(words) + 8, y = spot[1] - 4;
+    const shown = all.slice(0, Math.max(1, Math.floor((bounds.right - left) / step)));
+    return { radius, words, spot, dots: shown.map((thing, k) => [thing, [left + k * step, y]]) };
+  }
+  function drawLoose(scene, things) {
+    const { dots, radius } = scene.loose;
+    for (const [thing, spot] of dots) drawDot({ ...scene, radius }, thing, spot, things);
+  }
+
+  /* Draw where the robot is, and from there the planned way through the rooms, numbered. */
+  function drawWay(scene, ways, stops) {
+    const { view, here, line } = scene;
+    for (const [name, points] of [["edge", line], ["later", line], ["", here ? line.slice(0, 2) : []]])
+      draw("polyline", { class: "way " + name, points: points.map((p) => p.join(",")).join(" ") }, ways);
+    if (here) {
+      const [cx, cy] = spotOf(scene, here), said = "the robot is in " + Beliefs.nodeName(view, here);
+      for (const r of [12, 3]) draw("circle", { class: "robot", cx, cy, r, "data-node": here, "data-say": said }, stops);
+    }
+    for (const { step, room } of scene.stops) {
+      const [x, y] = spotOf(scene, room), said = `${step}: ${Beliefs.nodeName(view, room)}`;
+      const mark = draw("g", { class: "stop", "data-node": room, "data-say": said }, stops);
+      draw("circle", { cx: x, cy: y, r: 8.5 }, mark);
+      draw("text", { x, y: y + 4 }, mark, step);
+    }
+  }
+
   /* Draw what was seen in a room and its blind nodes: where they are, or else where the room has space. */
   function drawThings(scene, i, things, words, names) {
     const { view, look, outlines, at, centres, scale, radius } = scene;
-    const seen = view.objects.filter((obj) => obj.room === i + 1 && Beliefs.isSought(look.sought, obj.class));
-    seen.sort((a, b) => (a.class === null) - (b.class === null));
-    const blind = view.blind.filter((node) => node.room === i + 1 && node.presence >= look.threshold && Beliefs.isSought(look.sought, node.class));
-    const count = seen.length + blind.length;
-    const spots = Plan.spots(outlines[i], count, freeSpots(scene, i, names));
+    const all = thingsIn(scene, i + 1), count = all.length, taken = [...scene.kept, ...names.map((name) => name.box)];
+    const spots = Plan.spots(outlines[i], count, freeSpots(scene, i, taken));
     const named = look.node === i + 1 && Math.sqrt(Plan.area(outlines[i]) / (1.7 * count + 5)) * scale > 46;
     const labels = [];
-    for (const thing of [...seen, ...blind]) {
+    for (const thing of all) {
       const spot = Plan.place(thing.at, view.rooms[i].corner, outlines[i]) || spots.splice(Math.floor(spots.length * 0.382), 1)[0] || centres[i];
       const [x, y] = at(spot);
-      draw("circle", { cx: x, cy: y, r: radius, "data-node": i + 1, ...dot(view, look, thing) }, things);
+      drawDot(scene, thing, [x, y], things);
       const name = thing.class === null ? thing.name : view.classes[thing.class];
-      if (named) labels.push(Names.under([x, y + radius + 10], Names.cut(name, 14)));
+      if (named) labels.push(Names.at([x, y + radius + 10], Names.cut(name, 14)));
     }
-    for (const label of Names.settle(labels, names.map((name) => name.box), scene.bounds))
+    for (const label of Names.settle(labels, taken, scene.bounds))
       if (label) drawName({ ...label, kind: "thing" }, words);
   }
-  /* Whether a spot is clear of the names, and of smaller rooms that lie over this one. */
-  function freeSpots({ order, outlines, at, radius }, i, names) {
+  /* Whether a spot is clear of what is taken, boxes, and of smaller rooms that lie over this one. */
+  function freeSpots({ order, outlines, at, radius }, i, taken) {
     const over = order.slice(order.indexOf(i) + 1).map((k) => outlines[k]);
     return (spot) => {
       const [x, y] = at(spot);
-      return !over.some((outline) => Plan.inside(spot, outline)) && !names.some(({ box }) =>
+      return !over.some((outline) => Plan.inside(spot, outline)) && !taken.some((box) =>
         x > box.left - radius && x < box.right + radius && y > box.top - radius && y < box.bottom + radius);
     };
   }
   function dot(view, look, thing) {
     if (thing.presence !== undefined) return { class: "blind", "fill-opacity": (0.2 + 0.8 * thing.presence).toFixed(2),
       "data-say": "blind node, " + Beliefs.say(view, thing.room, thing.class) };
-    const kind = thing.class === null ? " classless" : look.sought === Beliefs.ALL ? "" : " sought";
+    const kind = look.sought !== Beliefs.ALL ? " sought" : thing.class === null ? " classless" : "";
     return { class: "object" + kind, "data-say": (thing.name || "an object") + ", seen" + (thing.class === null ? ", belongs to no class" : "") };
   }
   return { show };

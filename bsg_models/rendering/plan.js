@@ -13,6 +13,11 @@ const Plan = (() => {
     return (a[1] > y) !== (b[1] > y) && x < a[0] + (b[0] - a[0]) * (y - a[1]) / (b[1] - a[1]);
   }).length % 2 === 1;
 
+  /* Whether an outline lies under a box, at its corners or in its middle. */
+  const isUnder = (points, { left, right, top, bottom }) =>
+    [left, (left + right) / 2, right].some((x) => [top, bottom].some((y) => inside([x, y], points)))
+      || points.some(([x, y]) => x > left && x < right && y > top && y < bottom);
+
   /* Where an object is drawn that is at a place in metres, y up; null where nobody knows.
 
      `corner` is where the first corner of its room is, in the same metres. */
@@ -34,5 +39,5 @@ const Plan = (() => {
     }
     return found;
   }
-  return { area, extent, inside, middle, place, spots };
+  return { area, extent, inside, isUnder, middle, place, spots };
 })();

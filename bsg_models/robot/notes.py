@@ -16,6 +16,7 @@ from bsg_models.robot.ways import list_lost
 from bsg_models.runs.predictor import Predictor
 
 _MOST_NAMES = 5  # in a note
+_WHOLE = 3  # a building has at least so many rooms, but for odd ones
 
 
 def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
@@ -31,8 +32,13 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
     rooms = [room.label or room.name for room in graph.rooms]
     if lost := [rooms[node - 1] for node in sorted(list_lost(graph))]:
         yield f"{_list(lost)}: neither position nor connection; the planner guesses the way"
-    if not graph.rooms and not graph.objects:
+    if not graph.rooms and not graph.objects and not graph.more_rooms:
         yield "no rooms yet, so nothing is expected"
+    if 0 < len(graph.rooms) < _WHOLE and graph.more_rooms is None:
+        yield (
+            f"{_list(rooms)}: taken as the whole building; `more_rooms` says that there are rooms "
+            "that are not found yet"
+        )
     unsaid = [room.label or room.name for room in graph.rooms if room.share == VAGUE]
     if unsaid:
         yield (

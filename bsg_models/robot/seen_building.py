@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from threading import RLock
 from types import MappingProxyType
@@ -24,28 +24,60 @@ from bsg_data.arrays import Floats
 from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
+from bsg_data.observation import reports
 from bsg_data.observation.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
     KnownRoom,
+    Look,
     PartialGraph,
     SeenObject,
+    check_more_rooms,
     check_report,
-    discover,
-    enter,
     reclassify,
-    see_object,
 )
+from bsg_data.observation.reports import LOOK_CHANCE, say_score
 from bsg_data.observation.robot_json import list_unmapped
-from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, list_class_maps, load_class_map
+from bsg_data.recipes import read_number
+from bsg_data.scene.class_map import (
+    DEFAULT_CLASS_MAP,
+    ClassMap,
+    list_class_maps,
+    load_class_map,
+    normalise_name,
+)
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
+from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import read_nouns
+from bsg_models.robot.decision import (
+    Decision,
+    Looked,
+    choose_room,
+    choose_rooms,
+    order_rooms,
+    weigh,
+)
+from bsg_models.robot.looks import AnyLook, cost_looks
 from bsg_models.robot.notes import note_graph
-from bsg_models.robot.ways import Costs, Ways, choose_destination, list_lost, measure_ways
-from bsg_models.robot.words import Meaning, find_meaning, find_room, set_hidden_shares
+from bsg_models.robot.thing_belief import (
+    ThingBelief,
+    believe_class,
+    believe_kind,
+    believe_noun,
+    list_searched,
+)
+from bsg_models.robot.unfound_rooms import EXPLORE, add_unfound
+from bsg_models.robot.ways import Costs, Ways, add_places, list_lost, measure_ways
+from bsg_models.robot.words import (
+    Meaning,
+    find_meaning,
+    find_room,
+    require_word,
+    set_hidden_shares,
+)
 from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.runs.predictor import Predictor
 from bsg_models.search.catalogue import AnyPlanner, find_planner
@@ -60,9 +92,10 @@ _OTHERS = {1: (WIDE_MODEL, WIDE_MAP), 2: (DEFAULT_MODEL, DEFAULT_CLASS_MAP)}
 class Place:
     """A room where a thing may be."""
 
-    room: str | None  # its id; None for objects that were seen in no room
+    room: str | None  # its id; None for objects that were seen in no room; `EXPLORE`, see `label`
     label: str | None
-    probability: float  # P(at least one is there); 1 if one was seen
+    probability: float  # P(at least one is there); 1 if one was seen, and nobody doubts it
+    if_there: float  # the same, given that the building has one
     unseen: float  # P(at least one unseen is there)
     expected: float  # number of unseen ones
     seen: tuple[str, ...]  # ids of those that were seen there
@@ -79,8 +112,23 @@ class ExpectedClass:
     seen: int  # number that was seen there
 
 
-# Of one thing, for each node: ids of those seen, P(at least one unseen), expected unseen number.
-_Answer: TypeAlias = tuple[list[tuple[str, ...]], Floats, Floats]
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A room in the order in which a robot would search."""
+
+    room: str  # its id, or `EXPLORE`
+    label: str | None
+    probability: float  # P(any of the things is there)
+    way: float  # cost of going there from the room before
+    look: float  # cost of looking there
+    found: float  # P(the search has ended by then)
+
+
+_Now: TypeAlias = tuple[PartialGraph, Expectation]  # a graph as a model reads it, and the belief
+NOT_FOUND = "rooms not found yet"
+_MOST_HOURS = 1e9
+_LISTED = 8  # objects in an error
+_LEAST = 1e-12  # a smaller number is not divided by
 
 
 def open_graph(
@@ -136,9 +184,10 @@ def _alone(
 class SeenBuilding:
     """What a robot has seen of one building; the robot reports to it and asks it.
 
-    Reports change this object: `saw`, `entered`, `searched` and `discovered`. Questions do not:
-    `where`, `anywhere`, `expected`, `next_room` and `belief`. The state is one immutable
-    `PartialGraph`. Keep `graph`, or a `copy`, to ask what-if questions.
+    Reports change this object: `saw`, `gone`, `looked`, `entered`, `searched`, `discovered`,
+    `describe` and `more_rooms`. Questions do not: `where`, `anywhere`, `expected`, `next_room`,
+    `next_rooms`, `explain` and `belief`. The state is one immutable `PartialGraph`. Keep `graph`,
+    or a `copy`, to ask what-if questions.
 
     A thing is any word. A room is its id, or its label if no other room has it. A word that means
     no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
@@ -163,13 +212,12 @@ class SeenBuilding:
         """
         self._notes = notes
         self._lock = RLock()
-        self._graph = graph
         own = model if isinstance(model, Predictor) else Predictor(model)
         self._models = {
             0: own
         }  # 0: the building's own, 1: the wide one, 2: that nouns are judged by
-        self._beliefs: dict[int, tuple[PartialGraph, Expectation]] = {}
-        self._ways: Ways | None = None
+        self._change(graph)
+        self._doubt_what_looks_missed()
 
     @property
     def graph(self) -> PartialGraph:
@@ -202,7 +250,7 @@ class SeenBuilding:
         """Return an independent copy; reports to it do not change this object."""
         other = SeenBuilding(self._graph, self._models[0], notes=self._notes)
         other._models, other._beliefs = self._models, dict(self._beliefs)
-        other._ways = self._ways
+        other._whole, other._ways = self._whole, self._ways
         return other
 
     # Reports of the robot
@@ -215,29 +263,112 @@ class SeenBuilding:
         *,
         object_id: str | None = None,
         position: tuple[float, float, float] | None = None,
+        score: float | None = None,
+        age: float | None = None,
+        stays: float | None = None,
+        within: float = 0.5,
     ) -> str:
         """Report one object in a room, and return its id; the room may hold more.
 
         Args:
             room: id or label; None for an object that is in no room.
             thing: its category.
-            object_id: a known id moves the object instead of adding one. Give an id to detections
-                that repeat; without it, every call adds an object.
+            object_id: a known id moves the object instead of adding one.
             position: metres, Z up.
+            score: P(it is there now), such as a detector's score; None if nobody doubts it.
+            age: instead of the score, hours since it was seen; needs `stays`.
+            stays: hours after which half of such things are elsewhere; None for the graph's.
+            within: without an id, a known object of the same class this near, in metres, is the
+                same object. 0 keeps all apart; ∞ takes any of the class in the room.
+
+        Raises:
+            RecipeError: for a room, a word or a number that cannot be.
         """
-        if not thing.strip():
-            raise RecipeError("saw: expected the name of a thing, found none", code="thing-none")
+        require_word(thing)
         index = 0 if room is None else find_room(self._graph, room)
-        if object_id is None:
-            taken = {obj.name for obj in self._graph.objects}
-            names = (f"saw {number}" for number in count(len(taken) + 1))
-            object_id = next(name for name in names if name not in taken)
+        within = read_number("saw: within", within, most=math.inf)
+        where, hours = f"saw {thing[:SHOWN]!r}", stays or self._graph.stays
+        if age is not None:
+            age = read_number(f"{where}: age", age, most=_MOST_HOURS)
+        if stays is not None and not read_number(f"{where}: stays", stays, most=_MOST_HOURS):
+            raise RecipeError(f"{where}: stays: expected above 0 hours, found 0", code="stays-zero")
+        if score is not None:
+            score = read_number(f"{where}: score", score, most=1.0)
+        score = say_score(where, score, age=age, stays=hours)
         known = self._models[0].class_map.classify(thing)
-        seen = check_report(
-            SeenObject(object_id, index, thing, known.category, known.class_index, position)
-        )
-        self._change(see_object(self._graph, seen))
+        facts = (index, thing, known.category, known.class_index, position, score)
+        seen = check_report(SeenObject(object_id or self._name_object(), *facts))
+        if object_id is None:
+            near = reports.find_near(self._graph, seen, within=within)
+            if near is not None:
+                certain = score is None or near.score is None
+                likelier = max(seen.probability, near.probability)
+                seen = replace(seen, name=near.name, score=None if certain else likelier)
+        graph = reports.see_object(self._graph, seen)
+        looks = [one for one in graph.looks if one.room_index == index]
+        found = {one for one in looks if seen in self._list_sought(graph, one)}
+        kept = tuple(one for one in graph.looks if one not in found)  # it is there, after all
+        self._change(replace(graph, looks=kept))
         return seen.name
+
+    def _name_object(self) -> str:
+        taken = {obj.name for obj in self._graph.objects}
+        names = (f"saw {number}" for number in count(len(taken) + 1))
+        return next(name for name in names if name not in taken)
+
+    @_alone
+    def gone(self, object_id: str) -> None:
+        """Report that a known object is no longer there.
+
+        Raises:
+            RecipeError: if there is no such object.
+        """
+        known = [obj.name for obj in self._graph.objects]
+        if object_id not in known:
+            hint = ask_if_meant(str(object_id), known) or "`graph.objects` has the ids"
+            raise RecipeError(
+                f"{self._graph.scene_id}: no object {str(object_id)[:SHOWN]!r}; {hint}",
+                code="object-unknown",
+                where=str(object_id),
+            )
+        self._change(reports.lose(self._graph, [object_id]))
+
+    @_alone
+    def looked(self, room: str, thing: str, *, chance: float = LOOK_CHANCE) -> None:
+        """Report a look for one thing in a room that did not find it.
+
+        The room becomes less likely to have one, by Bayes' rule, but not impossible; two looks
+        count twice. `searched` says that nothing is left in a room. `saw` reports what is found.
+
+        Args:
+            room: id or label.
+            thing: any word.
+            chance: P(the look would have found it, if one is there).
+
+        Raises:
+            RecipeError: for a room, a word or a chance that cannot be.
+        """
+        index = find_room(self._graph, room)
+        require_word(thing)
+        chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
+        seen = Look(index, thing, chance)
+        doubted = [obj.name for obj in self._list_sought(self._graph, seen)]
+        self._change(reports.look(self._graph, seen, doubted=doubted))
+
+    def _doubt_what_looks_missed(self) -> None:
+        """Give a score to objects that a file names beside a look that missed them."""
+        sure = {obj.name for obj in self._graph.objects if obj.score is None}
+        for one in self._graph.looks:
+            missed = {obj.name for obj in self._list_sought(self._graph, one)} & sure
+            self._change(reports.doubt(self._graph, missed, chance=one.chance))
+
+    def _list_sought(self, graph: PartialGraph, seen: Look) -> list[SeenObject]:
+        """Return the objects in the room of a look that it looked for."""
+        here = [obj for obj in graph.objects if obj.room_index == seen.room_index]
+        if not here:
+            return []
+        names = self._names(self.understand(seen.thing))
+        return [obj for obj in here if names(obj.raw_category)]
 
     @_alone
     def entered(
@@ -281,11 +412,47 @@ class SeenBuilding:
             )
         elif hidden_share is not None and not isinstance(hidden_share, ShareBelief):
             hidden_share = ShareBelief(hidden_share)
-        self._change(enter(self._graph, index, hidden_share=hidden_share))
+        self._change(reports.enter(self._graph, index, hidden_share=hidden_share))
 
-    def searched(self, room: str) -> None:
-        """Report that everything in a room was seen and reported by `saw`."""
-        self.entered(room, hidden_share=0.0)
+    @_alone
+    def searched(self, room: str, *, found: Collection[str] | str | None = None) -> None:
+        """Report that everything in a room was seen and reported by `saw`.
+
+        Args:
+            room: id or label.
+            found: which of the known objects there were found again, by id or by any word; those
+                that were not are gone. None keeps all.
+
+        Raises:
+            RecipeError: if there is no such room, or it had no such object.
+        """
+        index = find_room(self._graph, room)
+        graph = self._graph
+        if found is not None:
+            found = [found] if isinstance(found, str) else found
+            known = [obj for obj in graph.objects if obj.room_index == index]
+            kept = {name for one in found for name in self._find_again(one, known, room)}
+            graph = reports.lose(graph, {obj.name for obj in known} - kept)
+        self._change(reports.enter(graph, index, hidden_share=ShareBelief(0.0)))
+
+    def _find_again(self, said: str, known: Sequence[SeenObject], room: str) -> list[str]:
+        """Return the ids of the known objects that an id or a word names."""
+        names = [obj.name for obj in known]
+        if said in names:
+            return [said]
+        same = [obj.name for obj in known if normalise_name(obj.raw_category) == _plain(said)]
+        if not same:
+            is_kind = self._names(self.understand(said))
+            same = [obj.name for obj in known if is_kind(obj.raw_category)]
+        if not same:
+            shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
+            raise RecipeError(
+                f"searched {room!r}: found {str(said)[:SHOWN]!r}, and no such object was known "
+                f"there; report it by `saw` first. Known are {shown or 'none'}",
+                code="object-unknown",
+                where=str(said),
+            )
+        return same
 
     @_alone
     def discovered(
@@ -319,11 +486,65 @@ class SeenBuilding:
         )
         others = [beside] if isinstance(beside, str) else beside
         neighbours = [find_room(self._graph, other) for other in others]
-        self._change(discover(self._graph, check_report(new), beside=neighbours))
+        self._change(reports.discover(self._graph, check_report(new), beside=neighbours))
+
+    @_alone
+    def describe(
+        self,
+        room: str,
+        *,
+        room_type: RoomType | None = None,
+        label: str | None = None,
+        position: tuple[float, float, float] | None = None,
+        floor_area: float | None = None,
+        beside: Collection[str] | str = (),
+    ) -> None:
+        """Say more of a known room; what is None stays as it was.
+
+        Args:
+            room: id or label.
+            room_type: a room label, or labels with probabilities.
+            label: its name for people.
+            position: metres, Z up.
+            floor_area: square metres.
+            beside: id of a room that it connects with, or several; known connections stay.
+
+        Raises:
+            RecipeError: if there is no such room, or the facts cannot be.
+        """
+        index = find_room(self._graph, room)
+        before = self._graph.rooms[index - 1]
+        known = replace(
+            before,
+            room_type=before.room_type if room_type is None else room_type,
+            label=before.label if label is None else label,
+            position=before.position if position is None else position,
+            floor_area=before.floor_area if floor_area is None else floor_area,
+        )
+        others = [beside] if isinstance(beside, str) else beside
+        neighbours = [find_room(self._graph, other) for other in others]
+        graph = reports.describe(self._graph, index, check_report(known), beside=neighbours)
+        self._change(graph)
+
+    @_alone
+    def more_rooms(self, number: int | bool) -> None:
+        """Report how many rooms are not found yet: a number, or True for as many as homes have.
+
+        `discovered` counts a number down. 0, or False, says that the graph is whole.
+        """
+        self._change(replace(self._graph, more_rooms=check_more_rooms(number) or 0))
 
     def _change(self, graph: PartialGraph) -> None:
-        self._graph = graph
-        self._beliefs, self._ways = {}, None
+        if graph.more_rooms and any(room.name == EXPLORE for room in graph.rooms):
+            raise RecipeError(
+                f"{graph.scene_id}: a room {EXPLORE!r} cannot be told from the answer {EXPLORE!r}, "
+                "to look for rooms that are not found yet; rename the room",
+                code="room-named-explore",
+                where=EXPLORE,
+            )
+        self._graph, self._whole = graph, add_unfound(graph)
+        self._beliefs: dict[int, _Now] = {}
+        self._ways: Ways | None = None
 
     # Questions of the robot
 
@@ -338,22 +559,42 @@ class SeenBuilding:
             here: the robot's room, from which costs are measured.
             costs: (room, room) → cost, replacing what the graph measures; ∞ closes a way.
         """
-        seen, presence, hidden = self._look_up(thing)
+        belief = self._look_up(thing)
         known_costs = {} if here is None else self._known_costs(here, costs)
+        number = len(self._graph.rooms)
+        anywhere = max(float(belief.probability[0]), _LEAST)
         places = [
             Place(
                 room=room.name,
                 label=room.label,
-                probability=1.0 if seen[node] else float(presence[node]),
-                unseen=float(presence[node]),
-                expected=float(hidden[node]),
-                seen=seen[node],
+                probability=float(belief.probability[node]),
+                if_there=min(1.0, float(belief.probability[node]) / anywhere),
+                unseen=float(belief.unseen[node]),
+                expected=float(belief.expected[node]),
+                seen=tuple(obj.name for obj in belief.seen[node]),
                 cost=known_costs.get(node),
             )
             for node, room in enumerate(self._graph.rooms, 1)
         ]
-        if seen[0]:
-            places.append(Place(None, None, 1.0, 0.0, 0.0, seen[0], None))
+        if belief.seen[0]:
+            ids = tuple(obj.name for obj in belief.seen[0])
+            there = 1 - math.prod(1 - obj.probability for obj in belief.seen[0])
+            places.append(Place(None, None, there, min(1.0, there / anywhere), 0.0, 0.0, ids, None))
+        if self._graph.more_rooms:
+            new = slice(number + 1, None)
+            there = float(1 - (1 - belief.unseen[new]).prod())
+            places.append(
+                Place(
+                    room=EXPLORE,
+                    label=NOT_FOUND,
+                    probability=there,
+                    if_there=min(1.0, there / anywhere),
+                    unseen=there,
+                    expected=float(belief.expected[new].sum()),
+                    seen=(),
+                    cost=None if here is None else self.ways(costs).usual,
+                )
+            )
         far = math.inf
         return tuple(
             sorted(places, key=lambda p: (-p.probability, far if p.cost is None else p.cost))
@@ -361,9 +602,11 @@ class SeenBuilding:
 
     @_alone
     def anywhere(self, thing: str) -> float:
-        """Return P(at least one is in the building, seen or not)."""
-        seen, presence, _ = self._look_up(thing)
-        return 1.0 if any(seen) else float(presence[0])
+        """Return P(at least one is in the building, seen or not).
+
+        It is never below that of the likeliest room.
+        """
+        return float(self._look_up(thing).probability[0])
 
     @_alone
     def expected(self, room: str) -> tuple[ExpectedClass, ...]:
@@ -371,7 +614,7 @@ class SeenBuilding:
 
         Classes below half a percent are left out.
         """
-        node, belief = find_room(self._graph, room), self._believe(0)[1]
+        node, belief = find_room(self._graph, room), self.expectation()
         presence = belief.presence[node]
         return tuple(
             ExpectedClass(
@@ -391,54 +634,125 @@ class SeenBuilding:
         *,
         here: str | None = None,
         costs: Costs | None = None,
+        look: AnyLook | None = None,
+        chance: float = LOOK_CHANCE,
         planner: AnyPlanner = "expected-cost",
         task: Task = "single",
     ) -> str | None:
-        """Return the room to go to next, to find one or several things.
+        """Return the room to look into next, to find one or several things at the least cost.
 
-        A room where one was seen has probability 1. The robot's own room counts like the others
-        until it is `searched`: it is returned while it is likelier than the rooms beyond. A room on
-        the way to a likelier one is skipped.
+        The cost is that of going and of looking. The robot's own room is a room like others, with a
+        way of 0; a room in which it has just looked is left out as long as others are left. A thing
+        of which one was seen and is not in doubt is looked for where it was seen. Of several
+        things, those are found; the others are searched for first.
 
         Args:
             things: any word, or several.
             here: the robot's room; None for the likeliest room, wherever it is.
             costs: (room, room) → cost, replacing what the graph measures; ∞ closes a way.
+            look: cost of a look, of every room or by room, in the unit of the ways; None for the
+                usual cost, see `bsg_models.robot.looks`.
+            chance: P(a look finds a thing that is there).
             planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`.
             task: whether one of each is enough (`single`), or all must be found (`all`).
 
         Returns:
-            Its id; None if no room is left to search or none can be reached.
+            Its id; `explore` if rooms that are not found yet are worth more; None if no room is
+            left to search.
 
         Raises:
-            RecipeError: also if the planner cannot be used.
+            RecipeError: also if the planner cannot be used, a number cannot be, or no way leads to
+                a room that is left.
         """
         require_task(task)
         find_planner(planner)
-        answers = [self._look_up(one) for one in ([things] if isinstance(things, str) else things)]
-        if not answers:
-            raise RecipeError("things: expected one word or more, found none", code="things-none")
-        seen = np.array([[bool(ids) for ids in every] for every, _, _ in answers]).T
-        presence = np.where(seen, 1.0, np.stack([one for _, one, _ in answers], axis=1))
-        explored = np.array([True, *(room.hidden_share == 0 for room in self._graph.rooms)])
-        explored &= ~seen.any(axis=1)
-        explored[0] = True  # node 0 holds objects of no room, and nobody can go there
-        chosen: int | None
-        if here is None:
-            chosen = int(np.where(explored, -1.0, 1 - (1 - presence).prod(axis=1)).argmax())
-            return None if explored[chosen] else self.rooms[chosen - 1]
-        place = find_room(self._graph, here)
-        if seen[place].all():
-            return self.rooms[place - 1]
-        chosen = choose_destination(
-            self.ways(costs),
-            here=place,
-            explored=explored,
-            presence=presence,
-            planner=planner,
-            task=task,
-        )
-        return None if chosen is None else self.rooms[chosen - 1]
+        starts = [] if here is None else [find_room(self._graph, here)]
+        ways, costs_of_looks = self._cost(costs, look)
+        decision, _ = self._weigh(things, starts, ways, chance, task)
+        start = starts[0] if starts else None
+        node = choose_room(decision, ways, costs_of_looks, here=start, planner=planner)
+        return None if node is None else self._name(node)
+
+    @_alone
+    def next_rooms(
+        self,
+        robots: Mapping[str, str],
+        things: str | Sequence[str],
+        *,
+        costs: Costs | None = None,
+        look: AnyLook | None = None,
+        chance: float = LOOK_CHANCE,
+        task: Task = "single",
+    ) -> dict[str, str | None]:
+        """Return the room that each of several robots looks into next: see `next_room`.
+
+        The time until any of them finds it is least, if all move at the same speed.
+
+        Args:
+            robots: name of each robot → its room.
+            things: any word, or several.
+            costs: as for `next_room`, and so below.
+            look: cost of a look.
+            chance: P(a look finds a thing that is there).
+            task: `single` or `all`.
+
+        Returns:
+            Name → id of a room, `explore`, or None if fewer rooms than robots are left.
+        """
+        require_task(task)
+        if not robots:
+            raise RecipeError("robots: expected one or more, found none", code="robots-none")
+        starts = [find_room(self._graph, room) for room in robots.values()]
+        ways, costs_of_looks = self._cost(costs, look)
+        decision, _ = self._weigh(things, starts, ways, chance, task)
+        nodes = choose_rooms(decision, ways, costs_of_looks, here=starts)
+        return {
+            robot: None if node is None else self._name(node)
+            for robot, node in zip(robots, nodes, strict=True)
+        }
+
+    @_alone
+    def explain(
+        self,
+        things: str | Sequence[str],
+        *,
+        here: str,
+        costs: Costs | None = None,
+        look: AnyLook | None = None,
+        chance: float = LOOK_CHANCE,
+        task: Task = "single",
+    ) -> tuple[Step, ...]:
+        """Return the rooms in the order of the plan whose first room is `next_room`.
+
+        Arguments are those of `next_room`. Several rooms in a row that are not found yet are one
+        step.
+        """
+        require_task(task)
+        start = find_room(self._graph, here)
+        ways, costs_of_looks = self._cost(costs, look)
+        decision, beliefs = self._weigh(things, [start], ways, chance, task)
+        order = order_rooms(decision, ways, costs_of_looks, here=start)
+        sought = [beliefs[number].probability for number in decision.things]
+        likely = 1 - np.prod([1 - one for one in sought], axis=0)
+        q = 1 - decision.finds[order]
+        before = np.concatenate([np.ones((1, q.shape[1])), q.cumprod(axis=0)])
+        after = np.concatenate([q[::-1].cumprod(axis=0)[::-1], np.ones((1, q.shape[1]))])
+        found = (1 - before).prod(axis=1) if task == "single" else after.prod(axis=1)
+        steps: list[Step] = []
+        for number, (place, node) in enumerate(pairwise([start, *order]), 1):
+            room = self._name(node)
+            step = Step(
+                room=room,
+                label=self._label(node),
+                probability=float(likely[node]),
+                way=float(ways.costs[place, node]),
+                look=0.0 if decision.is_known else float(costs_of_looks[node]),
+                found=float(found[number]),
+            )
+            if steps and room == EXPLORE == steps[-1].room:
+                step = _join(steps.pop(), step)
+            steps.append(step)
+        return tuple(steps)
 
     @_alone
     def belief(self, *, mode: Mode = "complete", top: int = 3) -> BeliefGraph:
@@ -449,7 +763,30 @@ class SeenBuilding:
                 (`unseen`).
             top: number of classes per room that get a blind node under `unseen`.
         """
-        return believe(*self._believe(0), mode=mode, top=top, model=self.model)
+        return believe(self._graph, self.expectation(), mode=mode, top=top, model=self.model)
+
+    @_alone
+    def expectation(self) -> Expectation:
+        """Return what the model believes of the building and its rooms, `[1 + R, C]`.
+
+        It includes what looks have missed, and in the building what rooms not found yet may hold.
+        """
+        whole, belief = self._believe(0)
+        shape = belief.inputs.shape
+        chances = np.zeros(shape)
+        for one in whole.looks:
+            meaning = self.understand(one.thing)
+            if meaning.model == 0 and meaning.class_index is not None and meaning.noun is None:
+                cell = one.room_index, meaning.class_index
+                chances[cell] = 1 - (1 - chances[cell]) * (1 - one.chance)
+        if chances.any():
+            hidden = belief.hidden_counts
+            # What a look has missed in a room is missing in the building, too.
+            rooms = belief.hidden - hidden.missed(chances).mean
+            part = rooms[1:].sum(axis=0) / np.maximum(belief.hidden[0], _LEAST)
+            chances[0] = np.clip(part, 0.0, 1.0)
+            belief = replace(belief, hidden_counts=hidden.missed(chances))
+        return belief.take(np.arange(1 + len(self._graph.rooms)))
 
     @_alone
     def asked(self, thing: str) -> str:
@@ -511,46 +848,123 @@ class SeenBuilding:
         """The model by whose classes nouns are judged."""
         return 0 if self._models[0].class_space == load_class_map().space else 2
 
-    def _look_up(self, thing: str) -> _Answer:
+    def _name(self, node: int) -> str:
+        return self.rooms[node - 1] if node <= len(self._graph.rooms) else EXPLORE
+
+    def _label(self, node: int) -> str | None:
+        rooms = self._graph.rooms
+        return rooms[node - 1].label if node <= len(rooms) else NOT_FOUND
+
+    def _cost(self, costs: Costs | None, look: AnyLook | None) -> tuple[Ways, Floats]:
+        """Return the ways and the costs of looks, with those of rooms that are not found yet."""
+        ways = self.ways(costs)
+        looks = cost_looks(self._graph, ways, look)
+        more = len(self._whole.rooms) - len(self._graph.rooms)
+        every = np.concatenate([looks[:-1], np.repeat(looks[-1], more)])
+        return add_places(ways, more) if more else ways, every
+
+    def _weigh(
+        self,
+        things: str | Sequence[str],
+        here: Sequence[int],
+        ways: Ways,
+        chance: float,
+        task: Task,
+    ) -> tuple[Decision, list[ThingBelief]]:
+        """Return what a decision depends on, and what is believed of the things."""
+        words = [things] if isinstance(things, str) else [*things]
+        if not words:
+            raise RecipeError("things: expected one word or more, found none", code="things-none")
+        if not read_number("chance", chance, most=1.0):
+            raise RecipeError("chance: expected above 0, found 0", code="chance-zero")
+        beliefs = [self._look_up(word) for word in words]
+        nodes = 1 + len(self._whole.rooms)
+        looked = [self._list_looks(self.understand(word), nodes) for word in words]
+        open_ = np.ones(nodes, dtype=bool)
+        for start in here:
+            open_ &= np.isfinite(ways.costs[start])
+        found = weigh(beliefs, looked, here=here, open_=open_, chance=chance, task=task)
+        return found, beliefs
+
+    def _list_looks(self, meaning: Meaning, nodes: int) -> Looked:
+        missed, again = np.ones(nodes), np.zeros(nodes, dtype=bool)
+        looks = self._find_looks(meaning)
+        for one in looks:
+            missed[one.room_index] *= 1 - one.chance
+        if looks:
+            again[looks[-1].room_index] = True
+        return Looked(missed, again)
+
+    def _find_looks(self, meaning: Meaning) -> list[Look]:
+        """Return the looks that would have found a thing, too, the last one at the end."""
+        return [one for one in self._graph.looks if _covers(self.understand(one.thing), meaning)]
+
+    def _names(self, meaning: Meaning) -> Callable[[str], bool]:
+        """Return whether a robot's word for an object names a thing of this meaning."""
+        noun = meaning.noun
+        if noun is not None:
+            return noun.names
+        class_map = self._model(meaning.model).class_map
+        return lambda word: class_map.classify(word).class_index == meaning.class_index
+
+    def _look_up(self, thing: str) -> ThingBelief:
         meaning = self.understand(thing)
-        seen: list[list[str]] = [[] for _ in range(len(self._graph.rooms) + 1)]
         if meaning.noun is not None:
             graph, belief = self._believe(self._judge)
-            counts = read_nouns().expect(meaning.noun, belief)
-            presence, hidden = counts.presence[:, 0], counts.mean[:, 0]
+            hidden, none = believe_noun(meaning.noun, belief, read_nouns())
             found = [obj for obj in graph.objects if meaning.noun.names(obj.raw_category)]
         if meaning.class_index is not None:
-            (graph, belief), column = self._believe(meaning.model), meaning.class_index
-            counted = belief.presence[:, column], belief.hidden[:, column]
+            graph, belief = self._believe(meaning.model)
+            counted, of_class = believe_class(belief, meaning.class_index)
             if meaning.noun is None:
-                found = [obj for obj in graph.objects if obj.class_index == column]
-                presence, hidden = counted
+                found = [obj for obj in graph.objects if obj.class_index == meaning.class_index]
+                hidden, none = counted, of_class
             else:
-                presence, hidden = _narrow(counted, (presence, hidden))
+                hidden, none = believe_kind(counted, hidden)
+        seen: list[list[SeenObject]] = [[] for _ in range(len(graph.rooms) + 1)]
         for obj in found:
-            seen[obj.room_index].append(obj.name)
-        return [tuple(names) for names in seen], presence, hidden
+            seen[obj.room_index].append(obj)
+        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, list_searched(graph))
+        return held.after(1 - self._list_looks(meaning, len(seen)).missed)
 
-    def _believe(self, model: int) -> tuple[PartialGraph, Expectation]:
-        """Return the graph as a model reads it, and what it believes; 0 is the building's own."""
+    def _model(self, model: int) -> Predictor:
         if model not in self._models:
             self._models[model] = Predictor(_OTHERS[model][0])
+        return self._models[model]
+
+    def _believe(self, model: int) -> _Now:
+        """Return the graph as a model reads it, and what it believes; 0 is the building's own.
+
+        The graph has the rooms that are not found yet.
+        """
         if model not in self._beliefs:
-            graph = (
-                self._graph
-                if not model
-                else reclassify(self._graph, load_class_map(_OTHERS[model][1]))
-            )
-            self._beliefs[model] = graph, self._models[model](graph)
+            predictor, graph = self._model(model), self._whole
+            if model:
+                graph = reclassify(graph, load_class_map(_OTHERS[model][1]))
+            self._beliefs[model] = graph, predictor(graph)
         return self._beliefs[model]
 
 
-def _narrow(counted: tuple[Floats, Floats], judged: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return presence and number of a kind of a class's things: a geometric mean of two beliefs.
+def _join(step: Step, more: Step) -> Step:
+    """Return two steps into rooms that are not found yet as one."""
+    return replace(
+        step,
+        probability=1 - (1 - step.probability) * (1 - more.probability),
+        way=step.way + more.way,
+        look=step.look + more.look,
+        found=more.found,
+    )
 
-    The class is counted but wider; the noun is exact but judged by its meaning alone. A kind is
-    never likelier than its class.
+
+def _covers(looked: Meaning, sought: Meaning) -> bool:
+    """Return whether a look for one thing would have found another, too.
+
+    A look for mugs finds red mugs; one for tableware finds mugs.
     """
-    rates = [-np.log1p(-np.minimum(presence, 1 - 1e-12)) for presence, _ in (counted, judged)]
-    presence = np.minimum(-np.expm1(-np.sqrt(rates[0] * rates[1])), counted[0])
-    return presence, np.minimum(np.sqrt(counted[1] * judged[1]), counted[1])
+    if looked.noun is not None:
+        return sought.noun is not None and looked.noun.names(sought.word)
+    return (looked.model, looked.class_index) == (sought.model, sought.class_index)
+
+
+def _plain(said: object) -> str:
+    return normalise_name(str(said))

@@ -1,22 +1,21 @@
-"""Measure the ways between the rooms of a robot's graph, and choose the room to go to."""
+"""Measure the ways between the rooms of a robot's graph."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.recipes import read_number
 from bsg_models.robot.words import find_room
-from bsg_models.search.catalogue import AnyPlanner
-from bsg_models.search.knowledge import Task, find_costs
-from bsg_models.search.planners import next_room_by
+from bsg_models.search.knowledge import find_costs
+from bsg_models.search.looks import USUAL_WAY
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
 Costs = Mapping[tuple[str, str], float]
@@ -30,6 +29,8 @@ class Ways:
     edges: Floats  # [1 + R, 1 + R] costs ≥ 0, ∞ without an edge
     costs: Floats  # [1 + R, 1 + R] of the cheapest ways, ∞ if there is none
     unit: Unit
+    usual: float  # cost of a way of which nothing is known
+    metre: float  # cost of a way of one metre
 
 
 def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
@@ -66,13 +67,32 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
         what = f"costs: {ends[0]!r} to {ends[1]!r}"
         edges[one, other] = edges[other, one] = read_number(what, cost, most=math.inf)
     unit: Unit = "given" if costs else "m" if len(known) else "rooms"
+    open_ = edges[np.isfinite(edges)]
+    usual = float(np.median(open_)) if costs and len(open_) else usual
+    # Costs that are given beside positions are in metres, or the robot drives 1 m/s.
+    metre = 1.0 if len(known) else usual / USUAL_WAY
     if graph.adjacency or costs:
-        return Ways(edges, find_costs(edges), unit)
+        return Ways(edges, find_costs(edges), unit, usual, metre)
     # A straight line is cheapest, but for two usual ways by a room whose place is unknown.
     nowhere = ~np.isfinite(np.diagonal(lines)[1:]).all()
     straight = np.where(nowhere & (edges > 2 * usual) & np.isfinite(edges), 2 * usual, edges)
     np.fill_diagonal(straight, 0.0)
-    return Ways(edges, straight, unit)
+    return Ways(edges, straight, unit, usual, metre)
+
+
+def add_places(ways: Ways, number: int) -> Ways:
+    """Return ways with some more nodes, of which it is not known where they are.
+
+    From anywhere, the usual way leads there; back from there, it leads to the middle of the rooms.
+    """
+    rooms = len(ways.costs)
+    known = ways.costs[1:, 1:]
+    back = np.where(np.isfinite(known), known, 0.0).sum(axis=0) / max(1, rooms - 1)
+    costs = np.full((rooms + number, rooms + number), ways.usual)
+    costs[:rooms, :rooms] = ways.costs
+    costs[rooms:, 1:rooms] += back
+    np.fill_diagonal(costs[rooms:, rooms:], 0.0)
+    return replace(ways, costs=costs)
 
 
 def list_lost(graph: PartialGraph) -> set[int]:
@@ -122,39 +142,3 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
         closer = (weights[b] < near) & np.isfinite(near)
         near[closer], nearest[closer] = weights[b, closer], b
         near[b] = np.inf
-
-
-def choose_destination(
-    ways: Ways,
-    *,
-    here: int,
-    explored: Bools,
-    presence: Floats,
-    planner: AnyPlanner = "expected-cost",
-    task: Task = "single",
-) -> int | None:
-    """Return the room to go to, which may be `here`; None if no room can be reached.
-
-    A planner first names a room that costs nothing to look into, however unlikely: a hall on the
-    way to the kitchen, or the robot's own room. A robot needs the destination instead. So a room is
-    skipped for the planner's next one if that is likelier and lies behind it on the cheapest way.
-
-    `explored` `[N]` are rooms that need not be looked into, `presence` `[N, A]` P(at least one is
-    there) of each thing; planner and task are those of `next_room`.
-    """
-    likely = 1 - (1 - presence).prod(axis=1)
-    known = explored.copy()
-    place, chosen = here, None
-    while True:
-        beyond = next_room_by(
-            ways.costs, here=place, explored=known, presence=presence, task=task, planner=planner
-        )
-        if beyond is None:
-            return chosen
-        if chosen is not None:
-            by_way_of = ways.costs[here, chosen] + ways.costs[chosen, beyond]
-            on_the_way = math.isclose(by_way_of, ways.costs[here, beyond])
-            if not on_the_way or likely[beyond] <= likely[chosen]:
-                return chosen
-        place = chosen = beyond
-        known[beyond] = True

@@ -11,7 +11,8 @@ from typing import TypeAlias
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.partial_graph import PartialGraph, hide_of_room
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.reports import hide_of_room
 from bsg_data.scene.class_map import ClassMap, normalise_name
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.spoken_names import singulars
@@ -76,12 +77,7 @@ def find_meaning(
     loaded if they are needed. `prefer_exact=False` takes the first map that has a class for the
     word, however wide the class is: for a map that is the user's own.
     """
-    if not word.strip() or len(word) > MOST_CHARACTERS:
-        raise RecipeError(
-            f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
-            f"{show_value(word)}",
-            code="thing-none",
-        )
+    require_word(word)
     said = _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)  # a book on the table is a book
     asked: list[ClassMap] = []
     wider: Meaning | None = None
@@ -108,6 +104,16 @@ def find_meaning(
     raise RecipeError(_refusal(word, asked, names), code="thing-unknown", where=word)
 
 
+def require_word(word: object) -> None:
+    """Refuse what cannot be the name of a thing."""
+    if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
+        raise RecipeError(
+            f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
+            f"{show_value(word)}",
+            code="thing-none",
+        )
+
+
 def _narrow(wider: Meaning, noun: Noun) -> Meaning:
     """Add what a word means to a class that holds other things, too.
 
@@ -116,6 +122,8 @@ def _narrow(wider: Meaning, noun: Noun) -> Meaning:
     if wider.class_name in noun.like:
         return wider
     how = f"{wider.how}, and judged by what is like it: {', '.join(noun.like)}"
+    if told := split_head(noun.name)[0]:
+        how += f"; {' '.join(told)!r} sets it apart from any other {noun.head}"
     return replace(wider, how=how, noun=noun)
 
 

@@ -25,10 +25,12 @@ class Knowledge:
         rows: `[E]` indices of these searches in `ways`.
         unexplored: `[E, N]` rooms that the robot can reach and has not entered.
         wanted: `[E, A]` classes still to be found.
-        presence: `[E, N, A]` believed P(at least one instance), of unexplored rooms only.
+        presence: `[E, N, A]` believed P(a look finds at least one instance), of unexplored rooms
+            only. A look that misses nothing finds one if there is one.
         share: `[E, N, A]` believed E″(α), the class's share of the room's objects; None for a
             planner that does not read it, and if the caller of `next_room` gave none.
         tour: `[E, N]` positions of the rooms in the oracle's tour; None for other planners.
+        look: `[E, N]` cost of a look in each room, in the unit of the ways; None if it is nothing.
     """
 
     task: Task
@@ -40,12 +42,22 @@ class Knowledge:
     presence: Floats
     share: Floats | None
     tour: Ints | None = None
+    look: Floats | None = None
 
     def take(self, which: Ints | Bools) -> Knowledge:
         """Return what some of the robots know."""
         arrays = {
             name: value[which]
-            for name in ("here", "rows", "unexplored", "wanted", "presence", "share", "tour")
+            for name in (
+                "here",
+                "rows",
+                "unexplored",
+                "wanted",
+                "presence",
+                "share",
+                "tour",
+                "look",
+            )
             if (value := getattr(self, name)) is not None
         }
         return replace(self, **arrays)
@@ -59,6 +71,11 @@ class Knowledge:
     def costs(self) -> Floats:
         """Cost of the cheapest way between any two nodes, `[E, N, N]`."""
         return np.asarray(self.ways[self.rows])
+
+    @property
+    def legs(self) -> Floats:
+        """Cost of going from any node to any other and looking there, `[E, N, N]`."""
+        return self.costs if self.look is None else self.costs + self.look[:, None]
 
     @property
     def any_presence(self) -> Floats:

@@ -1,16 +1,17 @@
 """Order rooms so that the expected cost of a search is least.
 
 A plan is an order v₁ … vₙ of the unexplored rooms, from the robot's position. Leg k costs d(vₖ₋₁,
-vₖ) and is walked only if the search is still running, so
+vₖ), the way and the look at its end, and is walked only if the search is still running, so
 
     expected cost = Σₖ d(vₖ₋₁, vₖ) · w(v₁ … vₖ₋₁)
 
 with w the probability that the search continues after these rooms. With q the probability that a
-room holds no instance of a class, rooms being independent:
+look in a room finds no instance of a class, because there is none or because it is missed, rooms
+being independent:
 
     all       w = 1 − Π_{unvisited} Π_classes q                       something is left
     single    w = 1 − Π_classes (1 − u),                              a class is still to be found
-              u = (Π_visited q − Π_all q) / (1 − Π_all q)             given that it is somewhere
+              u = (Π_visited q − Π_all q) / (1 − Π_all q)             given that the plan finds it
 
 Up to `EXACT` rooms, dynamic programming over sets of rooms (Held and Karp 1962) finds the best
 order. Beyond, rooms are inserted one by one where they cost least; then each is taken out and
@@ -24,7 +25,7 @@ one that names the room, so orders with the cheapest ways between rooms miss not
 
 Arrays are of B searches at once:
 
-    ways     [B, n + 1, n + 1] costs between rooms; the last row is from the robot's position
+    ways     [B, n + 1, n + 1] costs of legs between rooms; the last row is the robot's position
     miss     [B, n, A] q of each class; 1 for one that is found
     order    [B, n] rooms
 """
@@ -58,10 +59,10 @@ def choose_rooms(
     """Return the first room of the best order of each of E searches, `[E]`; −1 without rooms.
 
     Args:
-        costs: `[E, N, N]` of the cheapest ways.
+        costs: `[E, N, N]` of the cheapest ways, with the looks at their ends.
         here: `[E]` node of the robot.
         rooms: `[E, N]` to be visited.
-        presence: `[E, N, A]` P(at least one instance) of A classes.
+        presence: `[E, N, A]` P(a look finds at least one instance) of A classes.
         wanted: `[E, A]` classes still to be found.
         single: whether one instance of each class is enough.
     """
@@ -72,6 +73,24 @@ def choose_rooms(
         order = order_rooms(ways, part, single=single)
         first[some] = which[np.arange(len(some)), order[:, 0]]
     return first
+
+
+def order_search(costs: Floats, here: int, rooms: Bools, presence: Floats, *, single: bool) -> Ints:
+    """Return the best order of one search, `[n]` nodes; its first is that of `choose_rooms`.
+
+    Args:
+        costs: `[N, N]` of the cheapest ways, with the looks at their ends.
+        here: node of the robot.
+        rooms: `[N]` to be visited.
+        presence: `[N, A]` P(a look finds at least one instance) of what is still to be found.
+        single: whether one instance of each class is enough.
+    """
+    which = np.flatnonzero(rooms)
+    if not len(which):
+        return which
+    ways = _take(costs[None], np.array([here]), np.array([0]), which[None])
+    miss = 1 - np.clip(presence[which], LEAST, 1)
+    return np.asarray(which[order_rooms(ways, miss[None], single=single)[0]])
 
 
 def plan_tours(costs: Floats, here: Ints, holds: Bools) -> Ints:
@@ -185,17 +204,17 @@ def _order_exactly(ways: Floats, miss: Floats, single: bool) -> Ints:
     visited = np.ones((1, *miss[:, 0].shape))
     for room in range(rooms):
         visited = np.concatenate([visited, visited * miss[:, room]])
-    goes_on = _goes_on(visited, visited[::-1], visited[-1], single)
+    left = _goes_on(visited, visited[::-1], visited[-1], single)
     remaining = np.zeros((1 << rooms, rooms, len(miss)))
     for sets, inside, outside in _layers(rooms):
-        legs = ways[inside[:, :, None], outside[:, None]] * goes_on[sets][:, None, None]
+        legs = ways[inside[:, :, None], outside[:, None]] * left[sets][:, None, None]
         legs += remaining[sets[:, None] | 1 << outside, outside][:, None]
         remaining[sets[:, None], inside] = legs.min(axis=2)
     every, each = np.arange(len(miss)), np.arange(rooms)[:, None]
     order = np.empty((rooms, len(miss)), dtype=np.int64)
     done, legs = np.zeros(len(miss), dtype=np.int64), ways[rooms, :rooms]
     for place in range(rooms):
-        total = legs * goes_on[done, every] + remaining[done | 1 << each, each, every]
+        total = legs * left[done, every] + remaining[done | 1 << each, each, every]
         order[place] = np.where(done >> each & 1, np.inf, total).argmin(axis=0)
         done = done | 1 << order[place]
         legs = ways[order[place], :rooms, every].T

@@ -44,14 +44,15 @@ def greedy_belief(known: Knowledge) -> Ints:
 
 
 def ratio(known: Knowledge) -> Ints:
-    """Go to the room with the highest probability of an instance per cost of going there."""
-    return _best(known, known.any_presence / np.maximum(known.distance, 1e-9))
+    """Go to the room with the highest probability of an instance per cost of finding it there."""
+    cost = known.distance if known.look is None else known.distance + known.look
+    return _best(known, known.any_presence / np.maximum(cost, 1e-9))
 
 
 def expected_cost(known: Knowledge) -> Ints:
     """Go to the first room of the order with the least expected cost."""
     return choose_rooms(
-        known.costs,
+        known.legs,
         known.here,
         known.unexplored,
         known.presence,
@@ -63,7 +64,7 @@ def expected_cost(known: Knowledge) -> Ints:
 def routing(known: Knowledge) -> Ints:
     """Do as `expected-cost` if one instance were equally likely in every room."""
     return choose_rooms(
-        known.costs,
+        known.legs,
         known.here,
         known.unexplored,
         np.full((*known.unexplored.shape, 1), _ALIKE),
@@ -80,7 +81,7 @@ def oracle(known: Knowledge) -> Ints:
     """
     if known.tour is not None:
         return _best(known, np.where(known.any_presence > 0.5, -known.tour, -np.inf))
-    return choose_cover(known.costs, known.here, known.presence > 0.5, wanted=known.wanted)
+    return choose_cover(known.legs, known.here, known.presence > 0.5, wanted=known.wanted)
 
 
 NEAREST = Planner(nearest, "none", so_that="the next leg is short")
@@ -101,6 +102,7 @@ def next_room(
     explored: Bools,
     presence: Floats,
     share: Floats | None = None,
+    look: Floats | None = None,
     task: Task = "single",
     planner: AnyPlanner = "expected-cost",
 ) -> int | None:
@@ -110,10 +112,11 @@ def next_room(
         edges: `[N, N]` costs ≥ 0 between nodes, ∞ without an edge; the building is node 0.
         here: node of the robot.
         explored: `[N]` rooms that it has searched.
-        presence: `[N]` or `[N, A]` P(at least one hidden instance) of what it still looks for, such
+        presence: `[N]` or `[N, A]` P(a look finds at least one) of what it still looks for, such
             as a column of `Expectation.presence`.
         share: E″(α) in the same shape, such as a column of `Expectation.distribution`; only
             `greedy-share` reads it.
+        look: `[N]` cost of a look in each room, in the unit of the edges; None if it is nothing.
         task: `single` or `all`.
         planner: a name of `PLANNERS`, a `Planner`, or a function of `Knowledge`; it must not read
             the truth.
@@ -133,6 +136,8 @@ def next_room(
         _refuse_array("presence", presence, f"probabilities, [{nodes}, A]")
     if share is not None and np.shape(share) != presence.shape:
         _refuse_array("share", share, f"{list(presence.shape)}")
+    if look is not None and (np.shape(look) != (nodes,) or not np.all(np.asarray(look) >= 0)):
+        _refuse_array("look", look, f"costs of 0 or more, [{nodes}]")
     if np.shape(explored) != (nodes,) or not 0 <= here < nodes:
         _refuse_array("explored", explored, f"[{nodes}], and here, {here}, among them")
     require_task(task)
@@ -142,6 +147,7 @@ def next_room(
         explored=np.asarray(explored, dtype=bool),
         presence=presence,
         share=share,
+        look=look,
         task=task,
         planner=planner,
     )
@@ -162,6 +168,7 @@ def next_room_by(
     explored: Bools,
     presence: Floats,
     share: Floats | None = None,
+    look: Floats | None = None,
     task: Task = "single",
     planner: AnyPlanner = "expected-cost",
 ) -> int | None:
@@ -190,6 +197,7 @@ def next_room_by(
         wanted=np.ones((1, likely.shape[1]), dtype=bool),
         presence=likely[None],
         share=share,
+        look=None if look is None else np.asarray(look, dtype=float)[None],
     )
     return int(ask_planner(chosen, known)[0])
 

@@ -5,6 +5,11 @@ every room on the way. An entered room shows everything in it; then the belief a
 asked again. A run ends with the first instance of each sought class (`single`), or when all are
 found (`all`), which the simulator knows and the robot does not.
 
+In a world where looks cost something, a robot looks into the room that it goes to, and into none on
+the way. A look may miss an instance. Then the room becomes less likely by Bayes' rule, as if it had
+at most one, and waits for another look (`leave_out`). A robot that reads no belief looks into every
+room once before it looks into one again.
+
 All searches of one building run in lockstep: one call of a planner moves each of its searches once,
 and the beliefs of all robots are asked at once.
 """
@@ -17,11 +22,14 @@ from typing import TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from scipy.stats import binom
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
+from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
+from bsg_models.search.looks import leave_out
 from bsg_models.search.orders import plan_tours
 from bsg_models.search.planners import ask_planner
 
@@ -37,11 +45,17 @@ class Episodes:
     starts: Ints  # `[E]` rooms without the artifact
     artifacts: Ints  # `[E, A]` classes that each search looks for
     instances: Ints  # `[E, N, A]` number of instances per node: the truth
+    look: Floats | None = None  # `[N]` cost of a look; None: to enter is to have looked
+    chance: float = 1.0  # P(a look finds an instance that is there)
+    luck: Floats | None = (
+        None  # `[E, N, L]` of the first L looks in a room, 0 to 1; later ones find
+    )
 
     @property
-    def chance(self) -> Floats:
-        """Share of the rooms besides the start that hold an artifact, `[E]`."""
-        return np.asarray(self.instances.any(axis=2).sum(axis=1) / (self.rooms.sum() - 1))
+    def random_success(self) -> Floats:
+        """P(a room drawn at random holds an artifact), `[E]`; of those besides a start without."""
+        others = self.rooms.sum() - (self.look is None)
+        return np.asarray(self.instances.any(axis=2).sum(axis=1) / others)
 
 
 # What is believed about the artifacts of E searches: a function of the numbers of some searches,
@@ -150,10 +164,13 @@ class _Run:
                 holds = episodes.instances.any(axis=2) & episodes.rooms
                 self.tour = plan_tours(episodes.travel.costs, episodes.starts, holds)
         self.episodes, self.here = episodes, episodes.starts.copy()
-        self.explored = np.zeros((number, nodes), dtype=bool)
-        self.explored[np.arange(number), self.here] = True
+        self.looks = np.zeros((number, nodes), dtype=np.int64)  # in each room
+        # The start of a robot that finds what it enters was looked into; it holds nothing.
+        self.looks[np.arange(number), self.here] = episodes.look is None
+        self.before = np.zeros(episodes.instances.shape)  # presence, when a room was looked into
+        self.left = episodes.instances.copy()  # instances that were not found, by room
         self.costs, self.entered = np.zeros(number), np.zeros(number, dtype=np.int64)
-        self.unfound = episodes.instances.sum(axis=1)  # the start holds none
+        self.unfound = episodes.instances.sum(axis=1)
         self.rows = np.arange(number)
         self._end()
 
@@ -165,36 +182,62 @@ class _Run:
         """Keep the searches that go on."""
         self.rows = self.rows[self.unfound[self.rows].any(axis=1)]
 
+    @property
+    def explored(self) -> Bools:
+        """Rooms that were looked into, `[E, N]`."""
+        return self.looks > 0
+
     def advance(self, answer: Answer | None) -> Step:
         """Move every search once."""
-        known = self._look(answer)
-        rows, travel = self.rows, self.episodes.travel
-        target = ask_planner(self.robot.planner, known)
-        place = travel.first_on_the_way(rows, known.here, target, known.unexplored)
+        known = self._know(answer)
+        rows, travel, look = self.rows, self.episodes.travel, self.episodes.look
+        target = place = ask_planner(self.robot.planner, known)
+        if look is None:
+            place = travel.first_on_the_way(rows, known.here, target, known.unexplored)
+        else:
+            self.costs[rows] += look[place]
         new = ~self.explored[rows, place]
         self.costs[rows] += travel.costs[rows, known.here, place]
-        self.entered[rows] += new
-        seen = np.where(new[:, None], self.episodes.instances[rows, place], 0)
+        self.entered[rows] += new if look is None else 1
+        seen = self._find(rows, place)
         left = self.unfound[rows]
         is_all = self.robot.task == "all"  # else one instance of a class completes it
         self.unfound[rows] = left - seen if is_all else np.where(seen > 0, 0, left)
-        self.explored[rows, place] = True
+        self.left[rows, place] -= seen
+        self.looks[rows, place] += 1
         self.here[rows] = place
         self._end()
         return Step(rows, known, target, place, travel.steps[rows, :, target])
 
-    def _look(self, answer: Answer | None) -> Knowledge:
+    def _find(self, rows: Ints, place: Ints) -> Ints:
+        """Return the number of instances that looks find, `[M, A]`."""
+        there, luck = self.left[rows, place], self.episodes.luck
+        if luck is None:
+            return np.where(self.explored[rows, place, None], 0, there)
+        number = np.minimum(self.looks[rows, place], luck.shape[2] - 1)
+        lucky = luck[rows, place, number][:, None]
+        found = binom.ppf(lucky, there, self.episodes.chance).astype(np.int64)
+        return np.where(self.looks[rows, place, None] < luck.shape[2], found.clip(min=0), there)
+
+    def _know(self, answer: Answer | None) -> Knowledge:
         """Return what the robot knows in its running searches."""
         rows, robot, episodes = self.rows, self.robot, self.episodes
-        unexplored = episodes.rooms & ~self.explored[rows]
-        open_ = unexplored[:, :, None]
-        presence, share = (
-            answer or (np.zeros((*unexplored.shape, episodes.artifacts.shape[1])),) * 2
-        )
+        explored = self.explored[rows]
+        presence, share = answer or (np.zeros((*explored.shape, episodes.artifacts.shape[1])),) * 2
         if robot.planner.reads == "truth":
-            presence = (episodes.instances[rows] > 0).astype(float)
+            presence = (self.left[rows] > 0).astype(float)
+            unexplored = episodes.rooms & ~explored
+            if episodes.luck is not None:
+                unexplored = episodes.rooms & presence.any(axis=2)
+        elif episodes.luck is None:
+            unexplored = episodes.rooms & ~explored
+        else:
+            presence = self._doubt(rows, presence)
+            unexplored = self._reopen(rows, presence)
+        open_ = unexplored[:, :, None]
         # For `all`, every class stays wanted: a robot does not know when it has found all of one
         wanted = (self.unfound[rows] > 0) | (robot.task == "all")
+        look = episodes.look
         return Knowledge(
             task=robot.task,
             here=self.here[rows],
@@ -202,7 +245,28 @@ class _Run:
             rows=rows,
             unexplored=unexplored,
             wanted=wanted,
-            presence=np.where(open_, presence, 0.0),
+            presence=np.where(open_, presence, 0.0) * episodes.chance,
             share=None if share is None else np.where(open_, share, 0.0),
             tour=None if self.tour is None else self.tour[rows],
+            look=None if look is None else np.broadcast_to(look, unexplored.shape),
         )
+
+    def _doubt(self, rows: Ints, presence: Floats) -> Floats:
+        """Return the presence in all rooms, `[M, N, A]`, by Bayes' rule where looks have missed."""
+        looks = self.looks[rows, :, None]
+        before = np.where(looks == 0, presence, self.before[rows])
+        self.before[rows] = before
+        missed = (1 - self.episodes.chance) ** looks
+        return np.asarray(before * missed / (1 - before + before * missed))
+
+    def _reopen(self, rows: Ints, presence: Floats) -> Bools:
+        """Return the rooms that may be looked into, `[M, N]`, if looks may miss."""
+        looks, every = self.looks[rows], np.arange(len(rows))
+        again = np.zeros(looks.shape, dtype=bool)
+        again[every, self.here[rows]] = looks[every, self.here[rows]] > 0
+        likely = 1 - (1 - presence).prod(axis=2)
+        if self.robot.planner.reads == "none":
+            likely = np.ones(looks.shape)
+        rooms = np.broadcast_to(self.episodes.rooms, looks.shape)
+        missed = (1 - LOOK_CHANCE) ** looks.astype(float)  # each is one round, whatever its chance
+        return leave_out(rooms, missed, likely, again=again)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
@@ -15,7 +15,6 @@ from bsg_data.observation.masked_graph import list_withheld, mask_dataset
 from bsg_data.observation.partial_graph import PartialGraph, reclassify
 from bsg_data.recipes import MaskRecipe
 from bsg_data.results import UNFINISHED, refuse_datasets, refuse_file, refuse_other_results
-from bsg_data.scene.class_map import ClassMap
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
@@ -25,7 +24,7 @@ from bsg_models.belief.tables import NODES
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.robot.notes import note_graph
-from bsg_models.robot.seen_building import ExpectedClass
+from bsg_models.robot.seen_building import ExpectedClass, SeenBuilding
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
@@ -48,6 +47,7 @@ class BeliefRequest:
     top: int = 3  # number of unseen classes per room
     out: tuple[Path, ...] = ()  # files to write, each in the format of its suffix
     force: bool = False  # replace existing files
+    answer: Mapping[str, Any] | None = None  # to a question about the one graph, for its page
 
 
 class RoomBelief(NamedTuple):
@@ -102,13 +102,12 @@ def report_beliefs(
 
     def believe_all() -> Iterator[BeliefGraph]:
         nonlocal number, blind
-        for graph, truth, withheld in _list_graphs(request, predictor.class_map, wanted):
-            expectation = predictor(graph, withheld=withheld)
+        for graph, truth, expectation in _ask_all(request, predictor, wanted):
             belief = believe(
                 graph, expectation, mode=request.mode, top=request.top, model=predictor.name
             )
             if number < MOST_HELD:
-                views.append(View(belief, truth))
+                views.append(View(belief, truth, answer=request.answer))
             rooms.extend(_describe_rooms(graph, expectation, request.top))
             number, blind = number + 1, blind + len(belief.blind)
             yield belief
@@ -130,15 +129,16 @@ def report_beliefs(
     return BeliefReport(predictor.name, notes, graphs, number, blind, tuple(rooms))
 
 
-def _list_graphs(
-    request: BeliefRequest, class_map: ClassMap, wanted: frozenset[str]
-) -> Iterator[tuple[PartialGraph, Counts | None, Sequence[int]]]:
-    """Yield the graphs with their truth, if known, and the classes that their mask withholds."""
+def _ask_all(
+    request: BeliefRequest, predictor: Predictor, wanted: frozenset[str]
+) -> Iterator[tuple[PartialGraph, Counts | None, Expectation]]:
+    """Yield the graphs with their truth, if known, and what the model believes."""
     for file in request.graphs:
-        yield reclassify(file.graph, class_map), None, ()
+        seen = SeenBuilding(reclassify(file.graph, predictor.class_map), predictor)
+        yield seen.graph, None, seen.expectation()
     if request.dataset is not None:
         for graph, truth in mask_dataset(request.dataset, wanted, request.mask):
-            yield graph, truth, list_withheld(request.mask, graph)
+            yield graph, truth, predictor(graph, withheld=list_withheld(request.mask, graph))
 
 
 def _choose_scenes(request: BeliefRequest) -> frozenset[str]:

@@ -68,7 +68,7 @@ def keep_searches(
     """Yield a search of a building in a world by its number, or at most `KEPT` by rules 1 and 3."""
     (ours, base), ((task, planner), _) = [outcomes[robot] for robot in steps], steps
     entered = np.minimum(ours.entered, base.entered)
-    eventful = (episodes.chance <= MOST_HOLDING) & (entered >= LEAST_ENTERED)
+    eventful = (episodes.random_success <= MOST_HOLDING) & (entered >= LEAST_ENTERED)
     changes = belief_changes(steps[task, planner], len(episodes.starts))
     chosen = np.lexsort((-changes, ~eventful))[:KEPT].tolist()
     classes, rooms = data.manifest.class_space.classes, np.flatnonzero(episodes.rooms)

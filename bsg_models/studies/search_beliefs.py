@@ -32,6 +32,7 @@ class ModelBeliefs:
         mask: that hid objects before the searches began.
         draws: `[E]` number of each search's mask.
         artifacts: `[E, A]` classes that each search looks for; they are withheld.
+        is_missed: whether a look may miss them, so that a room that was looked into shows none.
     """
 
     def __init__(
@@ -43,8 +44,10 @@ class ModelBeliefs:
         mask: MaskRecipe,
         draws: Ints,
         artifacts: Ints,
+        is_missed: bool = False,
     ) -> None:
         self._model, self._scene_id = model, scene_id
+        self._is_missed = is_missed
         self._draws, self._artifacts = draws, artifacts
         self._cells = data.cells(scene_id)
         self._connections = data.connections(scene_id)
@@ -109,6 +112,8 @@ class ModelBeliefs:
         rows = np.flatnonzero(open_)
         columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)[rows]
         presence, share = np.zeros((2, open_.size, width))
+        if not len(rows):  # every room was looked into, and the looks missed it
+            return presence.reshape(shape), share.reshape(shape)
         hidden = self._model.expect_rooms(seen, rows, None if shares else columns)
         if shares:
             expected = seen.inputs[rows] + hidden.mean
@@ -133,6 +138,7 @@ class ModelBeliefs:
             searched=state[1 + width :] > 0,
             artifacts=state[1 : 1 + width],
             blind=self._blind,
+            is_missed=self._is_missed,
             vocabulary=self._model.vocabulary,
             connections=self._connections,
             surroundings=self._surroundings,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Counts, Ints
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import RecipeError
+from bsg_models.search.looks import USUAL_WAY, metres_of_look
 from bsg_models.search.room_graphs import (
     MEASURED,
     WorldRecipe,
@@ -17,6 +18,7 @@ from bsg_models.search.room_graphs import (
 from bsg_models.search.simulator import Episodes
 from bsg_models.studies.search_request import StudyRecipe
 
+_LOOKS = 64  # in a room, that may miss; no search takes more
 _NOT_MEASURED = {
     "layout": "no room layout says which of their rooms connect",
     "geometry": "no mesh says which of their rooms connect",
@@ -46,7 +48,31 @@ def sample_episodes(
             world, nodes=nodes, episodes=recipe.episodes, scene_id=scene_id, seed=recipe.seed
         )
     instances = np.where(rooms[:, None], cells, 0)[:, artifacts].transpose(1, 0, 2)
-    return Episodes(travel, rooms, starts, artifacts, instances)
+    luck = None
+    if recipe.chance < 1:
+        draw = world_generator(recipe.seed, scene_id, "luck")
+        luck = draw.random((recipe.episodes, nodes, _LOOKS))
+    look = _cost_looks(data, scene_id, world, recipe)
+    return Episodes(travel, rooms, starts, artifacts, instances, look, recipe.chance, luck)
+
+
+def sample_starts(episodes: Episodes, recipe: StudyRecipe, scene_id: str) -> Ints:
+    """Return the rooms where several robots start, `[E, K]`: the episode's, and any others."""
+    draw = world_generator(recipe.seed, scene_id, "robots")
+    others = draw.choice(np.flatnonzero(episodes.rooms), (len(episodes.starts), recipe.robots - 1))
+    return np.concatenate([episodes.starts[:, None], others], axis=1)
+
+
+def _cost_looks(
+    data: Dataset, scene_id: str, world: WorldRecipe, recipe: StudyRecipe
+) -> Floats | None:
+    """Return the cost of a look in each room, `[N]`; None if a look is nothing."""
+    areas = data.surroundings(scene_id).floor_area
+    if recipe.look != "usual":
+        return np.full(len(areas), recipe.look) if recipe.look else None
+    metres = np.array([metres_of_look(None if np.isnan(a) else float(a)) for a in areas])
+    way = USUAL_WAY if world.kind in MEASURED else (world.low + world.high) / 2
+    return metres * way / USUAL_WAY
 
 
 def sample_searches(
@@ -55,7 +81,7 @@ def sample_searches(
     """Sample artifacts `[E, 1]` and starts `[E]`; None if no search is possible.
 
     The artifact is uniform over the classes that some room has and another has not. The start is
-    uniform over the rooms without it.
+    uniform over the rooms without it, or over all rooms, as the recipe says.
     """
     strange = [c for c in recipe.artifacts or () if not 0 <= c < cells.shape[1]]
     if strange:
@@ -75,6 +101,6 @@ def sample_searches(
     artifacts = first[(numbers[:, 0] * len(first)).astype(int)]
     starts = np.zeros(recipe.episodes, dtype=np.int64)
     for e, artifact in enumerate(artifacts):
-        possible = np.flatnonzero(lacking[:, artifact])
+        possible = np.flatnonzero(rooms if recipe.start == "anywhere" else lacking[:, artifact])
         starts[e] = possible[int(numbers[e, 1] * len(possible))]
     return artifacts[:, None], starts

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
@@ -31,6 +31,7 @@ from bsg_models.search.room_graphs import (
 )
 
 BASELINE, ROUTING = "nearest", "routing"
+TEAM = (BASELINE, "expected-cost")  # planners of several robots
 ROOM_SPECIFIC = (
     "stove",
     "refrigerator",
@@ -61,6 +62,33 @@ class StudyRecipe(Record):
     strategy: str = "uniform"  # of the masks, which say what the robot saw before its search
     fraction: float = Field(default=0.5, gt=0, le=1)  # share of the objects that a mask hides
     seed: int = Field(default=0, ge=0)  # of all random draws
+    # cost of a look: 0, and a robot has looked into every room that it passes, as in the paper; a
+    # number; or `usual`, by the size of the room, as for a robot's decision
+    look: Annotated[float, Field(ge=0, le=1e6)] | Literal["usual"] = 0.0
+    chance: float = Field(default=1.0, gt=0, le=1)  # P(a look finds an instance that is there)
+    start: Literal["elsewhere", "anywhere"] = "elsewhere"  # in a room without the artifact, or any
+    # that search together: `nearest` and `expected-cost`, `single`, start `anywhere`, chance 1
+    robots: int = Field(default=1, ge=1, le=10)
+
+    @field_validator("chance", "start")
+    @classmethod
+    def _looks_cost(cls, value: object, info: ValidationInfo) -> object:
+        if value not in (1.0, "elsewhere") and info.data.get("look") == 0:
+            raise ValueError("it needs a `look` above 0")
+        return value
+
+    @field_validator("robots")
+    @classmethod
+    def _team_can_search(cls, robots: int, info: ValidationInfo) -> int:
+        said = info.data
+        is_team = (said.get("start"), said.get("chance")) == ("anywhere", 1.0)
+        is_team = is_team and said.get("tasks") == ("single",)
+        if robots > 1 and not (is_team and {*said.get("planners", ())} <= {*TEAM}):
+            raise ValueError(
+                f"several robots search by {' or '.join(TEAM)}, for `single`, from anywhere, with "
+                "a chance of 1"
+            )
+        return robots
 
     @field_validator("planners")
     @classmethod
@@ -77,7 +105,9 @@ class StudyRecipe(Record):
     @property
     def all_planners(self) -> tuple[str, ...]:
         """The named planners and their references: `nearest`, and `routing` for beliefs."""
-        believing = any(PLANNERS[name].reads == "belief" for name in self.planners)
+        believing = self.robots == 1 and any(
+            PLANNERS[name].reads == "belief" for name in self.planners
+        )
         return tuple(dict.fromkeys((BASELINE, *self.planners, *[ROUTING] * believing)))
 
     @property

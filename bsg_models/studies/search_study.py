@@ -27,9 +27,10 @@ from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
 from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, Step, search
+from bsg_models.search.team_simulator import search_together
 from bsg_models.studies.kept_searches import KeptSearch, Steps, keep_searches
 from bsg_models.studies.search_beliefs import ModelBeliefs
-from bsg_models.studies.search_cases import sample_episodes
+from bsg_models.studies.search_cases import sample_episodes, sample_starts
 from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
 from bsg_models.zoo.model import BeliefModel, one_thread
 
@@ -166,11 +167,16 @@ def _search_building(
                     mask=recipe.mask,
                     draws=draws,
                     artifacts=episodes.artifacts,
+                    is_missed=recipe.chance < 1,
                 )
             beliefs = asked.get(key)
             ranked_first = _rank_first(episodes, beliefs)
             steps: Steps = {} if trace is None else {one: [] for one in _choose_traced(recipe)}
-            outcomes = search(episodes, robots, beliefs=beliefs, watch=partial(_note_step, steps))
+            if recipe.robots == 1:
+                watch = partial(_note_step, steps)
+                outcomes = search(episodes, robots, beliefs=beliefs, watch=watch)
+            else:
+                outcomes = _search_together(episodes, recipe, scene_id, robots, beliefs)
             table = _tabulate(episodes, outcomes, data.manifest.class_space.classes)
             table = table.assign(scene_id=scene_id, world=world.name, draw=draws[table.episode])
             found.searches.append(table.assign(ranked_first=ranked_first[table.episode]))
@@ -188,6 +194,23 @@ def _search_building(
                     )
                 )
     return found
+
+
+def _search_together(
+    episodes: Episodes,
+    recipe: StudyRecipe,
+    scene_id: str,
+    robots: Mapping[tuple[Task, str], Robot],
+    beliefs: Beliefs | None,
+) -> dict[tuple[Task, str], Outcome]:
+    """Return how several robots ended that search together; the first begins at the start."""
+    starts = sample_starts(episodes, recipe, scene_id)
+    return {
+        key: search_together(
+            episodes, starts, beliefs=None if robot.planner.reads == "none" else beliefs
+        )
+        for key, robot in robots.items()
+    }
 
 
 def _choose_traced(recipe: StudyRecipe) -> list[tuple[Task, str]]:
@@ -222,7 +245,7 @@ def _rank_first(episodes: Episodes, beliefs: Beliefs | None) -> Floats:
     if beliefs is None:
         return np.full(len(every), np.nan)
     explored = np.zeros((len(every), len(episodes.rooms)), dtype=bool)
-    explored[every, episodes.starts] = True
+    explored[every, episodes.starts] = episodes.look is None  # else it may hold the artifact
     open_ = episodes.rooms & ~explored
     presence = np.where(open_[:, :, None], beliefs(every, explored)[0], 0.0)
     likeliest = np.where(open_, 1 - (1 - presence).prod(axis=2), -1.0).argmax(axis=1)
@@ -239,7 +262,7 @@ def _tabulate(
             "artifacts": names[episodes.artifacts].tolist(),
             "start_room_index": episodes.starts,
             "instances": episodes.instances.sum(axis=(1, 2)),
-            "chance": episodes.chance,
+            "chance": episodes.random_success,
         }
     )
     ended = pd.concat(

@@ -103,8 +103,8 @@ class BeliefNode:
         answer = self.robot.hear(topic, message.data)
         if "error" in answer:
             self.log.warning(make_plain(f"~/{topic}: {answer['error']}"))
-        elif topic == "where" and "thing" in answer:
-            self.thing = answer["thing"]
+        elif topic == "where":
+            self.thing = answer["things"][0]["thing"]
         for note in answer.get("notes", ()):
             self.log.info(make_plain(f"~/{topic}: {note}"))
         self.answers.publish(String(data=encode_json(answer)))

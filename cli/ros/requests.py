@@ -5,6 +5,7 @@ Texts come from other programs. They are bounded and checked here; a fault is an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from types import MappingProxyType
@@ -16,22 +17,45 @@ import bsg_data
 import bsg_models
 from bsg_cli.find import describe_things
 from bsg_data.inputs.documents import parse_json
-from bsg_data.observation.partial_graph import Metres, Position, Share
+from bsg_data.observation.partial_graph import (
+    Hours,
+    Metres,
+    Number,
+    Position,
+    Score,
+    Share,
+    Stay,
+)
+from bsg_data.observation.partial_graph import MoreRooms as MoreRoomsNumber
+from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.room_label import explain_room_type, label_of
+from bsg_models.robot.looks import SaidLook
+from bsg_models.search.knowledge import Task
 
 MOST_CHARACTERS = 65_536  # of a text
 MOST_ROOMS, MOST_OBJECTS = 2_000, 20_000  # that are kept; a broken detector may never stop
-_MOST_NAMES = 20  # in a list
+_MOST_NAMES, _MOST_ROBOTS = 20, 10  # in a list
 _LONGEST = 100  # characters of a name
 
 Answer = dict[str, Any]
+Within = Annotated[float, Number, Field(ge=0)]  # metres, or ∞
 Name = Annotated[str, Field(min_length=1, max_length=_LONGEST)]
 Names = Annotated[  # or one name
     tuple[Name, ...],
     Field(max_length=_MOST_NAMES),
     BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
 ]
+
+Found = Annotated[tuple[Name, ...], Field(max_length=1000)]  # may be none
+
+
+def _read_word(said: Any) -> Any:
+    """Return the number, or true, that a text without JSON says."""
+    word = said.strip()[:_LONGEST] if isinstance(said, str) else ""
+    if word == "true":
+        return True
+    return int(word) if word.isdecimal() else said
 
 
 class _Request(Record):
@@ -47,6 +71,24 @@ class Saw(_Request):
     room: Name | None = None  # None: where the robot is
     object: Name | None = None
     position: Position | None = None
+    score: Score | None = None
+    age: Hours | None = None
+    stays: Stay | None = None
+    within: Within = 0.5
+
+
+class Gone(_Request):
+    """A known object is no longer there."""
+
+    object: Name
+
+
+class Looked(_Request):
+    """A look for one thing in a room did not find it."""
+
+    thing: Name
+    room: Name | None = None  # None: where the robot is
+    chance: Score = LOOK_CHANCE
 
 
 class Entered(_Request):
@@ -60,9 +102,10 @@ class Entered(_Request):
 
 
 class Searched(_Request):
-    """All that is in a room was seen."""
+    """All that is in a room was seen; known objects that are not `found`, if said, are gone."""
 
     room: Name
+    found: Found | None = None
 
 
 class Discovered(_Request):
@@ -75,11 +118,32 @@ class Discovered(_Request):
     floor_area: Metres | None = None
 
 
+class Describe(_Request):
+    """More is known of a room."""
+
+    room: Name
+    room_type: Name | dict[Name, Share] | None = None
+    label: Name | None = None
+    position: Position | None = None
+    floor_area: Metres | None = None
+    beside: Names = ()
+
+
+class MoreRooms(_Request):
+    """So many rooms are not found yet; `true`: as many as homes have."""
+
+    number: Annotated[MoreRoomsNumber, BeforeValidator(_read_word)]
+
+
 class Where(_Request):
     """Where a thing is, or several, and which room to go to first."""
 
     thing: Annotated[Names, Field(min_length=1)]
     here: Name | None = None  # None: where the robot is
+    robots: Annotated[dict[Name, Name], Field(min_length=1, max_length=_MOST_ROBOTS)] | None = None
+    look: SaidLook = None
+    chance: Score = LOOK_CHANCE
+    task: Task = "single"
 
 
 class Expected(_Request):
@@ -126,13 +190,13 @@ class Robot:
         known = self.seen.graph.objects
         if len(known) >= MOST_OBJECTS and all(obj.name != said.object for obj in known):
             raise _refuse_more(f"objects are at most {MOST_OBJECTS:,}", "objects-too-many")
-        room = said.room or self.here
-        if room is None:
-            raise bsg_data.RecipeError(
-                "it is not known where the robot is; say the room, or first that it entered one",
-                code="room-unsaid",
-            )
-        object_id = self.seen.saw(room, said.thing, object_id=said.object, position=said.position)
+        room = self._require_room(said.room)
+        object_id = self.seen.saw(
+            room,
+            said.thing,
+            object_id=said.object,
+            **said.model_dump(include={"position", "score", "age", "stays", "within"}),
+        )
         is_known = self.seen.graph.objects[-1].category is not None
         note = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
         return {"object": object_id} if is_known else {"object": object_id, "notes": [note]}
@@ -143,10 +207,40 @@ class Robot:
         self.here = said.room
         return {"room": said.room}
 
+    def gone(self, said: Gone) -> Answer:
+        """Note that an object is gone."""
+        self.seen.gone(said.object)
+        return {"object": said.object}
+
+    def looked(self, said: Looked) -> Answer:
+        """Note a look that did not find a thing, in the robot's room unless it says another one."""
+        room = self._require_room(said.room)
+        self.seen.looked(room, said.thing, chance=said.chance)
+        return {"room": room, "thing": said.thing}
+
     def searched(self, said: Searched) -> Answer:
         """Note that all of a room was seen."""
-        self.seen.searched(said.room)
+        self.seen.searched(said.room, found=said.found)
         return {"room": said.room}
+
+    def describe(self, said: Describe) -> Answer:
+        """Note more of a known room."""
+        self.seen.describe(**said.model_dump(exclude={"id"}))
+        return _answer_room(said)
+
+    def more_rooms(self, said: MoreRooms) -> Answer:
+        """Note how many rooms are not found yet."""
+        self.seen.more_rooms(said.number or 0)
+        return {"number": said.number}
+
+    def _require_room(self, room: str | None) -> str:
+        """Return a room, or that of the robot."""
+        if room is None and self.here is None:
+            raise bsg_data.RecipeError(
+                "it is not known where the robot is; say the room, or first that it entered one",
+                code="room-unsaid",
+            )
+        return str(room or self.here)
 
     def discovered(self, said: Discovered) -> Answer:
         """Note a new room."""
@@ -154,14 +248,13 @@ class Robot:
             raise _refuse_more(f"rooms are at most {MOST_ROOMS:,}", "rooms-too-many")
         kind = said.room_type or label_of("any", said.room)  # a name may be a kind, as in a map
         self.seen.discovered(**said.model_dump(exclude={"id"}) | {"room_type": kind})
-        types = explain_room_type(said.room_type).items()
-        notes = [f"room type {word!r} is read as {read}" for word, read in types]
-        return {"room": said.room, "notes": notes} if notes else {"room": said.room}
+        return _answer_room(said)
 
     def where(self, said: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
-        things = said.thing[0] if len(said.thing) == 1 else said.thing
-        return describe_things(self.seen, things, here=said.here or self.here)
+        here = said.here or (None if said.robots else self.here)
+        asked = said.model_dump(include={"robots", "look", "chance", "task"})
+        return describe_things(self.seen, said.thing, here=here, **asked)
 
     def expected(self, said: Expected) -> Answer:
         """Answer what a room may hold, the likeliest first."""
@@ -169,17 +262,18 @@ class Robot:
 
 
 def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:
-    """Yield the objects of a `vision_msgs/Detection3DArray` that have an id and a high score.
+    """Yield the objects of a `vision_msgs/Detection3DArray` that have a high score.
 
-    Positions count only in the frame of the map.
+    Positions count only in the frame of the map. A detection without an id is an object of its
+    class that is known nearby; without a position, any of its class in the room.
     """
     placed = message.header.frame_id == frame
     for one in message.detections:
         best = max((each.hypothesis for each in one.results), key=lambda h: h.score, default=None)
-        if best is not None and best.score >= min_score and one.id:
+        if best is not None and best.score >= min_score:
             at = one.bbox.center.position
-            position = (at.x, at.y, at.z) if placed else None
-            yield {"thing": best.class_id, "object": one.id, "position": position}
+            said = {"thing": best.class_id, "object": one.id or None, "score": best.score}
+            yield said | ({"position": (at.x, at.y, at.z)} if placed else {"within": math.inf})
 
 
 def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
@@ -199,6 +293,13 @@ def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
     return said if isinstance(said, dict) else {plain: said}
 
 
+def _answer_room(said: Discovered | Describe) -> Answer:
+    """Answer with a room, and with notes on its types that models do not know."""
+    types = explain_room_type(said.room_type).items()
+    notes = [f"room type {word!r} is read as {read}" for word, read in types]
+    return {"room": said.room, "notes": notes} if notes else {"room": said.room}
+
+
 def _refuse_more(what: str, code: str) -> bsg_data.RecipeError:
     return bsg_data.RecipeError(f"{what}; call ~/reset to begin a new building", code=code)
 
@@ -210,6 +311,10 @@ TOPICS: Mapping[str, tuple[type[_Request], Callable[[Robot, Any], Answer]]] = Ma
         "entered": (Entered, Robot.entered),
         "saw": (Saw, Robot.saw),
         "searched": (Searched, Robot.searched),
+        "looked": (Looked, Robot.looked),
+        "gone": (Gone, Robot.gone),
+        "describe": (Describe, Robot.describe),
+        "more_rooms": (MoreRooms, Robot.more_rooms),
         "where": (Where, Robot.where),
         "expected": (Expected, Robot.expected),
     }

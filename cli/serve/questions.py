@@ -14,19 +14,24 @@ import bsg_data
 import bsg_models
 from bsg_cli.find import describe_things
 from bsg_data.files import AnyPath
-from bsg_data.observation.partial_graph import Id, Text, reclassify
+from bsg_data.observation.partial_graph import Id, Score, Text, reclassify
+from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.recipes import Record
 from bsg_models.belief.graph_file import parse_graph
+from bsg_models.robot.looks import SaidLook
+from bsg_models.search.knowledge import Task
 
 MOST_ROOMS = 500  # of a map
 MOST_THINGS = 20  # of a question
+MOST_ROBOTS = 10
 THREADS = 4  # questions that are answered at a time
 
 Map = Annotated[
     dict[str, Any],
     Field(
         description="What was seen of the building. Simplest: room -> list of things seen there, "
-        "[] for a room not entered. Or a partial graph (docs/belief.md), or a Spark-DSG graph.",
+        "[] for a room not entered; and `more_rooms`, true or a number, if there are rooms that "
+        "are not found yet. Or a partial graph (docs/belief.md), or a Spark-DSG graph.",
         examples=[{"living room": ["sofa", "tv"], "kitchen": ["sink"], "hall": []}],
     ),
 ]
@@ -38,6 +43,27 @@ Things = Annotated[
 Here = Annotated[
     Id | None,
     Field(description="The room where the robot is, by id or label; ways are measured from it."),
+]
+Robots = Annotated[
+    dict[Id, Id] | None,
+    Field(
+        min_length=1,
+        max_length=MOST_ROBOTS,
+        description="Several robots that search together: name of each -> its room.",
+    ),
+]
+Look = Annotated[
+    SaidLook,
+    Field(
+        description="Cost of looking into a room, in the unit of the ways: of every room, or room "
+        "-> cost; null: estimated from its size and what is left of it."
+    ),
+]
+Chance = Annotated[
+    Score, Field(description="P(a look finds a thing that is there), of the robot's detector.")
+]
+AnyTask = Annotated[
+    Task, Field(description="`single`: one of each thing is enough; `all`: find all of them.")
 ]
 Room = Annotated[Id | None, Field(description="One room, by id or label; null for all rooms.")]
 Most = Annotated[int, Field(ge=1, le=1000, description="Classes of a room, the likeliest first.")]
@@ -53,6 +79,10 @@ class Find(Record):
     map: Map
     things: Things
     here: Here = None
+    robots: Robots = None
+    look: Look = None
+    chance: Chance = LOOK_CHANCE
+    task: AnyTask = "single"
     labels: Labels = None
 
 
@@ -83,9 +113,10 @@ class Thing(Record):
     places: Annotated[
         tuple[bsg_models.Place, ...],
         Field(
-            description="Rooms, the likeliest first: `probability` of at least one, `unseen` of at "
-            "least one that was not seen, `expected` number of these, `seen` ids, `cost` of the "
-            "way, null if unknown. `room` is null for things that were seen in no room."
+            description="Rooms, the likeliest first: `probability` of at least one, `if_there` the "
+            "same if the building has one, `unseen` of at least one that was not seen, `expected` "
+            "number of these, `seen` ids, `cost` of the way, null if unknown. `room` is null for "
+            "things that were seen in no room, and `explore` for rooms that are not found yet."
         ),
     ]
 
@@ -94,7 +125,26 @@ class Found(Record):
     """Where things probably are, and the room to go to first."""
 
     things: tuple[Thing, ...]
-    go_first: Annotated[str | None, Field(description="Room to search first; null: none is left.")]
+    go_first: Annotated[
+        str | None,
+        Field(
+            description="Room to look into first; `explore`: find new rooms; null: none is left, "
+            "or see `robots`."
+        ),
+    ]
+    plan: Annotated[
+        tuple[bsg_models.Step, ...],
+        Field(
+            description="The search in its order: `probability` that the room has any of the "
+            "things, cost of the `way` and of the `look`, probability of `found` by then. Empty "
+            "without `here`."
+        ),
+    ]
+    robots: Annotated[
+        dict[str, str | None] | None,
+        Field(description="For each of several robots the room to look into first."),
+    ]
+    here: str | None
     cost_unit: Annotated[str | None, Field(description="Unit of `cost`: m, or rooms.")]
     notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
 
@@ -174,7 +224,15 @@ class Service:
 
 
 def _find(seen: bsg_models.SeenBuilding, asked: Find) -> Found:
-    facts = describe_things(seen, asked.things, here=asked.here)
+    facts = describe_things(
+        seen,
+        asked.things,
+        here=asked.here,
+        robots=asked.robots,
+        look=asked.look,
+        chance=asked.chance,
+        task=asked.task,
+    )
     return Found.model_validate({**facts, "notes": seen.notes})
 
 

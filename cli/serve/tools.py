@@ -11,25 +11,31 @@ from mcp.server.mcpserver.exceptions import ToolError
 from mcp_types import ToolAnnotations
 
 from bsg_cli.serve.questions import (
+    AnyTask,
+    Chance,
     Contents,
     Expect,
     Find,
     Found,
     Here,
     Labels,
+    Look,
     Map,
     Most,
+    Robots,
     Room,
     Service,
     Things,
 )
 from bsg_data.errors import BSGError
+from bsg_data.observation.reports import LOOK_CHANCE
 
 _INSTRUCTIONS = (
     "Say where things probably are in a building that a robot has partly seen, and which room to "
     "search first. Send the whole map with every question: nothing is remembered. In the simplest "
     'map every room lists the things that were seen there: {"kitchen": ["sink"], "hall": []}. '
-    "Names of rooms are read as their kind (kitchen, bedroom_2)."
+    "Names of rooms are read as their kind (kitchen, bedroom_2). A partial graph can also say what "
+    "looks have missed (`looks`), and how sure an object is there (`score`)."
 )
 _Answer = TypeVar("_Answer")
 
@@ -47,10 +53,24 @@ def make_server(service: Service) -> MCPServer:
         map: Map,  # noqa: A002 -- the name that callers write
         things: Things,
         here: Here = None,
+        robots: Robots = None,
+        look: Look = None,
+        chance: Chance = LOOK_CHANCE,
+        task: AnyTask = "single",
         labels: Labels = None,
     ) -> Found:
         """Say in which rooms things probably are, and which room to search first."""
-        return await _answer(service.find(Find(map=map, things=things, here=here, labels=labels)))
+        asked = Find(
+            map=map,
+            things=things,
+            here=here,
+            robots=robots,
+            look=look,
+            chance=chance,
+            task=task,
+            labels=labels,
+        )
+        return await _answer(service.find(asked))
 
     async def expect_things(
         map: Map,  # noqa: A002

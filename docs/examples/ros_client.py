@@ -20,7 +20,19 @@ import rclpy
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import String
 
-TOPICS = ("discovered", "entered", "saw", "searched", "where", "expected")
+# topic → what a word alone is
+TOPICS = {
+    "discovered": "room",
+    "entered": "room",
+    "saw": "thing",
+    "searched": "room",
+    "looked": "thing",
+    "gone": "object",
+    "describe": "room",
+    "more_rooms": "number",
+    "where": "thing",
+    "expected": "room",
+}
 SECONDS = 10.0  # that a question waits for its answer
 
 
@@ -60,7 +72,7 @@ def main() -> None:
     said: Any = {"thing": asked.things}
     if asked.topic:
         word = asked.things[0]
-        said = {"thing" if asked.topic in ("saw", "where") else "room": word}
+        said = {TOPICS[asked.topic]: word}
         if word.startswith("{"):
             said = json.loads(word)
     answer = ask(asked.topic or "where", **said)
@@ -69,7 +81,7 @@ def main() -> None:
     if asked.topic:
         print(json.dumps(answer))
         return
-    for fact in answer.get("things", [answer]):
+    for fact in answer["things"]:
         for best in fact["places"][:1]:  # none while no room is known
             print(f"{fact['thing']}: {best['room']}, {best['probability']:.0%}")
     print(

@@ -32,7 +32,7 @@ from bsg_data import (
     write_synthetic,
 )
 from bsg_data.extend import BuildingSize, ClassSpace, GeometryOptions, ShareBelief
-from bsg_data.observation.partial_graph import hide_of_room
+from bsg_data.observation.reports import hide_of_room
 from bsg_models import Predictor, SeenBuilding, open_graph
 
 HOME = Path(__file__).resolve().parents[2] / "docs" / "home.json"

@@ -42,11 +42,13 @@ DAY = (
     ("saw", '{"thing": "sink", "object": "5", "position": [3.2, 5.8, 0.9]}'),
     ("saw", '{"thing": "stove", "object": "6", "position": [4.1, 6.1, 0.9]}'),
     ("where", '{"thing": "microwave", "id": "again"}'),
+    ("looked", '{"thing": "microwave", "chance": 0.9}'),
+    ("where", '{"thing": "microwave", "id": "after a look"}'),
     (
         "discovered",
         '{"room": "pantry", "beside": "kitchen", "room_type": "pantry", "position": [6, 6, 0]}',
     ),
-    ("searched", "kitchen"),
+    ("searched", '{"room": "kitchen", "found": ["sink", "stove"]}'),
     ("where", '{"thing": ["microwave", "toilet"], "id": "both"}'),
     ("expected", "upstairs"),
 )

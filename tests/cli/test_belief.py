@@ -92,7 +92,8 @@ def test_shares_are_told(dataset: Path, run: Path, tmp_path: Path) -> None:
     rooms = read_belief(out).partial.rooms
     assert [(room.hidden_share, room.visited) for room in rooms] == [(0, True), (1, False)]
     asked = call(path, "--model", run, *shares, "--find", "bed", "--json")
-    answer = {place["room"]: place for place in json.loads(asked.stdout)["places"]}
+    (bed,) = json.loads(asked.stdout)["things"]
+    answer = {place["room"]: place for place in bed["places"]}
     assert answer["R(0)"]["probability"] == 0 < answer["R(3)"]["probability"]
     assert "1 object with labels that nobody names (99)" in asked.stderr
     for wrong in ("x", "kitchen=nan", "attic=0.5"):
@@ -166,6 +167,7 @@ def test_a_page_is_opened_in_the_browser(
     words = (OFFICE, "--model", run, "--find", "sink", "--open")
     assert "go first to" in call(*words, "--out", page).stdout
     assert shown == [page.as_uri()]
+    assert '"thing":"sink"' in page.read_text("utf-8"), "the page has the answer"
     monkeypatch.setattr("webbrowser.open", lambda address: False)
     assert str(page) in call(*words, "--out", page, "--force").stderr
     call(*words, code=2)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import asdict
 
 import pytest
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 
 from bsg_cli.belief import main
-from bsg_models.robot.seen_building import open_graph
+from bsg_models import EXPLORE, open_graph
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 
@@ -22,26 +24,71 @@ def call(*words: object, stdin: str | None = None, code: int = 0) -> Result:
 
 def test_rooms_are_ranked_and_the_first_is_named() -> None:
     done = call(OFFICE, "--model", "mixture", "--find", "microwave", "--from", "waiting-room")
-    lines = done.stdout.splitlines()
-    assert lines[0].split() == ["room", "P(microwave)", "expected", "more", "seen", "cost"]
-    assert lines[1].startswith("kitchen (B: shared kitchen)")
-    assert lines[1].endswith("1 room")
-    assert lines[-2].endswith("by the model mixture")
-    assert lines[-1] == "go first to kitchen (B: shared kitchen)"
+    table, plan = (part.splitlines() for part in done.stdout.split("\n\n"))
+    heads = ["room", "P(microwave)", "if there is one", "expected more", "seen", "cost"]
+    assert re.split(r"\s{2,}", table[0].strip()) == heads
+    assert table[1].startswith("kitchen (B: shared kitchen)")
+    assert table[1].endswith("1 room")
+    assert table[-2].endswith("by the model mixture")
+    assert table[-1] == "go first to kitchen (B: shared kitchen)"
+    assert re.split(r"\s{2,}", plan[0].strip()) == [
+        "look into",
+        "P",
+        "way",
+        "look",
+        "found by then",
+    ]
+    assert plan[1].startswith("kitchen (B: shared kitchen)")
+    seen = open_graph(OFFICE, model="mixture")
+    assert len(plan) - 1 == len(seen.explain("microwave", here="waiting-room"))
+
+
+def test_what_rooms_have_if_there_is_one_is_no_news_where_one_is_sure() -> None:
+    words = (OFFICE, "--model", "mixture", "--from", "waiting-room")
+    assert "if there is one" not in call(*words, "--find", "sofa").stdout, "one was seen"
+    assert "if there is one" in call(*words, "--find", "microwave").stdout
+
+
+def test_a_thing_without_a_class_is_noted_not_counted() -> None:
+    done = call(OFFICE, "--find", "banana")
+    lines, seen = done.stdout.splitlines(), open_graph(OFFICE)
+    heads = ["room", "if there is one", "noted", "expected more", "seen"]
+    assert re.split(r"\s{2,}", lines[0].strip()) == heads
+    best = seen.where("banana")[0]
+    percents = [f"{round(100 * share)} %" for share in (best.if_there, best.probability)]
+    assert re.split(r"\s{2,}", lines[1].strip())[:3] == ["kitchen (B: shared kitchen)", *percents]
+    assert lines[-2].startswith(
+        f"noted: annotators write one down in {seen.anywhere('banana'):.0%}".replace("%", " %")
+    )
+    assert "no model counts 'banana'" in done.stderr
+
+
+def test_rooms_that_are_not_found_yet_are_a_place_and_may_come_first() -> None:
+    home = json.dumps({"kitchen": ["sink", "stove"], "hall": [], "more_rooms": 3})
+    done = call("-", "--find", "toilet", "--from", "kitchen", stdin=home)
+    assert done.stdout.splitlines()[1].startswith("rooms not found yet")
+    (go,) = (line for line in done.stdout.splitlines() if "explore" in line)
+    assert go == "explore first: find the rooms that are not found yet"
+    answer = json.loads(
+        call("-", "--find", "toilet", "--from", "kitchen", "--json", stdin=home).stdout
+    )
+    assert answer["go_first"] == answer["things"][0]["places"][0]["room"] == EXPLORE
+    assert [step["room"] for step in answer["plan"]].count(EXPLORE) == 1
 
 
 def test_json_tells_ids_and_the_numbers_of_python() -> None:
     words = ("--model", "mixture", "--find", "sofa", "--json", "--from", "C: meeting room")
     done = call("-", *words, stdin=OFFICE.read_text("utf-8"))
     answer, seen = json.loads(done.stdout), open_graph(OFFICE, model="mixture")
-    assert answer["class"] == "couch"
-    assert answer["how"] == "'sofa' is one of the class 'couch'"
+    (sofa,) = answer["things"]
+    assert sofa["class"] == "couch"
+    assert sofa["how"] == "'sofa' is one of the class 'couch'"
     assert answer["go_first"] == seen.next_room("sofa", here="meeting-room") == "waiting-room"
-    assert answer["anywhere"] == seen.anywhere("sofa")
-    assert answer["cost_unit"] == "rooms"
-    places = [(one["room"], one["probability"], one["cost"]) for one in answer["places"]]
-    found = seen.where("sofa", here="meeting-room")
-    assert places == [(one.room, one.probability, one.cost) for one in found]
+    assert sofa["anywhere"] == seen.anywhere("sofa")
+    assert (answer["cost_unit"], answer["here"]) == ("rooms", "meeting-room"), "ids"
+    found = [asdict(one) | {"seen": [*one.seen]} for one in seen.where("sofa", here="meeting-room")]
+    assert sofa["places"] == found
+    assert answer["plan"] == [*map(asdict, seen.explain("sofa", here="meeting-room"))]
 
 
 def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
@@ -50,8 +97,8 @@ def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
     seen = open_graph(OFFICE, model="mixture")
     first = seen.next_room(["microwave", "sofa"], here="waiting-room")
     assert done.stdout.count("P(microwave)") == done.stdout.count("P(couch)") == 1
-    assert done.stdout.count("go first to") == 1
-    assert done.stdout.splitlines()[-1].startswith(f"go first to {first} (")
+    (go,) = (line for line in done.stdout.splitlines() if line.startswith("go first to"))
+    assert go.startswith(f"go first to {first} (")
     answer = json.loads(call(*words, "--from", "waiting-room", "--json").stdout)
     assert [one["class"] for one in answer["things"]] == ["microwave", "couch"]
     assert [one["anywhere"] for one in answer["things"]] == [
@@ -59,6 +106,8 @@ def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
         seen.anywhere("sofa"),
     ]
     assert (answer["go_first"], answer["cost_unit"]) == (first, "rooms")
+    one = json.loads(call(*words[:-2], "--from", "waiting-room", "--json").stdout)
+    assert one.keys() == answer.keys(), "one shape for one and several"
 
 
 def test_a_word_for_the_wide_model_says_which_model_answers() -> None:

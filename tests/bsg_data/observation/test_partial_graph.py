@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,11 +22,19 @@ from bsg_data.observation.masks import MASKS, sample_view
 from bsg_data.observation.partial_graph import (
     GLIMPSED_SHARE,
     KnownRoom,
+    Look,
     PartialGraph,
     SeenObject,
+)
+from bsg_data.observation.reports import (
+    describe,
     discover,
+    doubt,
     enter,
+    find_near,
+    look,
     observe,
+    say_score,
     see_object,
 )
 from bsg_data.observation.view import sample_hidden
@@ -188,3 +197,62 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(
         assert all(real[obj.name].raw_category == obj.raw_category for obj in left.objects)
         rooms = view.nodes.tolist()
         assert all(real[obj.name].room_index == rooms[obj.room_index] for obj in left.objects)
+
+
+# Looks, scores, and sightings of the same thing
+
+
+def test_looks_of_one_thing_in_one_room_become_one() -> None:
+    graph = look(GRAPH, Look(1, "mug", 0.8), doubted=())
+    graph = look(graph, Look(2, "mug", 0.5), doubted=())
+    graph = look(graph, Look(1, "Mug", 0.5), doubted=())
+    assert [(one.room_index, one.chance) for one in graph.looks] == [(2, 0.5), (1, 0.9)]
+
+
+def test_an_object_that_a_look_missed_is_doubted_by_bayes_rule() -> None:
+    one = replace(seen("x", 1, "sink"), score=0.5)
+    graph = see_object(see_object(GRAPH, one), seen("y", 1, "sink"))
+    after = doubt(graph, ["x", "y"], chance=0.5)
+    scores = {obj.name: obj.score for obj in after.objects}
+    assert scores["x"] == pytest.approx(0.25 / 0.75)
+    assert scores["y"] == pytest.approx(0.4 / 0.6)  # 0.8 before
+    assert "x" not in {obj.name for obj in doubt(graph, ["x"], chance=1.0).objects}
+
+
+def test_models_read_what_is_probably_there() -> None:
+    before = GRAPH.histograms()[:, CLASS["sink"]].tolist()
+    for score, more in ((0.5, 1), (0.49, 0), (None, 1)):
+        graph = see_object(GRAPH, replace(seen("x", 1, "sink"), score=score))
+        assert graph.histograms()[1, CLASS["sink"]] == before[1] + more
+
+
+def test_a_sighting_is_the_nearest_object_of_its_class() -> None:
+    near = replace(seen("near", 1, "sink"), position=(0.3, 0.0, 0.0))
+    far = replace(seen("far", 2, "sink"), position=(9.0, 0.0, 0.0))
+    graph = see_object(see_object(GRAPH, near), far)
+    new = replace(seen("new", 1, "sink"), position=(0.0, 0.0, 0.0))
+    assert find_near(graph, new, within=0.5) == near
+    assert find_near(graph, new, within=0.2) is None
+    assert find_near(graph, new, within=0) is None
+    assert find_near(graph, replace(new, class_index=CLASS["bed"]), within=0.5) is None
+    assert find_near(graph, replace(new, position=None), within=0.5) is None
+    assert find_near(graph, replace(new, position=None), within=math.inf) is not None
+
+
+def test_more_is_learned_of_a_room() -> None:
+    room = replace(GRAPH.rooms[0], floor_area=7.0)
+    graph = describe(GRAPH, 1, room, beside=[2])
+    assert graph.rooms[0].floor_area == 7.0
+    assert (1, 2) in graph.adjacency
+    with refuses(RecipeError, "room-beside-itself", "a"):
+        describe(GRAPH, 1, room, beside=[1])
+
+
+def test_an_age_is_a_score_if_it_is_known_how_long_things_stay() -> None:
+    assert say_score("object x", 0.3, age=None, stays=None) == 0.3
+    assert say_score("object x", None, age=24.0, stays=24.0) == 0.5
+    assert say_score("object x", None, age=48.0, stays=24.0) == 0.25
+    with refuses(RecipeError, "stays-unsaid", "object x"):
+        say_score("object x", None, age=1.0, stays=None)
+    with refuses(RecipeError, "score-twice", "object x"):
+        say_score("object x", 0.5, age=1.0, stays=2.0)

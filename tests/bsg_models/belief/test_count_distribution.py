@@ -293,3 +293,26 @@ def test_barely_above_one_object_the_series_is_exact() -> None:
     mean = 1e-4 * (1 + 9e-4)
     found = zero_inflated(np.array([[1e-4]]), np.array([[mean]])).mean[0, 0]
     assert found == pytest.approx(mean, rel=1e-11, abs=0)
+
+
+@pytest.mark.parametrize("tilts", [0, 2, 3])
+def test_a_look_that_misses_is_bayes_rule(tilts: int) -> None:
+    """Against a sum over all counts; two looks count twice, and a sure one leaves nothing."""
+    rng = np.random.default_rng(tilts)
+    shape, counts = (3, 4, 2), np.arange(400)
+    weights = rng.dirichlet(np.ones(3), size=shape[1:]).transpose(2, 0, 1)
+    means, dispersions = rng.gamma(1, 2, shape), rng.gamma(1, 3, shape)
+    each = rng.normal(0, 1, (tilts, *shape)) if tilts else None
+    before = CountDistribution(means, dispersions, weights, each)
+    chance = rng.random(shape[1:])
+    whole = [np.full(shape[1:], float(n)) for n in counts]
+    prior = np.exp([before.log_probability(n, floor=0.0) for n in whole])
+    joint = prior * (1 - chance) ** counts[:, None, None]
+    after, missed = before.missed(chance), joint.sum(axis=0)
+    np.testing.assert_allclose(before.miss(chance), missed, rtol=1e-9)
+    np.testing.assert_allclose(after.presence, 1 - joint[0] / missed, rtol=1e-9, atol=1e-12)
+    mean = (joint * counts[:, None, None]).sum(axis=0) / missed
+    np.testing.assert_allclose(after.mean, mean, rtol=1e-9)
+    twice = before.missed(1 - (1 - chance) ** 2)
+    np.testing.assert_allclose(after.missed(chance).presence, twice.presence, rtol=1e-9)
+    assert (before.missed(np.ones(shape[1:])).presence == 0).all()

@@ -13,7 +13,8 @@ from scipy.integrate import quad
 from scipy.stats import beta
 
 from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.partial_graph import PartialGraph, observe
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.reports import observe
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.predictor import Predictor

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -196,6 +197,249 @@ def test_a_building_without_rooms_is_shown(browser: Any, tmp_path: Path) -> None
         with open_page(browser, tmp_path / "page.html", fragment=fragment) as page:
             assert "no rooms are known" in page.locator("svg.graph").text_content()
             assert "10 % for at least one unseen sink" in page.locator("aside").inner_text()
+
+
+def make_home() -> BeliefGraph:
+    """Return a home of four rooms with places, one of which lies behind two others in layers."""
+    spots = {
+        "living": (0.0, 0.0),
+        "hall": (4.0, 0.0),
+        "kitchen": (2.0, 5.0),
+        "upstairs": (9.0, 0.0),
+    }
+    rooms = tuple(
+        KnownRoom(name, 0.5, name == "living", position=(*spot, 0.0))
+        for name, spot in spots.items()
+    )
+    seen = (
+        SeenObject("7", 1, "sink", "sink", SINK),
+        SeenObject("8", 0, "sink", "sink", SINK),
+        SeenObject("9", 0, "zzqx", None, None),
+    )
+    graph = PartialGraph("home", CLASS_SPACE, 0.5, rooms, seen, ((1, 2), (2, 3), (2, 4)))
+    inputs = graph.histograms().astype(float)
+    means = np.random.default_rng(1).gamma(0.2, 1.0, inputs.shape)
+    return believe(graph, from_hidden_counts(inputs, poisson(means)), model="random")
+
+
+def make_answer() -> dict[str, Any]:
+    """Return an answer for the home: a thing that no model counts, and a sink."""
+
+    def place(room: str | None, chance: float, *seen: str, cost: float | None = None) -> Any:
+        said = {"room": room, "label": None, "probability": chance, "if_there": chance / 0.7}
+        return {**said, "unseen": chance, "expected": chance, "seen": list(seen), "cost": cost}
+
+    def stop(room: str, chance: float, found: float) -> dict[str, Any]:
+        said = {"room": room, "label": None, "probability": chance}
+        return {**said, "way": 9.0, "look": 4.25, "found": found}
+
+    mug = {"thing": "mug", "class": None, "how": "as its nearest words", "model": "nouns"}
+    sink = {"thing": "sink", "class": "sink", "how": "", "model": "random", "anywhere": 1.0}
+    places = [
+        place("kitchen", 0.64, cost=9.0),
+        place("explore", 0.1),
+        place("upstairs", 0.004, cost=math.inf),
+        place("hall", 0.003, cost=4.0),
+        place("living", 0.002, cost=0.0),
+    ]
+    seen = [place("living", 1.0, "7"), place(None, 1.0, "8"), *places[:4]]
+    plan = [stop("kitchen", 0.64, 0.64), stop("explore", 0.1, 0.67), stop("upstairs", 0.004, 0.7)]
+    return {
+        "here": "living",
+        "go_first": "kitchen",
+        "cost_unit": "m",
+        "things": [{**mug, "anywhere": 0.7, "places": places}, {**sink, "places": seen}],
+        "plan": plan,
+    }
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    belief = make_home()
+    path = tmp_path_factory.mktemp("explorer") / "home.html"
+    write_explorer([View(belief, answer=make_answer())], path)
+    return path
+
+
+PHONE = {"width": 390, "height": 844}
+
+
+def test_a_page_opens_with_its_answer(browser: Any, home: Path) -> None:
+    with open_page(browser, home) as page:
+        options = page.locator("#class option").all_inner_texts()
+        assert options[:2] == ["mug (asked)", "sink (asked)"]
+        assert page.locator("#class option:checked").inner_text() == "mug (asked)"
+        panel = page.locator("aside").inner_text()
+        for said in ("Go first to kitchen", "70 %, by the model nouns", "as its nearest words"):
+            assert said in panel
+        rows = [text.split("\n") for text in page.locator(".rooms li").all_inner_texts()]
+        assert [" ".join(row).strip() for row in rows] == [
+            "kitchen 64 %, if there is one: 91 %, 9.0 m",
+            "rooms not found yet 10 %, if there is one: 14 %",
+            "upstairs < 1 %, if there is one: 1 %",
+            "hall < 1 %, if there is one: < 1 %, 4.0 m",
+            "living < 1 %, if there is one: < 1 %, robot here",
+        ]
+        steps = page.locator("table.way tbody tr").all_inner_texts()
+        assert [" ".join(step.split()) for step in steps] == [
+            "1 kitchen 64 % 9.0 m 4.3 m 64 %",
+            "2 rooms not found yet 10 % 9.0 m 4.3 m 67 %",
+            "3 upstairs < 1 % 9.0 m 4.3 m 70 %",
+        ]
+
+
+@pytest.mark.parametrize("drawing", ["plan", "layers"])
+def test_the_way_is_drawn_from_the_robot(browser: Any, home: Path, drawing: str) -> None:
+    with open_page(browser, home, fragment=f"#drawing={drawing}") as page:
+        middle = """all => all.map((one) => {
+          const { left, right, top, bottom } = one.getBoundingClientRect();
+          return [Math.round((left + right) / 2), Math.round((top + bottom) / 2)];
+        })"""
+        robot, _ = page.eval_on_selector_all("circle.robot", middle)
+        stops = page.eval_on_selector_all("g.stop circle", middle)
+        rooms = page.eval_on_selector_all("polygon.ground", middle)
+        frame = page.locator("svg.graph").bounding_box()
+        points = page.locator("polyline.later").get_attribute("points")
+        way = [[float(v) for v in spot.split(",")] for spot in points.split()]
+        assert page.locator("g.stop text").all_text_contents() == ["1", "3"]
+        nodes = page.eval_on_selector_all(
+            "polygon.ground", "all => all.map((one) => Number(one.parentElement.dataset.node))"
+        )
+        where = dict(zip(nodes, rooms, strict=True))
+        assert np.abs(np.subtract([robot, *stops], [where[1], where[3], where[4]])).max() <= 1
+        drawn = np.add(way, [frame["x"], frame["y"]])
+        assert np.abs(drawn - [robot, *stops]).max() <= 1
+        assert "robot" in page.locator("text.name").all_text_contents()
+        page.select_option("#class", "-1")
+        assert page.locator("g.stop").count() == 0
+        assert page.locator("circle.robot").count() > 0, "the robot stays there"
+
+
+def test_objects_in_no_room_are_drawn(browser: Any, home: Path, tmp_path: Path) -> None:
+    for drawing, sought, count in (("plan", "", 2), ("layers", "", 2), ("plan", "sink", 1)):
+        with open_page(browser, home, fragment=f"#drawing={drawing}&find={sought}") as page:
+            dots = page.locator("circle.object[data-node='0']")
+            assert dots.count() == count
+            assert f"{count} in no room" in page.locator("svg.graph").text_content()
+            for dot in dots.all():
+                box = dot.bounding_box()
+                spot = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
+                script = "([x, y]) => document.elementsFromPoint(x, y).map((one) => one.tagName)"
+                under = page.evaluate(script, spot)
+                assert "circle" in under
+                assert "polygon" not in under
+    with open_page(browser, home, fragment="#find=sink") as page:
+        assert page.locator("circle.sought").count() == 2
+        assert "1 seen: 7" in page.locator(".rooms li").first.inner_text()
+    belief = make_home()
+    answer = make_answer()
+    mug = answer["things"][0]
+    mug["places"].append({**mug["places"][0], "room": None, "seen": ["9"]})
+    write_explorer([View(belief, answer=answer)], tmp_path / "page.html")
+    with open_page(browser, tmp_path / "page.html") as page:
+        assert page.locator("circle.sought").count() == 1, "a thing of no class is found, too"
+
+
+def test_an_answer_is_part_of_the_link(browser: Any, home: Path) -> None:
+    with open_page(browser, home) as page:
+        for value, name in (("-3", "sink (asked)"), ("-1", "all classes"), (str(SINK), "sink (")):
+            page.select_option("#class", value)
+            fragment = "#" + page.url.partition("#")[2]
+            with open_page(browser, home, fragment=fragment) as again:
+                assert again.locator("#class").input_value() == value
+                assert again.locator("#class option:checked").inner_text().startswith(name)
+
+
+def test_on_a_phone_the_ranking_comes_before_the_picture(
+    browser: Any, home: Path, crowd: Path
+) -> None:
+    for path in (home, crowd):
+        with open_page(browser, path, viewport=PHONE) as page:
+            picture = page.locator("svg.graph").bounding_box()
+            rows = page.locator(".rooms button")
+            for row in (rows.first, rows.last) if path == home else (rows.first,):
+                box = row.bounding_box()
+                assert box["y"] + box["height"] <= min(picture["y"], PHONE["height"])
+            assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+
+
+@pytest.mark.parametrize("drawing", ["plan", "layers"])
+@pytest.mark.parametrize("size", [PHONE, {"width": 1366, "height": 768}])
+def test_no_number_is_dropped_while_a_smaller_one_stays(
+    browser: Any, home: Path, crowd: Path, drawing: str, size: dict[str, int]
+) -> None:
+    read = """all => all.map((one) => {
+      const number = one.querySelector(".number");
+      return number ? number.textContent : "";
+    })"""
+    chances = np.sort(np.round(make_crowd().presence[1:, SINK], 4))[::-1]
+    fragment = f"#drawing={drawing}"
+    with open_page(browser, crowd, fragment=fragment + "&class=sink", viewport=size) as page:
+        shown = sorted(filter(None, page.eval_on_selector_all(".name", read)))
+        assert len(shown) >= 10
+        assert shown == sorted(percent(chance) for chance in chances[: len(shown)])
+    with open_page(browser, home, fragment=fragment, viewport=size) as page:
+        shown = sorted(filter(None, page.eval_on_selector_all(".name", read)))
+        assert shown == ["64 %", "< 1 %", "< 1 %", "< 1 %"]
+
+
+def test_no_plate_lies_under_the_name_of_another_room(browser: Any, home: Path) -> None:
+    look = """all => all.flatMap((name) => {
+      const { left, right, top, bottom } = name.getBoundingClientRect(), found = [];
+      for (let x = left; x <= right; x += 2) for (const y of [top, (top + bottom) / 2, bottom])
+        for (const one of document.elementsFromPoint(x, y)) if (one.matches("polygon"))
+          found.push([name.textContent, one.parentElement.dataset.say]);
+      return found;
+    })"""
+    for width in (390, 1000, 1366):
+        size = {"width": width, "height": 768}
+        with open_page(browser, home, fragment="#drawing=layers&find=", viewport=size) as page:
+            page.locator("svg.graph").scroll_into_view_if_needed()
+            for name, plate in page.eval_on_selector_all("text.name:not(.thing)", look):
+                assert name == "robot" or plate.startswith(name.split(" ")[0][:4]), name
+
+
+def test_the_page_says_what_its_words_mean(browser: Any, home: Path) -> None:
+    with open_page(browser, home) as page:
+        told = page.locator("body").inner_text()
+        assert told.count("A class is") == told.count("A blind node is") == 1
+
+
+def test_an_answer_names_nodes_of_the_page() -> None:
+    belief = make_home()
+    _, (view,) = read_views(explorer_page([View(belief, answer=make_answer())]))
+    answer = view["answer"]
+    ids = {k: room["id"] for k, room in enumerate(view["rooms"], 1)}
+    assert (ids[answer["here"]], ids[answer["go_first"]]) == ("living", "kitchen")
+    mug, sink = answer["things"]
+    assert [place["room"] for place in mug["places"]] == [3, "explore", 4, 2, 1]
+    assert [place["cost"] for place in mug["places"]] == [9.0, None, None, 4.0, 0.0]
+    assert [place["room"] for place in sink["places"]][:2] == [1, None]
+    assert [stop["room"] for stop in answer["plan"]] == [3, "explore", 4]
+    assert [obj.get("asked") for obj in view["objects"]] == [[1], [1], None]
+    for node in view["blind"]:
+        assert node.get("asked") == ([1] if node["class"] == SINK else None)
+    _, (view,) = read_views(explorer_page([View(belief)]))
+    assert view["answer"] is None
+
+
+def test_an_answer_keeps_its_rooms_on_the_page_of_a_large_building() -> None:
+    belief = make_crowd(220, objects=50)
+    _, (view,) = read_views(explorer_page([View(belief)]))
+    out = sorted({f"r{k}" for k in range(220)} - {room["id"] for room in view["rooms"]})
+    home = make_answer()
+    stop = home["plan"][0]
+    plan = [{**stop, "room": room} for room in out]
+    told = {**home, "here": out[0], "go_first": out[1], "plan": plan}
+    _, (view,) = read_views(explorer_page([View(belief, answer=told)]))
+    names = [room["id"] for room in view["rooms"]]
+    answer = view["answer"]
+    assert len(names) == 200
+    assert (names[answer["here"] - 1], names[answer["go_first"] - 1]) == (out[0], out[1])
+    kept = [(stop["step"], names[stop["room"] - 1]) for stop in answer["plan"]]
+    assert kept == list(enumerate(out[: len(kept)], 1))
+    assert 10 <= len(kept) < 20, "the others are left out"
+    assert {place["room"] for place in answer["things"][0]["places"]} == {"explore"}
 
 
 def read_views(page: str) -> tuple[str, list[dict[str, Any]]]:

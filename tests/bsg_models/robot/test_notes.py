@@ -24,6 +24,7 @@ def notes_on(
     said = {
         "scene_id": "home",
         "rooms": [{"id": "bath", "hidden_share": 0.5, **room}],
+        "more_rooms": 0,
         "objects": [{"id": str(n), "room": "bath", "category": w} for n, w in enumerate(words)],
         **facts,
     }
@@ -72,7 +73,15 @@ def test_a_model_that_reads_no_room_types_says_so() -> None:
 
 
 def test_python_gets_the_notes_of_what_came_later() -> None:
-    seen = open_graph({"scene_id": "home", "rooms": [{"id": "a", "hidden_share": 0.5}]})
+    rooms = [{"id": "a", "hidden_share": 0.5}]
+    seen = open_graph({"scene_id": "home", "rooms": rooms, "more_rooms": 0})
     assert seen.notes == ()
     seen.saw("a", "coat rack")
     assert ["coat rack" in note for note in seen.notes] == [True]
+
+
+def test_a_graph_of_few_rooms_is_taken_as_whole_and_says_so() -> None:
+    (note,) = open_graph({"hall": ["mirror"], "kitchen": []}).notes[:1]
+    assert note.startswith("hall, kitchen: taken as the whole building")
+    assert not any("whole" in n for n in open_graph({"hall": [], "more_rooms": True}).notes)
+    assert not any("whole" in n for n in open_graph({"a": [], "b": [], "c": []}).notes)

@@ -19,6 +19,7 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.formats import write_belief
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
+from bsg_models.robot.unfound_rooms import EXPLORE
 from bsg_models.runs.found_model import find_shipped
 from bsg_models.runs.predictor import Predictor
 
@@ -39,7 +40,7 @@ def test_answers_are_those_of_the_arrays(seen: SeenBuilding) -> None:
         node = 1 + seen.rooms.index(str(place.room))
         assert place.probability == belief.presence[node, sink]
         assert place.expected == belief.hidden[node, sink]
-    assert seen.anywhere("sink") == belief.presence[0, sink]
+    assert seen.anywhere("sink") == pytest.approx(belief.presence[0, sink], abs=1e-12)
     hall = {one.name: one for one in seen.expected("kitchen")}
     assert hall["sink"].probability == belief.presence[2, sink]
     assert hall["chair"].seen == 2
@@ -123,6 +124,26 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.discovered("attic", beside="cellar"),
         lambda seen: seen.discovered("attic", room_type={"kitchen": 2}),
         lambda seen: seen.entered("kitchen", floor_in_view="x"),
+        lambda seen: seen.saw("kitchen", "cup", score=1.5),
+        lambda seen: seen.saw("kitchen", "cup", score=0.5, age=1.0, stays=2.0),
+        lambda seen: seen.saw("kitchen", "cup", age=1.0),
+        lambda seen: seen.saw("kitchen", "cup", age=-1.0, stays=2.0),
+        lambda seen: seen.saw("kitchen", "cup", age=1.0, stays=0.0),
+        lambda seen: seen.saw("kitchen", "cup", position=(0, 0, 0), within=-1),
+        lambda seen: seen.saw("kitchen", 3),
+        lambda seen: seen.looked("kitchen", "cup", chance=1.2),
+        lambda seen: seen.looked("kitchen", "cup", chance=float("nan")),
+        lambda seen: seen.looked("kitchen", "zzqx"),
+        lambda seen: seen.looked("attic", "cup"),
+        lambda seen: seen.looked("kitchen", 3),
+        lambda seen: seen.gone("no such id"),
+        lambda seen: seen.searched("kitchen", found=["zebra"]),
+        lambda seen: seen.searched("kitchen", found=["sofa"]),  # that is in another room
+        lambda seen: seen.describe("attic", label="x"),
+        lambda seen: seen.describe("kitchen", floor_area=-1.0),
+        lambda seen: seen.describe("kitchen", beside="kitchen"),
+        lambda seen: seen.more_rooms(-1),
+        lambda seen: seen.more_rooms(2.5),
     ],
 )
 def test_what_cannot_be_is_refused_and_changes_nothing(
@@ -252,3 +273,174 @@ def test_a_free_model_is_not_helped_by_a_table_with_terms() -> None:
     free = open_graph(OFFICE, model="behavior")
     with refuses(RecipeError, "thing-unknown", "banana"):
         free.where("banana")
+
+
+# What a robot loses, finds again, and has not found yet
+
+
+def test_what_is_not_found_again_is_gone(seen: SeenBuilding) -> None:
+    first = seen.where("chair")[0]
+    assert first.seen
+    room = str(first.room)
+    kept = first.seen[0]
+    seen.searched(room, found=[kept])
+    assert next(p for p in seen.where("chair") if p.room == room).seen == (kept,)
+    seen.gone(kept)
+    assert next(p for p in seen.where("chair") if p.room == room).probability == 0
+
+
+def test_a_word_names_all_known_objects_of_its_kind(seen: SeenBuilding) -> None:
+    seen.saw("kitchen", "mug", object_id="m1")
+    seen.saw("kitchen", "red mug", object_id="m2")
+    seen.searched("kitchen", found="mugs")
+    assert {obj.name for obj in seen.graph.objects if obj.room_index == 2} == {"m1", "m2"}
+
+
+def test_looks_lower_a_room_and_raise_it_never(seen: SeenBuilding) -> None:
+    def of(room: str, thing: str) -> float:
+        return next(p for p in seen.where(thing) if p.room == room).probability
+
+    before, elsewhere = of("kitchen", "sink"), of("meeting-room", "sink")
+    anywhere = seen.anywhere("sink")
+    seen.looked("kitchen", "sink", chance=0.5)
+    once = of("kitchen", "sink")
+    seen.looked("kitchen", "sink", chance=0.5)
+    twice = of("kitchen", "sink")
+    assert 0 < twice < once < before
+    assert of("meeting-room", "sink") == pytest.approx(elsewhere, rel=1e-12)
+    assert max(of(room, "sink") for room in seen.rooms) <= seen.anywhere("sink") < anywhere
+    assert of("kitchen", "stove") == next(
+        p.probability
+        for p in SeenBuilding(read_robot_graph(OFFICE), FAST).where("stove")
+        if p.room == "kitchen"
+    )
+    expected = {one.name: one.probability for one in seen.expected("kitchen")}
+    assert expected["sink"] == pytest.approx(twice)
+
+
+def test_a_look_for_a_class_is_one_for_its_kinds_and_not_the_reverse(seen: SeenBuilding) -> None:
+    def of(thing: str) -> float:
+        return next(p for p in seen.where(thing) if p.room == "kitchen").probability
+
+    mugs, forks = of("mug"), of("fork")
+    seen.looked("kitchen", "mug")
+    assert of("mug") < mugs
+    assert of("red mug") == of("mug")
+    assert of("fork") == forks
+    seen.looked("kitchen", "tableware")
+    assert of("fork") < forks
+
+
+def test_a_sighting_ends_the_doubt(seen: SeenBuilding) -> None:
+    seen.saw("kitchen", "mug", object_id="m")
+    seen.looked("kitchen", "mug")
+    assert seen.where("mug")[0].probability < 1
+    seen.saw("kitchen", "mug", object_id="m")
+    assert seen.where("mug")[0].probability == 1
+    assert seen.graph.looks == ()
+
+
+def test_a_file_may_say_looks_and_objects_without_scores(seen: SeenBuilding) -> None:
+    """The look came after the sighting; a score that is said counts as it is."""
+    said = {"kitchen": ["mug"], "hall": ["chair"], "bath": []}
+    plain = open_graph(said, model="mixture")
+    plain.looked("kitchen", "mug", chance=0.5)
+    document: dict[str, Any] = {
+        "scene_id": "graph",
+        "rooms": [{"id": "kitchen"}, {"id": "hall"}, {"id": "bath", "visited": False}],
+        "objects": [{"id": "mug 1", "room": "kitchen", "category": "mug"}],
+        "looks": [{"room": "kitchen", "thing": "mug", "chance": 0.5}],
+    }
+    told = open_graph(document, model="mixture")
+    document["objects"][0]["score"] = 0.25
+    scored = open_graph(document, model="mixture")
+    scores = [next(o.score for o in one.graph.objects) for one in (plain, told, scored)]
+    assert scores == [pytest.approx(0.4 / 0.6), pytest.approx(0.4 / 0.6), 0.25]
+
+
+def test_rooms_that_are_not_found_yet_hold_what_the_found_ones_lack() -> None:
+    seen = open_graph({"hall": ["mirror"], "more_rooms": True})
+    first, hall = seen.where("towel")
+    assert (first.room, hall.room) == (EXPLORE, "hall")
+    assert first.probability <= seen.anywhere("towel") <= 1
+    assert seen.next_room("towel", here="hall") == EXPLORE
+    assert seen.next_room("towel") == EXPLORE
+    seen.discovered("bath", beside="hall", room_type="bathroom")
+    seen.more_rooms(0)
+    assert {place.room for place in seen.where("towel")} == {"hall", "bath"}
+    seen.more_rooms(2)
+    seen.discovered("cellar", beside="hall")
+    assert seen.graph.more_rooms == 1
+    seen.more_rooms(5)
+    with refuses(RecipeError, "room-named-explore", "explore"):
+        seen.discovered("explore")
+    assert "explore" not in seen.rooms
+
+
+def test_a_building_is_never_less_likely_than_its_likeliest_room(seen: SeenBuilding) -> None:
+    for thing in ("sink", "shoes", "mug", "banana", "oil", "coffee machine"):
+        places = seen.where(thing)
+        assert max(p.probability for p in places) <= seen.anywhere(thing) + 1e-12
+        for place in places:
+            given_one = place.probability / seen.anywhere(thing)
+            assert place.if_there == pytest.approx(min(1, given_one))
+
+
+def test_thirty_sightings_at_one_place_are_one_sofa(seen: SeenBuilding) -> None:
+    before = len(seen.graph.objects)
+    ids = {seen.saw("kitchen", "sofa", position=(5.0, 5.0 + k / 100, 0.0)) for k in range(30)}
+    assert len(ids) == 1
+    assert len(seen.graph.objects) == before + 1
+    assert seen.saw("kitchen", "couch", position=(5.0, 5.2, 0.0)) in ids
+    assert seen.saw("kitchen", "armchair", position=(5.0, 5.2, 0.0)) not in ids
+    assert seen.saw("kitchen", "sofa", position=(5.0, 9.0, 0.0)) not in ids
+    assert seen.saw("kitchen", "sofa", position=(5.0, 5.0, 0.0), within=0) not in ids
+
+
+def test_yesterdays_sighting_fades(seen: SeenBuilding) -> None:
+    seen.saw("kitchen", "mug", object_id="m", age=24.0, stays=24.0)
+    place = next(p for p in seen.where("mug") if p.room == "kitchen")
+    assert place.probability == pytest.approx(1 - 0.5 * (1 - place.unseen))
+
+
+def test_more_is_learned_of_a_room_later(seen: SeenBuilding) -> None:
+    seen.discovered("x", beside="kitchen")
+    seen.describe("x", room_type="bathroom", label="the bath", floor_area=6.0)
+    room = seen.graph.rooms[-1]
+    assert (room.room_type, room.label, room.floor_area) == ("bathroom", "the bath", 6.0)
+    seen.describe("the bath", beside="meeting-room")
+    assert len([pair for pair in seen.graph.adjacency if 4 in pair]) == 2
+
+
+def test_looks_scores_and_rooms_not_found_are_kept_in_files(
+    seen: SeenBuilding, tmp_path: Path
+) -> None:
+    seen.saw("kitchen", "mug", object_id="m", score=0.7)
+    seen.looked("kitchen", "mug")
+    seen.looked("meeting-room", "sink", chance=0.4)
+    seen.more_rooms(3)
+    for name in ("saved.json", "saved.dsg.json"):
+        write_belief(seen.belief(), tmp_path / name)
+    again = open_graph(tmp_path / "saved.json", model="mixture")
+    assert again.graph == seen.graph
+    assert again.next_room(["mug", "sink"], here="kitchen") == seen.next_room(
+        ["mug", "sink"], here="kitchen"
+    )
+    hydra = open_graph(tmp_path / "saved.dsg.json", model="mixture").graph
+    assert (hydra.more_rooms, [one.chance for one in hydra.looks]) == (3, [0.8, 0.4])
+    assert {obj.score for obj in hydra.objects} == {obj.score for obj in seen.graph.objects}
+
+
+def test_a_robot_can_say_what_its_looks_cost(seen: SeenBuilding) -> None:
+    first = seen.next_room("sink", here="waiting-room", look=5.0)
+    dear = seen.next_room("sink", here="waiting-room", look={str(first): 1000.0})
+    assert dear != first
+    for look in (-1.0, float("inf"), {"kitchen": -1}, {"attic": 1}, "x"):
+        with pytest.raises(RecipeError):
+            seen.next_room("sink", here="waiting-room", look=look)  # type: ignore[arg-type]
+    with refuses(RecipeError, "chance-zero"):
+        seen.next_room("sink", here="waiting-room", chance=0)
+    with refuses(RecipeError, "robots-none"):
+        seen.next_rooms({}, "sink")
+    with pytest.raises(RecipeError):
+        seen.next_rooms({"a": "attic"}, "sink")

@@ -1,4 +1,4 @@
-"""Rooms by id or label, hidden shares that a person says, ways between rooms, and where to go."""
+"""Rooms by id or label, hidden shares that a person says, and ways between rooms."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
-from bsg_models.robot.ways import Ways, choose_destination, measure_ways
+from bsg_models.robot.ways import add_places, measure_ways
 from bsg_models.robot.words import find_room, set_hidden_shares
 from bsg_models.search.knowledge import find_ways
-from bsg_models.search.planners import next_room
 
 
 def graph_of(places: list[Any], adjacency: list[tuple[int, int]]) -> PartialGraph:
@@ -104,35 +103,15 @@ def test_a_way_may_cost_nothing(rooms: int) -> None:
     assert ways.costs[rooms, 1] == rooms - 2
 
 
-NOBODY = np.array([True, False, False, False, False])
-
-
-CORRIDOR = measure_ways(graph_of([None] * 4, [(1, 2), (2, 3), (3, 4)]))
-
-
-def go(ways: Ways, *likely: float, explored: np.ndarray = NOBODY) -> int | None:
-    presence = np.array([0.9, *likely])[:, None]
-    return choose_destination(ways, here=1, explored=explored, presence=presence)
-
-
-def test_a_room_on_the_way_to_a_likelier_one_is_passed_by() -> None:
-    presence = np.array([0, 0, 0.01, 0.02, 0.7])
-    edges = CORRIDOR.edges
-    known = NOBODY | np.eye(5, dtype=bool)[1]
-    assert next_room(edges, here=1, explored=known, presence=presence) == 2
-    assert go(CORRIDOR, 0, 0.01, 0.02, 0.7) == 4
-
-
-def test_a_likelier_room_on_the_way_is_looked_into() -> None:
-    assert go(CORRIDOR, 0, 0.8, 0.02, 0.7) == 2
-    assert go(CORRIDOR, 0, 0.1, 0.8, 0.7) == 3
-
-
-def test_a_detour_is_not_on_the_way() -> None:
-    star = measure_ways(graph_of([None] * 4, [(1, 2), (1, 3), (1, 4)]))
-    assert go(star, 0, 0.6, 0.7, 0.1) == 3
-    corner = measure_ways(graph_of([None] * 4, [(1, 2), (1, 3), (3, 4)]))
-    assert go(corner, 0, 0.5, 0.0, 0.6) == 2
+def test_places_that_are_not_known_are_as_far_as_others_are() -> None:
+    ways = add_places(
+        measure_ways(graph_of([[0, 0, 0], [2, 0, 0], [6, 0, 0]], [(1, 2), (2, 3)])), 2
+    )
+    assert ways.costs.shape == (6, 6)
+    assert ways.costs[1:4, 4:].tolist() == [[3, 3]] * 3
+    assert ways.costs[4, 5] == 3
+    assert ways.costs[4, 4] == 0
+    assert (ways.costs[4, 1:4] > 3).all()
 
 
 @pytest.fixture

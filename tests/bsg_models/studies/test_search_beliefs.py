@@ -14,7 +14,8 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.observation.masks import sample_withheld
-from bsg_data.observation.partial_graph import PartialGraph, SeenObject, observe
+from bsg_data.observation.partial_graph import PartialGraph, SeenObject
+from bsg_data.observation.reports import observe
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model

@@ -125,9 +125,12 @@ def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: st
         "saw", '{"thing": "coat rack", "object": "7", "position": [1, 0, 0], "id": "a"}'
     )
     assert seen == {"topic": "saw", "id": "a", "object": "7"}
+    looked = {"topic": "looked", "room": "hall", "thing": "microwave"}
+    assert robot.ask("looked", "microwave") == looked
     answer = robot.ask("where", '{"thing": "microwave", "id": "b"}')
     assert (answer["id"], answer["go_first"], answer["cost_unit"]) == ("b", "kitchen", "m")
-    assert [(one["room"], one["cost"]) for one in answer["places"]] == [("kitchen", 5), ("hall", 0)]
+    places = [(one["room"], one["cost"]) for one in answer["things"][0]["places"]]
+    assert places == [("kitchen", 5), ("hall", 0)]
     assert robot.ask("expected", "kitchen")["expected"][0]["probability"] > 0.1
     graph = robot.hear_graph(lambda graph: bool(graph["objects"]))
     assert [room["id"] for room in graph["rooms"]] == ["hall", "kitchen"]
@@ -185,7 +188,7 @@ def test_a_client_that_dies_and_texts_that_are_wrong_stop_nothing(start: Start, 
         if "error" in answer:
             codes[answer["code"]] = answer.get("id")
     assert codes == dict.fromkeys(wrong) | {"request-malformed": "9"}
-    assert robot.ask("where", "bed")["class"] == "bed"
+    assert robot.ask("where", "bed")["things"][0]["class"] == "bed"
     assert node.poll() is None
 
 
@@ -194,7 +197,9 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     state = tmp_path / "seen.json"
     node, robot = start_node(start, space, graph=HOME, state=state), start_robot(start, space)
     robot.ask("discovered", '{"room": "cellar", "beside": "hall"}')
-    robot.ask("saw", '{"thing": "sink", "room": "kitchen"}')
+    robot.ask("saw", '{"thing": "sink", "room": "kitchen", "score": 0.7}')
+    robot.ask("looked", '{"thing": "sink", "room": "living"}')
+    robot.ask("more_rooms", "2")
     before = robot.ask("where", '{"thing": "sink", "here": "hall"}')
     assert end(node, signal.SIGTERM) == 0
     robot.process.kill()
@@ -249,11 +254,16 @@ def test_the_client_of_the_page_asks_the_node(start: Start, space: str) -> None:
     done = start(sys.executable, *client, "--ros-args", "-r", f"__ns:={space}")
     lines = done.communicate(timeout=WAIT)[0].splitlines()
     assert [line.split(",")[0] for line in lines[:2]] == ["microwave: kitchen", "sofa: living"]
-    assert lines[2] == "go first to living"
+    assert lines[2] == "go first to kitchen", "a sofa is found already"
     assert done.returncode == 0
-    told = (client[0], "--topic", "saw", '{"thing": "sink", "room": "hall"}')
-    done = start(sys.executable, *told, "--ros-args", "-r", f"__ns:={space}")
-    assert json.loads(done.communicate(timeout=WAIT)[0])["object"] == "saw 4"
+    for topic, text, key, value in (
+        ("saw", '{"thing": "sink", "room": "hall"}', "object", "saw 4"),
+        ("more_rooms", "2", "number", 2),
+        ("gone", "saw 4", "object", "saw 4"),
+    ):
+        told = (client[0], "--topic", topic, text)
+        done = start(sys.executable, *told, "--ros-args", "-r", f"__ns:={space}")
+        assert json.loads(done.communicate(timeout=WAIT)[0])[key] == value
 
 
 def test_the_launch_file_starts_the_node(start: Start, space: str, tmp_path: Path) -> None:
@@ -289,8 +299,10 @@ def test_the_recorded_session_can_be_played(start: Start, space: str) -> None:
         again = robot.ask(topic, text)
         assert again.keys() == answer.keys()
         assert "error" not in again
-        same = ("topic", "id", "room", "object", "class")
+        same = ("topic", "id", "room", "object", "thing")
         assert [again.get(key) for key in same] == [answer.get(key) for key in same]
+        asked, before = again.get("things", ()), answer.get("things", ())
+        assert [one["class"] for one in asked] == [one["class"] for one in before]
 
 
 def test_the_page_has_all_topics_and_parameters() -> None:
@@ -301,5 +313,8 @@ def test_the_page_has_all_topics_and_parameters() -> None:
     rows = re.findall(r"^\| `([\w~/]+)` \| (\S+)", page, re.MULTILINE)
     shown = {name: value.strip("`") for name, value in rows}
     assert {f"~/{topic}" for topic in TOPICS} < shown.keys()
+    said = dict(re.findall(r"^\| `~/(\w+)` \| ([^|]*) \|", page, re.MULTILINE))
+    for topic, (kind, _) in TOPICS.items():
+        assert {*re.findall(r"`(\w+)`", said[topic])} == {*kind.model_fields} - {"id"}, topic
     for name, (default, *_) in PARAMETERS.items():
         assert shown[name] == (str(default) or "–"), name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from dataclasses import asdict
 from types import SimpleNamespace
@@ -37,8 +38,9 @@ def test_a_text_that_is_no_object_is_the_first_word(robot: Robot) -> None:
     assert robot.seen.graph.objects[-1].room_index == 3
     answer = robot.hear("where", "sofa")
     places = robot.seen.where("sofa", here="meeting-room")
-    assert answer["places"] == [asdict(place) for place in places]
-    assert answer["go_first"] == "meeting-room"
+    (sofa,) = answer["things"]
+    assert sofa["places"] == [asdict(place) for place in places]
+    assert (answer["go_first"], answer["here"]) == ("meeting-room", "meeting-room")
     assert say(robot, "expected", room="kitchen")["expected"]
     assert robot.hear("where", '"sofa"') == answer
     both = robot.hear("where", '["cup", "sofa"]')["things"]
@@ -51,12 +53,83 @@ def test_reports_change_what_python_would_change(robot: Robot) -> None:
     say(robot, "discovered", room="R9", beside=["kitchen"], position=[1, 2, 3], floor_area=8)
     say(robot, "saw", thing="lamp", room="R9", object="l", position=[1, 2, 4])
     say(robot, "searched", room="meeting-room")
+    say(robot, "looked", thing="bottle")
+    say(robot, "looked", thing="mug", room="waiting-room", chance=0.5)
+    say(robot, "gone", object="9")
+    say(robot, "searched", room="waiting-room", found=["couch", "3"])
+    facts = {"room_type": "storage room", "label": "D", "floor_area": 7, "beside": "meeting-room"}
+    say(robot, "describe", room="R9", **facts)
+    say(robot, "more_rooms", number=4)
+    for age in (48, 24):  # within 0.3 m, the same one
+        asked = {"position": [5, 5, 1 + age / 200], "age": age, "stays": 24, "within": 0.3}
+        say(robot, "saw", thing="toy", room="R9", **asked)
     other.entered("kitchen", floor_in_view=0.5)
     other.discovered("R9", beside="kitchen", position=(1, 2, 3), floor_area=8)
     other.saw("R9", "lamp", object_id="l", position=(1, 2, 4))
     other.searched("meeting-room")
+    other.looked("kitchen", "bottle")
+    other.looked("waiting-room", "mug", chance=0.5)
+    other.gone("9")
+    other.searched("waiting-room", found=["couch", "3"])
+    other.describe("R9", **facts)
+    other.more_rooms(4)
+    other.saw("R9", "toy", position=(5, 5, 1.12), score=0.5)
     assert robot.seen.graph == other.graph
     assert robot.here == "kitchen"
+    known = {obj.name: obj for obj in robot.seen.graph.objects}
+    assert known.keys() & {"1", "2", "3", "4", "5", "9"} == {"1", "3"}
+    assert known["12"].probability < 0.95, "a look has missed the bottle"
+    assert robot.seen.graph.rooms[-1].label == "D"
+
+
+@pytest.mark.parametrize(("text", "more"), [("3", 3), ("true", True), ('{"number": true}', True)])
+def test_rooms_that_are_not_found_are_a_number_or_true(
+    robot: Robot, text: str, more: object
+) -> None:
+    assert robot.hear("more_rooms", text) == {"topic": "more_rooms", "number": more}
+    assert robot.seen.graph.more_rooms is more
+    robot.seen.searched("waiting-room")
+    answer = robot.hear("where", '{"thing": "toilet", "here": "waiting-room"}')
+    assert "explore" in [place["room"] for place in answer["things"][0]["places"]]
+    assert "explore" in [step["room"] for step in answer["plan"]]
+
+
+def test_looks_send_the_robot_elsewhere(robot: Robot) -> None:
+    """And a sighting brings it back."""
+    robot.hear("entered", "kitchen")
+    first = robot.hear("where", "microwave")
+    for _ in range(3):
+        assert robot.hear("looked", "microwave")["room"] == "kitchen"
+    then = robot.hear("where", "microwave")
+    assert (first["go_first"], then["go_first"]) == ("kitchen", "waiting-room")
+    assert then["things"][0]["anywhere"] < first["things"][0]["anywhere"]
+    robot.hear("saw", "microwave")
+    assert robot.hear("where", "microwave")["go_first"] == "kitchen"
+
+
+def test_a_question_has_the_robots_the_looks_the_chance_and_the_task(robot: Robot) -> None:
+    said = {
+        "look": {"kitchen": 9, "A: waiting room": 1},
+        "chance": 0.5,
+        "task": "all",
+    }
+    answer = say(robot, "where", thing=["sofa", "cup"], here="kitchen", **said)
+    seen = robot.seen
+    plan = seen.explain(["sofa", "cup"], here="kitchen", **said)
+    assert answer["plan"] == [*map(asdict, plan)]
+    assert answer["go_first"] == seen.next_room(["sofa", "cup"], here="kitchen", **said)
+    robots = {"a": "kitchen", "b": "kitchen"}
+    team = say(robot, "where", thing="cup", robots=robots, look=2)
+    assert team["robots"] == seen.next_rooms(robots, "cup", look=2)
+    assert len({*team["robots"].values()}) == 2
+    assert (team["go_first"], team["plan"]) == (None, [])
+
+
+def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot: Robot) -> None:
+    robot.hear("entered", "meeting-room")
+    for here, unit in ((None, None), ("kitchen", "rooms")):
+        answer = say(robot, "where", thing="cup", robots={"a": "kitchen"}, here=here)
+        assert (answer["here"], answer["cost_unit"]) == (here, unit)
 
 
 def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
@@ -69,8 +142,9 @@ def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
 def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
     gizmo = say(robot, "saw", thing="gizmo", room="kitchen")
     assert gizmo["notes"] == ["no class map knows 'gizmo': it is kept, but tells the model nothing"]
-    (note,) = say(robot, "discovered", room="attic", room_type="zzz")["notes"]
-    assert note.startswith("room type 'zzz' is read as")
+    for topic in ("discovered", "describe"):
+        (note,) = say(robot, topic, room="attic", room_type="zzz")["notes"]
+        assert note.startswith("room type 'zzz' is read as")
 
 
 @pytest.mark.parametrize(
@@ -85,6 +159,41 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("entered", '{"room": "kitchen", "floor_in_view": 1, "hidden_share": 0}', "share-twice"),
         ("entered", '{"room": "kitchen", "floor": 1}', "request-malformed"),
         ("discovered", "kitchen", "room-known"),
+        ("saw", '{"thing": "cup", "room": "kitchen", "score": 1.5}', "request-malformed"),
+        ("saw", '{"thing": "cup", "room": "kitchen", "score": "1"}', "request-malformed"),
+        ("saw", '{"thing": "cup", "room": "kitchen", "within": -1}', "request-malformed"),
+        ("saw", '{"thing": "cup", "room": "kitchen", "age": 1, "stays": 0}', "request-malformed"),
+        ("saw", '{"thing": "cup", "room": "kitchen", "age": 1}', "stays-unsaid"),
+        (
+            "saw",
+            '{"thing": "cup", "room": "kitchen", "age": 1, "stays": 9, "score": 1}',
+            "score-twice",
+        ),
+        ("searched", '{"room": "kitchen", "found": ["chair", "toaster"]}', "object-unknown"),
+        ("searched", '{"room": "kitchen", "found": ["chair", "zzqx"]}', "thing-unknown"),
+        ("searched", '{"room": "kitchen", "found": "chair"}', "request-malformed"),
+        ("looked", "bottle", "room-unsaid"),
+        ("looked", '{"thing": "bottle", "room": "cellar"}', "room-unknown"),
+        ("looked", '{"thing": "zzqx", "room": "kitchen"}', "thing-unknown"),
+        ("looked", '{"thing": "bottle", "room": "kitchen", "chance": 2}', "request-malformed"),
+        ("looked", '{"thing": "bottle", "room": "kitchen", "chance": -1}', "request-malformed"),
+        ("gone", "no-such", "object-unknown"),
+        ("gone", '{"object": 12}', "request-malformed"),
+        ("describe", '{"room": "cellar", "label": "C"}', "room-unknown"),
+        ("describe", '{"room": "kitchen", "beside": "kitchen"}', "room-beside-itself"),
+        ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
+        ("describe", '{"room": "kitchen", "room_type": {"bath": 2}}', "request-malformed"),
+        ("more_rooms", "many", "request-malformed"),
+        ("more_rooms", "1001", "request-malformed"),
+        ("more_rooms", '{"number": -1}', "request-malformed"),
+        ("more_rooms", '{"number": 1.5}', "request-malformed"),
+        ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
+        ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
+        ("where", '{"thing": "cup", "look": -1}', "request-malformed"),
+        ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
+        ("where", '{"thing": "cup", "here": "kitchen", "look": {"attic": 1}}', "room-unknown"),
+        ("where", '{"thing": "cup", "chance": 1.1}', "request-malformed"),
+        ("where", '{"thing": "cup", "task": "some"}', "request-malformed"),
         ("where", "zzqx", "thing-unknown"),
         ("where", '{"thing": []}', "request-malformed"),
         ("where", "[3]", "request-malformed"),
@@ -153,24 +262,54 @@ def detection(object_id: str, *scores: tuple[str, float]) -> SimpleNamespace:
     )
 
 
-@pytest.mark.parametrize(("frame", "position"), [("map", (1.0, 2.0, 0.5)), ("camera", None)])
-def test_detections_with_an_id_and_a_high_score_are_sightings(
-    robot: Robot, frame: str, position: tuple[float, ...] | None
+def message(frame: str, *detections: SimpleNamespace) -> SimpleNamespace:
+    return SimpleNamespace(header=SimpleNamespace(frame_id=frame), detections=[*detections])
+
+
+@pytest.mark.parametrize(
+    ("frame", "place"),
+    [("map", {"position": (1.0, 2.0, 0.5)}), ("camera", {"within": math.inf})],
+)
+def test_detections_with_a_high_score_are_sightings(
+    robot: Robot, frame: str, place: dict[str, Any]
 ) -> None:
-    message = SimpleNamespace(
-        header=SimpleNamespace(frame_id=frame),
-        detections=[
-            detection("d1", ("wall", 0.1), ("microwave", 0.9)),
-            detection("d2", ("lamp", 0.4)),
-            detection("", ("lamp", 1.0)),
-            detection("d3"),
-        ],
+    heard = message(
+        frame,
+        detection("d1", ("wall", 0.1), ("microwave", 0.9)),
+        detection("d2", ("lamp", 0.4)),
+        detection("", ("lamp", 1.0)),
+        detection("d3"),
     )
-    (said,) = read_detections(message, frame="map", min_score=0.5)
-    assert said == {"thing": "microwave", "object": "d1", "position": position}
+    said, lamp = read_detections(heard, frame="map", min_score=0.5)
+    assert said == {"thing": "microwave", "object": "d1", "score": 0.9, **place}
+    assert lamp == {"thing": "lamp", "object": None, "score": 1.0, **place}
     assert robot.answer("saw", said)["code"] == "room-unsaid"
     robot.hear("entered", "kitchen")
     assert robot.answer("saw", said)["object"] == "d1"
+    assert robot.answer("saw", lamp)["object"] == "saw 20"
+    assert [obj.score for obj in robot.seen.graph.objects[-2:]] == [0.9, 1.0]
+
+
+@pytest.mark.parametrize("frame", ["map", "camera"])
+def test_thirty_detections_of_one_sofa_are_one_sofa(robot: Robot, frame: str) -> None:
+    """And one of another class, or in another room, is another thing."""
+    robot.hear("entered", "kitchen")
+    before = len(robot.seen.graph.objects)
+
+    def detect(word: str, at: float, score: float) -> str:
+        seen = detection("", (word, score))
+        seen.bbox.center.position.x = at
+        (said,) = read_detections(message(frame, seen), frame="map", min_score=0.5)
+        return str(robot.answer("saw", said)["object"])
+
+    ids = {detect("sofa", 3 + 0.01 * number, 0.6 + 0.01 * number) for number in range(30)}
+    assert len(ids) == 1
+    assert len(robot.seen.graph.objects) == before + 1
+    assert robot.seen.graph.objects[-1].score == pytest.approx(0.89), "the surest of them"
+    assert detect("stove", 3.0, 0.9) not in ids
+    assert (detect("sofa", 9.0, 0.9) in ids) == (frame == "camera")
+    robot.hear("entered", "meeting-room")
+    assert detect("sofa", 20.0, 0.9) not in ids
 
 
 def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,9 +7,12 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
 
 import pytest
 from conftest import REPOSITORY
+
+from bsg_models import Place, Step
 
 DOCS = REPOSITORY / "docs"
 
@@ -35,6 +38,27 @@ def test_the_lines_of_the_client_are_answered(address: str) -> None:
     (block,) = read_blocks("mcp", "python", address)
     done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, check=True)
     assert done.stdout == "kitchen\n"
+
+
+def test_the_page_has_all_keys_of_questions_and_answers() -> None:
+    from bsg_cli.serve.questions import Contents, Expect, Find, Found, Thing
+
+    page = (DOCS / "robot-software.md").read_text("utf-8").split("\n## HTTP\n")[1]
+    questions, answers = page.split("| answer | meaning |")
+    rows = re.findall(r"^\| ([^|]+) \| (`/\w+`|both) \|", questions, re.MULTILINE)
+    for path, kind in (("`/find`", Find), ("`/expect`", Expect)):
+        keys = [key for key, of in rows if of in (path, "both")]
+        assert {*re.findall(r"`(\w+)`", " ".join(keys))} == {*kind.model_fields}
+    keys = " ".join(re.findall(r"^\| ([^|]+) \|", answers, re.MULTILINE))
+    shown = {*re.findall(r"`(\w+)`", keys)}
+    assert {*Found.model_fields, *Contents.model_fields} <= shown
+    (places,) = re.findall(r"^\| `places` \| (.*)", answers, re.MULTILINE)
+    assert {one.name for one in fields(Place)} <= {*re.findall(r"`(\w+)`", places)}
+    (plan,) = re.findall(r"^\| `plan` \| (.*)", answers, re.MULTILINE)
+    assert {one.name for one in fields(Step)} == {*re.findall(r"`(\w+)`", plan)} - {"here"}
+    (things,) = re.findall(r"^\| `things` of `/find` \| (.*)", answers, re.MULTILINE)
+    names = {one.alias or name for name, one in Thing.model_fields.items()}
+    assert names == {*re.findall(r"`(\w+)`", things)}
 
 
 def test_the_configurations_are_json() -> None:

@@ -38,6 +38,17 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             assert (place["room"], place["cost"]) == (best.room, best.cost)
             assert place["probability"] == pytest.approx(best.probability, abs=1e-6)
 
+            options = {"look": 2, "chance": 0.5, "task": "all"}
+            weighed = await client.call_tool("find_things", {**question, **options})
+            steps = seen.explain("microwave", here="hall", **options)
+            plan = weighed.structured_content["plan"]
+            assert [step["room"] for step in plan] == [step.room for step in steps]
+            assert [step["found"] for step in plan] == pytest.approx([s.found for s in steps])
+            team = {"map": SIMPLE, "things": "cup", "robots": {"a": "hall", "b": "kitchen"}}
+            sent = (await client.call_tool("find_things", team)).structured_content
+            assert sent["robots"] == seen.next_rooms(team["robots"], "cup")
+            assert sent["go_first"] is None
+
             noun = await client.call_tool("find_things", {"map": SIMPLE, "things": "banana"})
             assert noun.structured_content["things"][0]["class"] is None
 
@@ -49,5 +60,10 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             fault = await client.call_tool("find_things", wrong)
             assert fault.is_error
             assert "map: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
+            for wrong in ({"chance": 2}, {"look": -1}, {"task": "some"}, {"robots": {}}):
+                assert (await client.call_tool("find_things", {**question, **wrong})).is_error
+            lost = {**question, "robots": {"a": "attic"}}
+            fault = await client.call_tool("find_things", lost)
+            assert "no room 'attic'" in fault.content[0].text
 
     anyio.run(ask)

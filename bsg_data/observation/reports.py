@@ -1,0 +1,258 @@
+"""Update a partial graph by what a robot reports. Each update returns a new graph."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.hidden_share import VAGUE, ShareBelief
+from bsg_data.observation.partial_graph import (
+    GLIMPSED_SHARE,
+    KnownRoom,
+    Look,
+    PartialGraph,
+    SeenObject,
+)
+from bsg_data.scene.class_map import normalise_name
+
+LOOK_CHANCE = 0.8  # P(a look finds a thing that is there), if the robot does not say
+MOST_LOOKS = 10_000  # that a graph keeps
+_TRUSTED = 0.8  # P(a thing is where it was seen without doubt), once a look has missed it
+
+
+def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
+    """Return the partial graph after the robot has searched a room.
+
+    The hidden share of the building falls in proportion to the sum of its rooms' shares.
+
+    Args:
+        graph: the partial graph before.
+        room_index: the room, 1..R.
+        objects: all objects in the room, seen before or not; they replace the known objects.
+
+    Raises:
+        RecipeError: if the room does not exist, or an object is in another room or occurs twice.
+    """
+    if not 1 <= room_index <= len(graph.rooms):
+        raise RecipeError(
+            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}",
+            code="room-unknown",
+            where=room_index,
+        )
+    inside = tuple(objects)
+    strays = [obj.name for obj in inside if obj.room_index != room_index]
+    if strays:
+        raise RecipeError(
+            f"{graph.scene_id}: object {strays[0]} is not in room {room_index}",
+            code="object-elsewhere",
+            where=strays[0],
+        )
+    every = (*(obj for obj in graph.objects if obj.room_index != room_index), *inside)
+    twice = [name for name, times in Counter(obj.name for obj in every).items() if times > 1]
+    if twice:
+        raise RecipeError(
+            f"{graph.scene_id}: {twice[0]} is there twice", code="object-twice", where=twice[0]
+        )
+    return enter(replace(graph, objects=every), room_index, hidden_share=ShareBelief(0.0))
+
+
+def hide_of_room(
+    graph: PartialGraph, room_index: int, share: ShareBelief, *, visited: bool | None = None
+) -> PartialGraph:
+    """Return the graph with another hidden share of a room, 1..R, and whether it was visited."""
+    rooms = list(graph.rooms)
+    room = rooms[room_index - 1]
+    rooms[room_index - 1] = replace(
+        room,
+        hidden_share=share.mean,
+        hidden_share_sd=share.sd,
+        visited=room.visited if visited is None else visited,
+    )
+    building = graph.share_with([room.hidden_share for room in rooms])
+    return replace(graph, rooms=tuple(rooms), hidden_share=building)
+
+
+def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
+    """Return the partial graph after the robot has seen one object.
+
+    A known object of this name moves to the new place. A room of which nothing was seen becomes
+    glimpsed. The hidden share of any other room stays the same, because one object does not say how
+    much more the robot looked at.
+    """
+    others = tuple(obj for obj in graph.objects if obj.name != seen.name)
+    graph = replace(graph, objects=(*others, seen))
+    if not seen.room_index or graph.rooms[seen.room_index - 1].hidden_share < 1:
+        return graph
+    return hide_of_room(graph, seen.room_index, ShareBelief(GLIMPSED_SHARE))
+
+
+def enter(
+    graph: PartialGraph, room_index: int, *, hidden_share: ShareBelief | None = None
+) -> PartialGraph:
+    """Return the partial graph after the robot has entered a room, 1..R, or seen more of it.
+
+    Without a new hidden share, the known one stays, but a room not yet visited with a share above
+    0.5 gets `VAGUE`.
+    """
+    known = graph.rooms[room_index - 1]
+    if hidden_share is None:
+        was_inside = known.visited and known.hidden_share < 1
+        hidden_share = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
+    return hide_of_room(graph, room_index, hidden_share, visited=True)
+
+
+def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = ()) -> PartialGraph:
+    """Return the partial graph with one more room, the last, `beside` known ones.
+
+    Raises:
+        RecipeError: if the name is known already.
+    """
+    number = len(graph.rooms) + 1
+    if room.name in {known.name for known in graph.rooms}:
+        raise RecipeError(
+            f"{graph.scene_id}: room {room.name!r} is known already; `describe` says more of it",
+            code="room-known",
+            where=room.name,
+        )
+    pairs = {*graph.adjacency, *((other, number) for other in beside)}
+    more = graph.more_rooms
+    return replace(
+        graph,
+        rooms=(*graph.rooms, room),
+        adjacency=tuple(sorted(pairs)),
+        hidden_share=(graph.hidden_share * (number - 1) + room.hidden_share) / number,
+        more_rooms=more if more is True or not more else more - 1,
+    )
+
+
+def describe(
+    graph: PartialGraph, room_index: int, room: KnownRoom, *, beside: Collection[int] = ()
+) -> PartialGraph:
+    """Return the partial graph with other facts of a room, 1..R, and more connections of it.
+
+    Raises:
+        RecipeError: if a room connects with itself.
+    """
+    if room_index in beside:
+        raise RecipeError(
+            f"room {room.name!r}: beside: expected other rooms, found itself",
+            code="room-beside-itself",
+            where=room.name,
+        )
+    rooms = [*graph.rooms]
+    rooms[room_index - 1] = room
+    pairs = {*graph.adjacency, *((min(o, room_index), max(o, room_index)) for o in beside)}
+    return replace(graph, rooms=tuple(rooms), adjacency=tuple(sorted(pairs)))
+
+
+def look(graph: PartialGraph, seen: Look, *, doubted: Collection[str]) -> PartialGraph:
+    """Return the partial graph after a look that did not find a thing.
+
+    Looks for the same thing in the same room become one, whose chance is that of all.
+
+    Args:
+        graph: the partial graph before.
+        seen: the look.
+        doubted: ids of the objects that it would have found; their scores fall by Bayes' rule.
+    """
+    same = (seen.room_index, normalise_name(seen.thing))
+    missed, looks = 1 - seen.chance, []
+    for one in graph.looks:
+        if (one.room_index, normalise_name(one.thing)) == same:
+            missed *= 1 - one.chance
+        else:
+            looks.append(one)
+    joined = replace(seen, chance=1 - missed)
+    if len(looks) >= MOST_LOOKS:
+        raise RecipeError(
+            f"{graph.scene_id}: expected at most {MOST_LOOKS:,} looks; `searched` says that a room "
+            "has nothing more",
+            code="looks-too-many",
+            where=graph.scene_id,
+        )
+    return replace(doubt(graph, doubted, chance=seen.chance), looks=(*looks, joined))
+
+
+def doubt(graph: PartialGraph, names: Collection[str], *, chance: float) -> PartialGraph:
+    """Return the partial graph after a look has missed some objects, by Bayes' rule.
+
+        score' = score (1 − chance) / (1 − score · chance)
+
+    An object that nobody doubted has the score 0.8 before: things are moved, and sightings err.
+    Objects that cannot be there are gone.
+    """
+    doubted = set(names)
+    objects = []
+    for obj in graph.objects:
+        if obj.name in doubted:
+            before = _TRUSTED if obj.score is None else obj.score
+            score = before * (1 - chance) / (1 - before * chance)
+            obj = replace(obj, score=score)
+        if obj.probability > 0:
+            objects.append(obj)
+    return replace(graph, objects=tuple(objects))
+
+
+def lose(graph: PartialGraph, names: Collection[str]) -> PartialGraph:
+    """Return the partial graph without some objects, which are gone."""
+    gone = set(names)
+    return replace(graph, objects=tuple(obj for obj in graph.objects if obj.name not in gone))
+
+
+def find_near(graph: PartialGraph, seen: SeenObject, *, within: float) -> SeenObject | None:
+    """Return the known object of the same class that is nearest to a sighting, within metres.
+
+    Their categories are the same, or one of them is the class itself: a sofa is a couch. Within ∞,
+    it is any in the same room, one without a position too.
+    """
+    best, near = None, within
+    classes = [normalise_name(name) for name in graph.class_space.classes]
+    for obj in graph.objects:
+        is_elsewhere = within == math.inf and obj.room_index != seen.room_index
+        if is_elsewhere or not _is_alike(obj, seen, classes=classes):
+            continue
+        far = math.inf
+        if obj.position is not None and seen.position is not None:
+            far = math.dist(obj.position, seen.position)
+        if within > 0 and far <= near and (best is None or far < near):
+            best, near = obj, far
+    return best
+
+
+def _is_alike(obj: SeenObject, other: SeenObject, *, classes: Collection[str]) -> bool:
+    """Return whether two are of one class; a plate is no fork, if both are tableware."""
+    if obj.class_index != other.class_index:
+        return False
+    names = {normalise_name(one.category or one.raw_category) for one in (obj, other)}
+    return len(names) == 1 or (obj.class_index is not None and not names.isdisjoint(classes))
+
+
+def say_score(
+    where: str, score: float | None, *, age: float | None, stays: float | None
+) -> float | None:
+    """Return P(a thing is where it was seen): as it is said, or 2^(−age / stays).
+
+    Args:
+        where: the object, for errors.
+        score: as the robot says it.
+        age: hours since it was seen.
+        stays: hours after which half of such things are elsewhere.
+
+    Raises:
+        RecipeError: if both score and age are given, or an age without `stays`.
+    """
+    if age is None:
+        return score
+    if score is not None:
+        raise RecipeError(f"{where}: give score or age, not both", code="score-twice", where=where)
+    if stays is None:
+        raise RecipeError(
+            f"{where}: has an age; say also `stays`, the hours after which half of such things are "
+            "elsewhere, of the object or of the graph",
+            code="stays-unsaid",
+            where=where,
+        )
+    return float(2.0 ** (-age / stays))

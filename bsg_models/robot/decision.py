@@ -1,0 +1,175 @@
+"""Decide which room a robot looks into next, to find things at the least expected cost.
+
+This is optimal search (Koopman 1957, Stone 1975): it is believed where a thing is, a look finds it
+with a chance if it is there, and going and looking cost something. A plan looks into every room
+once, and is made anew after every look. `bsg_models.search.orders` says what it costs.
+
+- A thing of which one is known for sure is found. If all are, the robot goes where they are; there
+  it need not search.
+- A room in which a look has missed waits until the others had a look (`leave_out`).
+- To find `all`, those that are known for sure do not count, because nobody has to look for them.
+- What is behind a closed door does not count, as long as something else is left, and a thing that
+  is nearly sure to be there does not count beside others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bsg_data.arrays import Bools, Floats
+from bsg_data.errors import RecipeError
+from bsg_models.robot.thing_belief import ThingBelief
+from bsg_models.robot.ways import Ways
+from bsg_models.search.catalogue import AnyPlanner, find_planner
+from bsg_models.search.knowledge import Task
+from bsg_models.search.looks import leave_out
+from bsg_models.search.orders import order_search
+from bsg_models.search.planners import next_room_by
+from bsg_models.search.teams import send_team
+
+_OF_LOOKS = ("missed", "again")
+_LEAST_REACHED = 0.1  # share of P(a look anywhere finds a thing)
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What a decision depends on, for N nodes and A things that are still to be found.
+
+    Attributes:
+        finds: `[N, A]` P(a look finds at least one); 0 where nothing is left to look for.
+        missed: `[N, A]` P(all looks so far miss a thing that is there); 1 without a look.
+        again: `[N, A]` whether the last look for a thing was there.
+        task: `single` or `all`.
+        things: which of the things these are.
+        is_known: whether all things are known for sure, so that the robot only has to go there.
+    """
+
+    finds: Floats
+    missed: Floats
+    again: Bools
+    task: Task
+    things: tuple[int, ...]
+    is_known: bool = False
+
+    def candidates(self, *here: int) -> Bools:
+        """Return the rooms that may be named, `[N]`, for robots in some rooms."""
+        likely = self.finds > 0
+        rooms = np.asarray(likely.any(axis=1))
+        beside = np.isin(np.arange(len(rooms)), here)
+        again = beside & rooms & (self.again | ~likely).all(axis=1)
+        missed = np.where(likely, self.missed, 0.0).max(axis=1)
+        return leave_out(rooms, missed, self.likely, again=again)
+
+    @property
+    def likely(self) -> Floats:
+        """P(a look finds any of the things), `[N]`."""
+        return np.asarray(1 - (1 - self.finds).prod(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """What looks for a thing have missed at N nodes: `missed` and `again` of `Decision`, `[N]`."""
+
+    missed: Floats
+    again: Bools
+
+
+def weigh(
+    beliefs: Sequence[ThingBelief],
+    looked: Sequence[Looked],
+    *,
+    here: Sequence[int],
+    open_: Bools,
+    chance: float,
+    task: Task,
+) -> Decision:
+    """Return what a decision about some things depends on.
+
+    Args:
+        beliefs: of A things.
+        looked: what looks for each have missed.
+        here: nodes of the robots.
+        open_: `[N]` nodes that a way leads to.
+        chance: P(a look finds a thing that is there).
+        task: `single` or `all`.
+
+    Raises:
+        RecipeError: if rooms are left, and no way leads to any of them.
+    """
+    of_looks = (np.stack([getattr(one, n) for one in looked], axis=1) for n in _OF_LOOKS)
+    missed, again = of_looks
+    sure = np.stack([one.is_sure & open_ for one in beliefs], axis=1)
+    unknown = np.asarray(~sure.any(axis=0)) if task == "single" else np.ones(len(beliefs), bool)
+    if not unknown.any():
+        beside = sure[list(here)].any(axis=0)
+        left = sure[:, ~beside] if not beside.all() else sure
+        none = np.zeros(left.shape, dtype=bool)
+        every = tuple(range(len(beliefs)))
+        return Decision(left.astype(float), np.ones(left.shape), none, task, every, is_known=True)
+    finds = np.stack([one.finds(chance, unsure=task == "all") for one in beliefs], axis=1)
+    reached = np.where(open_[:, None], finds, 0.0)
+    if finds[:, unknown].any() and not reached[:, unknown].any():
+        raise RecipeError(
+            "no way leads to a room that is left to search; give `costs` that are finite",
+            code="rooms-unreachable",
+        )
+    every, left = (1 - (1 - part).prod(axis=0) for part in (finds, reached))
+    near = unknown & (left >= _LEAST_REACHED * every)
+    kept = near if near.any() else unknown
+    things = tuple(np.flatnonzero(kept).tolist())
+    return Decision(reached[:, kept], missed[:, kept], again[:, kept], task, things)
+
+
+def choose_room(
+    decision: Decision, ways: Ways, look: Floats, *, here: int | None, planner: AnyPlanner
+) -> int | None:
+    """Return the node to go to; None if nothing is left to look for.
+
+    Args:
+        decision: about N nodes.
+        ways: between them.
+        look: `[N]` cost of a look.
+        here: the robot's node; None for the likeliest room, wherever it is.
+        planner: as `find_planner` takes it.
+
+    Raises:
+        RecipeError: if the planner cannot be used.
+    """
+    rooms = decision.candidates() if here is None else decision.candidates(here)
+    if here is None:
+        return int(np.where(rooms, decision.likely, -1.0).argmax()) if rooms.any() else None
+    return next_room_by(
+        ways.costs,
+        here=here,
+        explored=~rooms,
+        presence=decision.finds,
+        look=_look(decision, look),
+        task=decision.task,
+        planner=find_planner(planner),
+    )
+
+
+def order_rooms(decision: Decision, ways: Ways, look: Floats, *, here: int) -> list[int]:
+    """Return the nodes in the order in which a robot looks into them; see `choose_room`."""
+    rooms, single = decision.candidates(here), decision.task == "single"
+    costs = ways.costs + _look(decision, look)
+    order: list[int] = order_search(costs, here, rooms, decision.finds, single=single).tolist()
+    return order
+
+
+def choose_rooms(
+    decision: Decision, ways: Ways, look: Floats, *, here: Sequence[int]
+) -> list[int | None]:
+    """Return the node that each robot goes to, so that the time until one finds it is least."""
+    rooms, single = decision.candidates(*here), decision.task == "single"
+    rooms &= np.isfinite(ways.costs[list(here)]).all(axis=0)
+    costs = ways.costs + _look(decision, look)
+    chosen = send_team(costs, np.array(here), rooms, decision.finds, single=single)
+    return [None if node < 0 else node for node in chosen.tolist()]
+
+
+def _look(decision: Decision, look: Floats) -> Floats:
+    return np.zeros_like(look) if decision.is_known else look

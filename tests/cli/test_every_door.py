@@ -1,0 +1,208 @@
+"""Every door gives the same answer: Python, the command, ROS, HTTP and MCP, asked the same."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import anyio
+import pytest
+from click.testing import CliRunner
+from conftest import REPOSITORY
+
+from bsg_cli.belief import main as belief
+from bsg_cli.find import describe_things
+from bsg_cli.ros.requests import Robot
+from bsg_models import EXPLORE, Predictor, SeenBuilding, open_graph
+
+Map = dict[str, Any]
+
+
+def read(name: str) -> Map:
+    said: Map = json.loads((REPOSITORY / "docs" / name).read_text("utf-8"))
+    return said
+
+
+HOME, OFFICE, DSG = read("home.json"), read("office.json"), read("dsg.json")
+SIMPLE = {"kitchen": ["sink", "stove"], "hall": [], "bedroom_2": ["bed"]}
+FLAT: Map = {
+    "scene_id": "flat",
+    "building_kind": "home",
+    "stays": 24,
+    "rooms": [
+        {"id": "hall", "room_type": "corridor", "position": [0, 0, 0], "floor_in_view": 0.9},
+        {"id": "kitchen", "position": [4, 0, 0], "floor_area": 12, "hidden_share": 0.4},
+        {"id": "living", "label": "Living room", "position": [0, 5, 0], "seconds_inside": 9},
+        {"id": "bedroom", "room_type": "bedroom", "position": [-4, 0, 0], "visited": False},
+        {"id": "bathroom", "room_type": "bathroom", "position": [-4, 4, 0], "hidden_share": 0},
+        {"id": "office", "room_type": {"home office": 0.6, "bedroom": 0.3}, "visited": False},
+        {"id": "attic", "visited": False},
+    ],
+    "objects": [
+        {"id": "1", "room": "kitchen", "category": "sink"},
+        {"id": "2", "room": "kitchen", "category": "mug", "score": 0.6},
+        {"id": "3", "room": "living", "category": "mug", "age": 12},
+        {"id": "4", "room": "living", "category": "couch"},
+        {"id": "5", "room": "bathroom", "category": "towel", "score": 0.9},
+        {"id": "6", "category": "key"},
+    ],
+    "adjacency": [["hall", one] for one in ("kitchen", "living", "bedroom", "office")],
+    "looks": [
+        {"room": "kitchen", "thing": "scissors", "chance": 0.7},
+        {"room": "living", "thing": "tableware"},
+    ],
+    "more_rooms": 2,
+}
+SEARCHED: Map = {"scene_id": "s", "rooms": [{"id": one, "hidden_share": 0} for one in "abc"]}
+
+
+@dataclass(frozen=True)
+class Question:
+    said: Map
+    things: str | list[str]
+    here: str | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    labels: str | None = None
+
+
+QUESTIONS = {
+    "class": Question(HOME, "microwave", "living"),
+    "class that was seen": Question(HOME, "sofa", "hall"),
+    "class from nowhere": Question(HOME, "microwave"),
+    "noun": Question(HOME, "banana", "living"),
+    "kind of a class": Question(HOME, "fork", "hall"),
+    "wide class": Question(HOME, "shoes", "upstairs"),
+    "several": Question(HOME, ["microwave", "sofa", "banana"], "living"),
+    "room by its label": Question(OFFICE, "laptop", "C: meeting room"),
+    "looks that cost the same": Question(OFFICE, "microwave", "kitchen", {"look": 3}),
+    "all of several": Question(OFFICE, ["cup", "book"], "kitchen", {"task": "all", "chance": 0.5}),
+    "Hydra": Question(DSG, "bed", "R(1)", labels="mpcat40"),
+    "doubted": Question(FLAT, "mug", "bedroom"),
+    "seen here": Question(FLAT, "towel", "bathroom"),
+    "looked for": Question(FLAT, "scissors", "hall"),
+    "in no room": Question(FLAT, "key", "attic"),
+    "adjective": Question(FLAT, "the red mug", "Living room"),
+    "all, each look its cost": Question(
+        FLAT, ["mug", "banana", "toilet"], "hall", {"look": {"Living room": 9}, "task": "all"}
+    ),
+    "two robots": Question(
+        FLAT, ["mug", "scissors"], None, {"robots": {"a": "hall", "b": "bedroom"}, "chance": 0.6}
+    ),
+    "rooms not found yet": Question({**SIMPLE, "more_rooms": True}, "toilet", "kitchen"),
+    "a number of rooms not found": Question({**SIMPLE, "more_rooms": 4}, "towel", "hall"),
+    "nothing left": Question(SEARCHED, "lamp", "b"),
+    "no rooms": Question({}, "lamp"),
+}
+
+
+def plain(facts: Any) -> Any:
+    """Return facts as JSON has them, each number to its last digit."""
+    return json.loads(json.dumps(facts))
+
+
+def by_python(seen: SeenBuilding, asked: Question) -> Map:
+    """Return the answer by the methods of a building, without the function of the doors."""
+    options = {**asked.options}
+    robots, here = options.pop("robots", None), asked.here
+    words = [asked.things] if isinstance(asked.things, str) else asked.things
+    steps = [] if here is None or robots else seen.explain(words, here=here, **options)
+    return {
+        "things": [
+            {"thing": word, "anywhere": seen.anywhere(word), "model": seen.asked(word)}
+            | {"class": seen.understand(word).class_name, "how": seen.understand(word).how}
+            | {"places": [*map(asdict, seen.where(word, here=here))]}
+            for word in words
+        ],
+        "go_first": None if robots else seen.next_room(words, here=here, **options),
+        "plan": [*map(asdict, steps)],
+        "robots": seen.next_rooms(robots, words, **options) if robots else None,
+    }
+
+
+def by_command(asked: Question) -> Map:
+    things = [asked.things] if isinstance(asked.things, str) else asked.things
+    words = ["-", "--json", *(word for thing in things for word in ("--find", thing))]
+    words += ["--from", asked.here] if asked.here else []
+    words += ["--labels", asked.labels] if asked.labels else []
+    done = CliRunner().invoke(belief, words, input=json.dumps(asked.said))
+    assert done.exit_code == 0, done.output
+    answer: Map = json.loads(done.stdout)
+    return answer
+
+
+def by_ros(asked: Question) -> Map:
+    robot = Robot(open_graph(asked.said, labels=asked.labels))
+    said = {"thing": asked.things, "here": asked.here, **asked.options}
+    answer = robot.answer("where", said)
+    assert answer.pop("topic") == "where"
+    return answer
+
+
+@pytest.fixture(scope="module")
+def service() -> Any:
+    pytest.importorskip("mcp", reason="needs the extra serve")
+    from bsg_cli.serve.questions import Service
+
+    return Service()
+
+
+def by_service(service: Any, asked: Question) -> dict[str, Map]:
+    import httpx2
+    from mcp import Client
+
+    from bsg_cli.serve.http import make_app
+    from bsg_cli.serve.tools import make_server
+
+    question = {"map": asked.said, "things": asked.things, "here": asked.here, **asked.options}
+    question |= {"labels": asked.labels}
+
+    async def ask() -> dict[str, Map]:
+        transport = httpx2.ASGITransport(app=make_app(service))
+        async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            http = await client.post("/find", json=question)
+        async with Client(make_server(service)) as agent:
+            mcp = await agent.call_tool("find_things", question)
+        assert http.status_code == 200, http.text
+        assert not mcp.is_error, mcp.content
+        return {"HTTP": http.json(), "MCP": dict(mcp.structured_content)}
+
+    return anyio.run(ask)
+
+
+@pytest.mark.parametrize("kind", QUESTIONS)
+def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
+    asked = QUESTIONS[kind]
+    seen = open_graph(asked.said, labels=asked.labels)
+    answer = plain(describe_things(seen, asked.things, here=asked.here, **asked.options))
+    python = plain(by_python(seen, asked))
+    assert {key: answer[key] for key in python} == python
+    doors = {"ROS": by_ros(asked), **by_service(service, asked)}
+    if not asked.options:  # the command has none of them
+        doors["command"] = by_command(asked)
+    for door in ("HTTP", "MCP"):
+        assert doors[door].pop("notes") == [*seen.notes]
+    for door, told in doors.items():
+        assert plain(told) == answer, door
+
+
+def test_the_questions_have_answers_of_every_kind() -> None:
+    """So that doors that agree also say something."""
+    predictor = Predictor()
+    answers = {}
+    for kind, asked in QUESTIONS.items():
+        seen = open_graph(asked.said, labels=asked.labels, model=predictor)
+        answers[kind] = describe_things(seen, asked.things, here=asked.here, **asked.options)
+    firsts = {answer["go_first"] for answer in answers.values()}
+    assert {None, EXPLORE, "kitchen"} < firsts
+    assert answers["room by its label"]["here"] == "meeting-room"
+    assert {*answers["two robots"]["robots"]} == {"a", "b"}
+    doubted = {place["room"]: place for place in answers["doubted"]["things"][0]["places"]}
+    assert 0.6 <= doubted["kitchen"]["probability"] < 1, "its score is 0.6"
+    assert doubted[EXPLORE]["label"]
+    (nowhere, *_) = answers["in no room"]["things"][0]["places"]
+    assert (nowhere["room"], nowhere["seen"]) == (None, ("6",))
+    assert answers["nothing left"]["go_first"] is answers["no rooms"]["go_first"] is None
+    assert len(answers["several"]["things"]) == 3
+    assert answers["noun"]["things"][0]["class"] is None
