@@ -174,10 +174,30 @@ const Picture = (() => {
     for (const [thing, spot] of dots) drawDot({ ...scene, radius }, thing, spot, things);
   }
 
+  /* Find the rooms on the shortest way through connections, without the first; straight on if there is none. */
+  function route(scene, from, to) {
+    const far = new Map([[from, 0]]), before = new Map(), open = new Set([from]);
+    while (open.size) {
+      const room = [...open].reduce((a, b) => (far.get(b) < far.get(a) ? b : a));
+      if (room === to) break;
+      open.delete(room);
+      for (const pair of scene.view.adjacency) if (pair.includes(room)) {
+        const next = pair[0] === room ? pair[1] : pair[0], [x, y] = spotOf(scene, room), [u, v] = spotOf(scene, next);
+        const length = far.get(room) + Math.hypot(x - u, y - v);
+        if (length < (far.has(next) ? far.get(next) : Infinity)) { far.set(next, length); before.set(next, room); open.add(next); }
+      }
+    }
+    const rooms = [to];
+    while (before.has(rooms[0]) && before.get(rooms[0]) !== from) rooms.unshift(before.get(rooms[0]));
+    return rooms;
+  }
   /* Draw where the robot is, and from there the planned way through the rooms, numbered. */
   function drawWay(scene, ways, stops) {
-    const { view, here, line } = scene;
-    for (const [name, points] of [["edge", line], ["later", line], ["", here ? line.slice(0, 2) : []]])
+    const { view, here } = scene;
+    const rooms = [here, ...scene.stops.map(({ room }) => room)].filter(Boolean);
+    const legs = rooms.slice(1).map((room, k) => route(scene, rooms[k], room));
+    const line = [rooms.slice(0, 1), ...legs].flat().map((room) => spotOf(scene, room));
+    for (const [name, points] of [["edge", line], ["later", line], ["", here && legs.length ? line.slice(0, legs[0].length + 1) : []]])
       draw("polyline", { class: "way " + name, points: points.map((p) => p.join(",")).join(" ") }, ways);
     if (here) {
       const [cx, cy] = spotOf(scene, here), said = "the robot is in " + Beliefs.nodeName(view, here);

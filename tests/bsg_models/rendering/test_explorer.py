@@ -308,7 +308,8 @@ def test_the_way_is_drawn_from_the_robot(browser: Any, home: Path, drawing: str)
         where = dict(zip(nodes, rooms, strict=True))
         assert np.abs(np.subtract([robot, *stops], [where[1], where[3], where[4]])).max() <= 1
         drawn = np.add(way, [frame["x"], frame["y"]])
-        assert np.abs(drawn - [robot, *stops]).max() <= 1
+        through_the_hall = [robot, where[2], stops[0], where[2], stops[1]]
+        assert np.abs(drawn - through_the_hall).max() <= 1
         assert "robot" in page.locator("text.name").all_text_contents()
         page.select_option("#class", "-1")
         assert page.locator("g.stop").count() == 0
