@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,6 +74,7 @@ _PAGES = (".html", ".htm")
     ".tables (parquet), .dsg.json (Hydra) or .rrd (Rerun, one step for each GRAPH).",
 )
 @click.option("--open", "shows", is_flag=True, help="Open the page of --out in the browser.")
+@click.option("--quiet", is_flag=True, help="Leave out the notes on how the graph was read.")
 @force_option
 @json_option
 def main(
@@ -82,6 +83,7 @@ def main(
     find: tuple[str, ...],
     here: str | None,
     shows: bool,
+    quiet: bool,
     **options: Any,
 ) -> None:
     """Say which unseen objects a model expects in each room, or where one thing is.
@@ -113,7 +115,10 @@ def main(
     shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
     files = [_open_graph(path, labels, shares) for path in graphs]
-    answer = _ask(files[0], model, find, here=here, as_json=as_json) if find else None
+    note = _say_nothing if quiet else print_note
+    answer = None
+    if find:
+        answer = _ask(files[0], model, find, here=here, as_json=as_json, note=note)
     if options["out"] or not find:
         mask = {"strategy": options.pop("mask"), "fraction": options.pop("fraction")}
         request = bsg_models.BeliefRequest(
@@ -127,12 +132,16 @@ def main(
         with progress_bar("belief", unit="graph") as progress:
             report = bsg_models.report_beliefs(request, progress=progress)
         if not find:
-            _print_report(report, files, as_json=as_json)
+            _print_report(report, files, as_json=as_json, note=note)
         if request.out and not as_json:
             print_text(f"written: {', '.join(_describe_file(path, shows) for path in request.out)}")
     for page in pages if shows else ():
         if not webbrowser.open(page.resolve().as_uri()):
             print_note(f"no browser opens here; open {page} in one")
+
+
+def _say_nothing(_: str) -> None:
+    """Print no note."""
 
 
 def _find_dataset(paths: Sequence[Path]) -> Path | None:
@@ -164,7 +173,7 @@ def _describe_file(path: Path, shows: bool) -> str:
     suffix = path.suffix.casefold()
     if suffix in _PAGES and not shows:
         return f"{path} (open it in a browser, or add --open)"
-    return f"{path} (next: rerun {path})" if suffix == ".rrd" else str(path)
+    return f"{path} (next: rerun --bind 127.0.0.1 {path})" if suffix == ".rrd" else str(path)
 
 
 def _require_formats(paths: Sequence[Path]) -> None:
@@ -178,14 +187,18 @@ def _require_formats(paths: Sequence[Path]) -> None:
 
 
 def _print_report(
-    report: bsg_models.BeliefReport, files: Sequence[GraphFile], *, as_json: bool
+    report: bsg_models.BeliefReport,
+    files: Sequence[GraphFile],
+    *,
+    as_json: bool,
+    note: Callable[[str], None],
 ) -> None:
     """Print the notes on the graphs, and what is believed."""
     for file, notes in zip(files, report.notes, strict=False):
-        for note in notes:
-            print_note(f"{file.path}: {note}")
+        for said in notes:
+            note(f"{file.path}: {said}")
     if len(report.graphs) < report.number:
-        print_note(f"a page shows the first {len(report.graphs):,} of {report.number:,} graphs")
+        note(f"a page shows the first {len(report.graphs):,} of {report.number:,} graphs")
     if as_json:
         print_json([_encode_room(room) for room in report.rooms])
     else:
@@ -199,6 +212,7 @@ def _ask(
     *,
     here: str | None,
     as_json: bool,
+    note: Callable[[str], None],
 ) -> dict[str, Any]:
     """Answer `--find`, and return the answer for a page."""
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
@@ -210,9 +224,9 @@ def _ask(
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
     seen = bsg_models.SeenBuilding(graph, predictor, notes=file.notes)
-    for note in seen.notes:
-        print_note(f"{file.path}: {note}")
-    return find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json)
+    for said in seen.notes:
+        note(f"{file.path}: {said}")
+    return find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json, note=note)
 
 
 def _open_graph(path: Path, labels: str | None, shares: dict[str, Any]) -> GraphFile:

@@ -16,7 +16,12 @@ _SURE = 0.95  # a building that has one so surely: what the rooms have if there 
 
 
 def find_things(
-    seen: bsg_models.SeenBuilding, things: Sequence[str], *, here: str | None, as_json: bool
+    seen: bsg_models.SeenBuilding,
+    things: Sequence[str],
+    *,
+    here: str | None,
+    as_json: bool,
+    note: Callable[[str], None] = print_note,
 ) -> dict[str, Any]:
     """Print where things probably are in a partly seen building, and where to go first.
 
@@ -28,7 +33,10 @@ def find_things(
         return facts
     unit = facts["cost_unit"]
     for thing in things:
-        _print_places(seen, seen.understand(thing), seen.where(thing, here=here), unit)
+        meaning = seen.understand(thing)
+        if meaning.how:
+            note(meaning.how)
+        _print_places(seen, meaning, seen.where(thing, here=here), unit)
         if len(things) > 1:
             print_text("")
     _print_plan(seen, facts, unit)
@@ -70,12 +78,20 @@ def _describe(seen: bsg_models.SeenBuilding, thing: str, here: str | None) -> di
     meaning = seen.understand(thing)
     return {
         "thing": meaning.word,
-        "class": meaning.class_name,
+        "class": None if meaning.thing else meaning.class_name,
         "how": meaning.how,
+        "by": _answerer(meaning),
         "model": seen.asked(meaning.word),
         "anywhere": seen.anywhere(meaning.word),
         "places": list(map(asdict, seen.where(meaning.word, here=here))),
     }
+
+
+def _answerer(meaning: bsg_models.Meaning) -> str:
+    """Return what answers for a word: counts of a class, the table of things, or likeness."""
+    if meaning.thing is not None:
+        return "table"
+    return "likeness" if meaning.class_name is None else "class"
 
 
 def _print_places(
@@ -85,9 +101,7 @@ def _print_places(
     unit: str | None,
 ) -> None:
     """Print the rooms of one thing as a table, then how likely the building has one."""
-    if meaning.how:
-        print_note(meaning.how)
-    anywhere, is_counted = seen.anywhere(meaning.word), meaning.class_name is not None
+    anywhere, is_counted = seen.anywhere(meaning.word), _answerer(meaning) != "likeness"
     words = {obj.name: f"{obj.name} ({obj.raw_category})" for obj in seen.graph.objects}
     columns: dict[str, Callable[[bsg_models.Place], str]] = {
         "room": _name,
@@ -111,7 +125,9 @@ def _print_places(
     if len(places) > _MOST_ROWS:
         print_note(f"… and {len(places) - _MOST_ROWS:,} less likely rooms; --json prints all")
     model = seen.asked(meaning.word)
-    if is_counted:
+    if meaning.thing is not None:
+        print_text(f"somewhere in the building: {_percent(anywhere)}, by the table {model}")
+    elif is_counted:
         source = "" if meaning.noun is None else "the table of nouns and "
         print_text(f"somewhere in the building: {_percent(anywhere)}, by {source}the model {model}")
     else:

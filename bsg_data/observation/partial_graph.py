@@ -43,7 +43,7 @@ from bsg_data.spelling import show_value
 
 GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
 EVIDENCE_SCORE = 0.5  # models read objects that are there with at least this probability
-MOST_MORE_ROOMS = 1000
+MOST_MORE_ROOMS = 100
 
 
 def _read_number(said: object) -> object:

@@ -19,8 +19,8 @@ from bsg_data.observation.partial_graph import (
 from bsg_data.scene.class_map import normalise_name
 
 LOOK_CHANCE = 0.8  # P(a look finds a thing that is there), if the robot does not say
-MOST_LOOKS = 10_000  # that a graph keeps
-_TRUSTED = 0.8  # P(a thing is where it was seen without doubt), once a look has missed it
+MOST_LOOKS = 2_000  # that a graph keeps
+_ALMOST = 1 - 1e-12  # the chance of any number of looks that may miss
 
 
 def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
@@ -148,24 +148,21 @@ def describe(
     return replace(graph, rooms=tuple(rooms), adjacency=tuple(sorted(pairs)))
 
 
-def look(graph: PartialGraph, seen: Look, *, doubted: Collection[str]) -> PartialGraph:
+def look(graph: PartialGraph, seen: Look) -> PartialGraph:
     """Return the partial graph after a look that did not find a thing.
 
-    Looks for the same thing in the same room become one, whose chance is that of all.
-
-    Args:
-        graph: the partial graph before.
-        seen: the look.
-        doubted: ids of the objects that it would have found; their scores fall by Bayes' rule.
+    Looks for the same thing in the same room become one, whose chance is that of all. Only a look
+    that misses nothing leaves nothing possible.
     """
     same = (seen.room_index, normalise_name(seen.thing))
     missed, looks = 1 - seen.chance, []
     for one in graph.looks:
         if (one.room_index, normalise_name(one.thing)) == same:
             missed *= 1 - one.chance
+            seen = replace(seen, chance=max(seen.chance, one.chance))
         else:
             looks.append(one)
-    joined = replace(seen, chance=1 - missed)
+    joined = replace(seen, chance=1.0 if seen.chance == 1 else min(1 - missed, _ALMOST))
     if len(looks) >= MOST_LOOKS:
         raise RecipeError(
             f"{graph.scene_id}: expected at most {MOST_LOOKS:,} looks; `searched` says that a room "
@@ -173,27 +170,23 @@ def look(graph: PartialGraph, seen: Look, *, doubted: Collection[str]) -> Partia
             code="looks-too-many",
             where=graph.scene_id,
         )
-    return replace(doubt(graph, doubted, chance=seen.chance), looks=(*looks, joined))
+    return replace(graph, looks=(*looks, joined))
 
 
-def doubt(graph: PartialGraph, names: Collection[str], *, chance: float) -> PartialGraph:
-    """Return the partial graph after a look has missed some objects, by Bayes' rule.
+def find_all(graph: PartialGraph, room_index: int, names: Collection[str]) -> PartialGraph:
+    """Return the partial graph after all of a room was seen, and only these of its objects.
 
-        score' = score (1 − chance) / (1 − score · chance)
-
-    An object that nobody doubted has the score 0.8 before: things are moved, and sightings err.
-    Objects that cannot be there are gone.
+    Nobody doubts them any more, and no look has missed anything there.
     """
-    doubted = set(names)
-    objects = []
-    for obj in graph.objects:
-        if obj.name in doubted:
-            before = _TRUSTED if obj.score is None else obj.score
-            score = before * (1 - chance) / (1 - before * chance)
-            obj = replace(obj, score=score)
-        if obj.probability > 0:
-            objects.append(obj)
-    return replace(graph, objects=tuple(objects))
+    found = set(names)
+    objects = tuple(
+        replace(obj, score=None) if obj.room_index == room_index else obj
+        for obj in graph.objects
+        if obj.room_index != room_index or obj.name in found
+    )
+    looks = tuple(one for one in graph.looks if one.room_index != room_index)
+    graph = replace(graph, objects=objects, looks=looks)
+    return enter(graph, room_index, hidden_share=ShareBelief(0.0))
 
 
 def lose(graph: PartialGraph, names: Collection[str]) -> PartialGraph:
@@ -202,22 +195,29 @@ def lose(graph: PartialGraph, names: Collection[str]) -> PartialGraph:
     return replace(graph, objects=tuple(obj for obj in graph.objects if obj.name not in gone))
 
 
-def find_near(graph: PartialGraph, seen: SeenObject, *, within: float) -> SeenObject | None:
-    """Return the known object of the same class that is nearest to a sighting, within metres.
+def find_near(
+    graph: PartialGraph, seen: SeenObject, *, within: float, besides: Collection[str] = ()
+) -> SeenObject | None:
+    """Return the known object that a sighting is: the nearest in its room of the same class.
 
-    Their categories are the same, or one of them is the class itself: a sofa is a couch. Within ∞,
-    it is any in the same room, one without a position too.
+    Their categories are the same, or one of them is the class itself: a sofa is a couch.
+
+    Args:
+        graph: the partial graph before.
+        seen: the sighting.
+        within: metres; ∞ takes any, also one without a position.
+        besides: ids of objects that it is not.
     """
     best, near = None, within
     classes = [normalise_name(name) for name in graph.class_space.classes]
     for obj in graph.objects:
-        is_elsewhere = within == math.inf and obj.room_index != seen.room_index
-        if is_elsewhere or not _is_alike(obj, seen, classes=classes):
+        is_other = obj.room_index != seen.room_index or obj.name in besides
+        if is_other or not within or not _is_alike(obj, seen, classes=classes):
             continue
         far = math.inf
         if obj.position is not None and seen.position is not None:
             far = math.dist(obj.position, seen.position)
-        if within > 0 and far <= near and (best is None or far < near):
+        if far <= near and (best is None or far < near):
             best, near = obj, far
     return best
 

@@ -29,8 +29,8 @@ The simplest map is read, too: room → the things that were seen there.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -68,11 +68,27 @@ from bsg_data.observation.reports import LOOK_CHANCE, MOST_LOOKS, say_score
 from bsg_data.recipes import Record
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.room_label import explain_room_type, label_of
-from bsg_data.scene.surroundings import area_of, check_building_kind
+from bsg_data.scene.room_label import (
+    RoomType,
+    Understood,
+    explain_room_type,
+    explain_rules,
+    is_name,
+    label_of,
+    name_nearest,
+    read_room,
+)
+from bsg_data.scene.surroundings import (
+    BUILDING_KINDS,
+    area_of,
+    check_building_kind,
+    guess_building_kind,
+)
+from bsg_data.scene.vocabularies import vocabulary_words
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 _MOST_WORDS = 5  # named in a note
+_MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 _ENTRIES = {
     "rooms": "room",
     "objects": "object",
@@ -82,10 +98,18 @@ _ENTRIES = {
 _UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 _WORDS = {  # of JSON, where pydantic's are of Python's types
     "model_type": "expected a JSON object (docs/belief.md)",
-    "dataclass_type": "expected a JSON object (docs/belief.md)",
+    "dataclass_type": 'expected a JSON object, such as {"id": "kitchen"} (docs/belief.md)',
     "tuple_type": "expected a JSON list",
     "dict_type": "expected a JSON list of words",
 }
+# Keys of other formats, and which of ours is meant.
+_MEANT = {
+    "rooms": {"name": "id", "room_id": "id", "type": "room_type", "kind": "room_type"},
+    "objects": {"name": "id", "object_id": "id", "class_name": "category", "type": "category"},
+    "looks": {"object": "thing", "category": "thing"},
+    "": {"name": "scene_id", "kind": "building_kind"},
+}
+_MAP_HINT = 'a map of rooms is written without the key `rooms`: {"kitchen": ["sink"], "hall": []}'
 _ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
 _SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
 _FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WORDS))
@@ -149,6 +173,9 @@ class _Look(Record):
 
 
 def _list_words(said: Any) -> Any:
+    """Return the words of a detector: a list of them, or those of a published vocabulary."""
+    if isinstance(said, str) and said:
+        said = [*vocabulary_words(said)]
     are_words = isinstance(said, list) and all(isinstance(word, str) for word in said)
     return dict.fromkeys(said) if are_words else said
 
@@ -168,13 +195,14 @@ class _Graph(Record):
     ]
     objects: Annotated[tuple[_Object, ...], Field(max_length=MAX_ROBOT_OBJECTS), FailFast()] = ()
     adjacency: Annotated[tuple[tuple[Id, Id], ...], FailFast()] = ()
-    # A list of words; or word → class, as `encode_robot_graph` writes them.
+    # A list of words, or the name of a vocabulary; or word → class, as `encode_robot_graph` writes.
     detector: Annotated[dict[Text, Text | None] | None, BeforeValidator(_list_words)] = None
     looks: Annotated[tuple[_Look, ...], Field(max_length=MOST_LOOKS), FailFast()] = ()
     more_rooms: MoreRooms = None
     stays: Stay | None = None
 
 
+_ID_KEYS = {"rooms": ("id",), "objects": ("id", "room"), "looks": ("room",)}
 _SIMPLEST = TypeAdapter(
     Annotated[dict[Id, Annotated[tuple[Text, ...], FailFast()]], Field(max_length=MAX_ROBOT_ROOMS)]
 )
@@ -216,7 +244,10 @@ def parse_robot_graph(
     """
     by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
     try:
-        return _assemble(_Graph.model_validate(_find_partial(said, path)), by)
+        document = _find_partial(said, path)
+        if isinstance(by, ClassSpace):  # as it was understood before
+            return _assemble(_Graph.model_validate(document), by)
+        return understand_rooms(_assemble(_Graph.model_validate(_tidy(document, path)), by))
     except ValidationError as error:
         why = _explain(error, said)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
@@ -259,11 +290,70 @@ def _spell_out(things: Mapping[str, Sequence[str]], path: Path) -> dict[str, Any
             times[thing] += 1
             objects.append({"id": f"{thing} {times[thing]}", "room": room, "category": thing})
     rooms = [
-        {"id": room, "visited": bool(seen), "room_type": label_of("any", room)}
+        {"id": room, "visited": bool(seen), "room_type": room if label_of("any", room) else None}
         for room, seen in things.items()
     ]
-    scene_id = path.name.partition(".")[0] or path.name
-    return {"scene_id": scene_id, "rooms": rooms, "objects": objects}
+    return {"scene_id": _name_scene(path), "rooms": rooms, "objects": objects}
+
+
+def _name_scene(path: Path) -> str:
+    return path.name.partition(".")[0] or path.name
+
+
+def _tidy(said: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return a document with its ids as text, an id for all that needs one, and nothing empty."""
+    found = {"scene_id": _name_scene(path)} | _drop_empty(said)
+    found["scene_id"] = spell_id(found["scene_id"])
+    for key, ids in _ID_KEYS.items():
+        entries = found.get(key)
+        if isinstance(entries, list) and len(entries) <= MAX_ROBOT_OBJECTS:
+            found[key] = [_tidy_entry(entry, ids) for entry in entries]
+    if isinstance(found.get("objects"), list):
+        found["objects"] = _number_objects(found["objects"])
+    if isinstance(found.get("adjacency"), list):
+        found["adjacency"] = [
+            [*map(spell_id, pair)] if isinstance(pair, list | tuple) else pair
+            for pair in found["adjacency"]
+        ]
+    return found
+
+
+def _drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is said: null and "" say nothing, but a thing may have an empty name."""
+    empty = {
+        key
+        for key, value in said.items()
+        if value is None or (isinstance(value, str) and not value)
+    }
+    return {key: said[key] for key in said if key not in empty or key == "category"}
+
+
+def _tidy_entry(entry: Any, ids: Sequence[str]) -> Any:
+    if not isinstance(entry, dict):
+        return entry
+    kept = _drop_empty(entry)
+    return kept | {key: spell_id(kept[key]) for key in ids if key in kept}
+
+
+def spell_id(said: Any) -> Any:
+    """Return an id as text: a number is one, too."""
+    is_number = isinstance(said, int) and not isinstance(said, bool) and abs(said) < _MOST_ID
+    return str(said) if is_number else said
+
+
+def _number_objects(objects: list[Any]) -> list[Any]:
+    """Return the objects with an id each, as the simplest map has them: `sink 1`, `sink 2`."""
+    taken = {str(obj.get("id")) for obj in objects if isinstance(obj, dict)}
+    times, found = Counter[str](), []
+    for obj in objects:
+        if isinstance(obj, dict) and "id" not in obj and isinstance(obj.get("category"), str):
+            word = obj["category"][:SHOWN] or "object"
+            while (name := f"{word} {times[word] + 1}") in taken:
+                times[word] += 1
+            times[word] += 1
+            obj = {"id": name} | obj
+        found.append(obj)
+    return found
 
 
 def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
@@ -358,9 +448,13 @@ def _explain(error: ValidationError, said: Any) -> str:
     else:
         path = [first, *path]
     if fault["type"] in _UNKNOWN_KEY:
-        wrong, known = str(path.pop()), _KEYS[str(first) if entry else ""]
-        hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
+        wrong, of = str(path.pop()), str(first) if entry else ""
+        meant, known = _MEANT.get(of, {}).get(wrong.casefold()), _KEYS[of]
+        asked = f"did you mean {meant}?" if meant else ask_if_meant(wrong, known)
+        hint = asked or f"known are {', '.join(known)}"
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
+    elif path == ["rooms"] and fault["type"] == "tuple_type":
+        what = f"{what}, found {show_value(said.get('partial', said)['rooms'])}; {_MAP_HINT}"
     place = ".".join(str(one)[:SHOWN] for one in path)
     return ": ".join(filter(None, (entry, place, what)))
 
@@ -384,6 +478,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
         "format": "bsg-partial-graph",
         "version": 1,
         **{name: getattr(graph, name) for name in _GRAPH_FACTS},
+        "building_kind": _plain(graph.building_kind),
         "rooms": [_encode_room(room) for room in graph.rooms],
         "objects": [
             {
@@ -412,7 +507,15 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
     said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS)}
     said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
+    said["room_type"] = _plain(room.room_type)
     return {"id": room.name, **said}
+
+
+def _plain(said: RoomType | None) -> RoomType | None:
+    """Return labels without what they were read from."""
+    if isinstance(said, Mapping):
+        return {str(label): share for label, share in said.items()}
+    return None if said is None else str(said)
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:
@@ -420,13 +523,73 @@ def list_unmapped(graph: PartialGraph) -> dict[str, int]:
     return dict(Counter(obj.raw_category for obj in graph.objects if obj.category is None))
 
 
+def understand_rooms(graph: PartialGraph) -> PartialGraph:
+    """Return a graph whose rooms have the kinds that their names say, if nothing else says one.
+
+    Where nobody says the kind of the building, the rooms tell it: see `guess_building_kind`.
+    """
+    rooms = tuple(_understand(room) for room in graph.rooms)
+    kind = graph.building_kind
+    if kind is None or isinstance(kind, Understood):
+        kind = guess_building_kind(map(_list_names, rooms))
+    return replace(graph, rooms=rooms, building_kind=kind)
+
+
+def _understand(room: KnownRoom) -> KnownRoom:
+    known = room.room_type
+    if known is not None and not (isinstance(known, Understood) and known.by_name):
+        return room
+    for name in filter(None, (room.label, room.name)):
+        if label := label_of("any", name):
+            return replace(room, room_type=Understood(label, name, by_name=True))
+    return room
+
+
+def _list_names(room: KnownRoom) -> list[str]:
+    """Return what may tell the kind of building: what was said of a room's type, and its names."""
+    kind = room.room_type
+    said = [kind.said, kind] if isinstance(kind, Understood) else [kind]
+    return [name for name in (*said, room.label, room.name) if isinstance(name, str)]
+
+
 def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
-    """Return a sentence on the room types that models do not know; nothing if they know all."""
-    words: dict[str, str] = {}
-    for room in graph.rooms:
-        words.update(explain_room_type(room.room_type))
-    if not words:
-        return ()
-    shown = [f"{word[:SHOWN]!r} as {read}" for word, read in words.items()][:_MOST_WORDS]
-    more = f", and {len(words) - _MOST_WORDS:,} more" if len(words) > _MOST_WORDS else ""
-    return (f"room types that models do not know are read: {', '.join(shown)}{more}",)
+    """Return what a person should know of the kinds of rooms and of the building."""
+    return (*note_rooms(graph.rooms), *note_building(graph))
+
+
+def note_rooms(rooms: Sequence[KnownRoom]) -> Iterator[str]:
+    """Yield how the names and types of rooms are read, where that is not plain."""
+    kinds = [room.room_type for room in rooms if isinstance(room.room_type, Understood)]
+    plain = [one.said for one in kinds if one.by_name and not read_room(one.said).rule]
+    if plain:
+        yield f"{_list(plain)}: read as the kinds that their names say"
+    rules: dict[str, str] = {}
+    types: dict[str, str] = {}
+    for room in rooms:
+        rules.update(explain_rules(room.room_type))
+        types.update(explain_room_type(room.room_type))
+    if rules:
+        made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
+        yield f"kinds of rooms read by a rule: {_list(made)}"
+    silent = [room.label or room.name for room in rooms if room.room_type is None]
+    if dark := [*dict.fromkeys(filter(is_name, silent))]:
+        near = [f"{name[:SHOWN]}{name_nearest(name)}" for name in dark]
+        yield f"{_list(near)}: kind of room unknown; say `room_type`"
+    if types:
+        read_as = [f"{word[:SHOWN]!r} as {read}" for word, read in types.items()]
+        yield f"room types that models do not know are read: {_list(read_as)}"
+
+
+def note_building(graph: PartialGraph) -> Iterator[str]:
+    """Yield how the kind of a building was guessed, and whether models know it."""
+    kind = graph.building_kind
+    if isinstance(kind, Understood):
+        yield f"building kind taken for `{kind}`, by {kind.said}; say `building_kind` to correct it"
+    if kind and kind not in BUILDING_KINDS:
+        yield f"building kind `{kind}`: no model was taught it; they read it as unknown"
+
+
+def _list(names: Sequence[str]) -> str:
+    """Return the first names, and how many more there are."""
+    more = f", and {len(names) - _MOST_WORDS:,} more" if len(names) > _MOST_WORDS else ""
+    return ", ".join(names[:_MOST_WORDS]) + more

@@ -11,7 +11,7 @@ import hashlib
 import os
 import unicodedata
 from collections import ChainMap
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
@@ -30,12 +30,25 @@ from bsg_data.scene.class_space import (
     read_published,
     read_rows,
 )
-from bsg_data.scene.spoken_names import RULES_VERSION, Rule, resolve
+from bsg_data.scene.spoken_names import (
+    RULES_VERSION,
+    Rule,
+    change_number,
+    index_words,
+    list_tails,
+    mend,
+    resolve,
+    separate,
+    take_apart,
+)
+from bsg_data.scene.vocabularies import VOCABULARIES, list_meanings
 from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names
 
 DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
-_SYNONYMS = "synonyms-v1.csv"
+_SYNONYMS, _REAL_WORDS = "synonyms-v2.csv", "real-words-v1.csv"
+_RULES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # the files of the rules
+_FORMER_SYNONYMS, _FORMER_VERSION = "synonyms-v1.csv", b"rules 1"
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 _FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
@@ -59,7 +72,7 @@ class ClassMap:
 
     version: str  # its name, e.g. `hm3d45-v1`
     # hash of its files: spellings, then classes; for a map with rules also the list of structure,
-    # the synonyms and the version of the rules
+    # the files of the rules and their version
     sha256: str
     space: ClassSpace
     definitions: tuple[str, ...]  # [C] one sentence per class
@@ -69,7 +82,13 @@ class ClassMap:
     # normalised name → listed name, or the empty name if the last word misleads; None for a map
     # without rules
     synonyms: Mapping[str, str] | None = None
-    _resolved: dict[str, Classified] = field(default_factory=dict, repr=False, compare=False)
+    vocabulary: frozenset[str] = frozenset()  # those of the synonyms that a vocabulary has
+    # the same map with the rules of earlier datasets; None for itself, and without rules
+    former: ClassMap | None = field(default=None, repr=False)
+    _resolved: dict[str, Classified] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    _near: dict[str, list[str]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -98,16 +117,40 @@ class ClassMap:
             self._resolved[name] = self._resolve(name)
         return self._resolved[name]
 
+    def with_hash(self, sha256: str) -> ClassMap:
+        """Return the map with the rules by which it has this hash; itself if it has none."""
+        return self.former if self.former and self.former.sha256 == sha256 else self
+
     def _resolve(self, name: str) -> Classified:
         """Resolve a name that is not listed by the rules."""
-        listed = self.normalised.__contains__
-        words = normalise_name(name)
-        found = () if self.synonyms is None else resolve(words, self.synonyms, known=listed)
-        for other, rule in found:
+        unmapped = Classified(None, None, "unmapped")
+        if self.synonyms is None:
+            return unmapped
+        if self.former is None:  # it has the rules of earlier datasets
+            return self._follow([normalise_name(name)], self.synonyms) or unmapped
+        readings = dict.fromkeys(map(normalise_name, (name, take_apart(name))))
+        found = self._follow([*readings], self.synonyms)
+        return found or self._mend(readings, self.synonyms) or unmapped
+
+    def _follow(self, readings: Sequence[str], synonyms: Mapping[str, str]) -> Classified | None:
+        """Return what the rules make of a name, by its readings."""
+        known = self.normalised.__contains__
+        for other, rule in resolve(readings, synonyms, known=known, vocabulary=self.vocabulary):
             entry = self.normalised[normalise_name(other)]
             if rule != "head noun" or entry.class_index is not None:
                 return replace(entry, rule=rule)
-        return Classified(None, None, "unmapped")
+        return None
+
+    def _mend(self, readings: Iterable[str], synonyms: Mapping[str, str]) -> Classified | None:
+        """Return what a name with one typo stands for; None if that is not one class."""
+        if not self._near:
+            self._near.update(index_words([*self.normalised, *synonyms]))
+        near = {one for name in readings for one in mend(name, self._near, real=_read_real_words())}
+        entries = [self.lookup(one) or self._follow([one], synonyms) for one in sorted(near)]
+        found = [entry for entry in entries if entry is not None]
+        if len({entry.class_index for entry in found}) != 1 or found[0].class_index is None:
+            return None
+        return replace(min(found, key=lambda one: len(str(one.category))), rule="spelling")
 
     def nearest(self, name: str, *, count: int = 3) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
@@ -262,7 +305,7 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
             )
     maps = (first, *others)
     normalised = ChainMap(*(dict(one.normalised) for one in maps))
-    synonyms = ChainMap(*(dict(one.synonyms or {}) for one in maps))
+    synonyms, vocabulary = _list_synonyms(normalised, first.classes)
     return replace(
         first,
         version=" + ".join(one.version for one in maps),
@@ -270,8 +313,8 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
         structure=frozenset().union(*(one.structure for one in maps)),
         entries=ChainMap(*(dict(one.entries) for one in maps)),
         normalised=normalised,
-        synonyms={name: word for name, word in synonyms.items() if name not in normalised},
-        _resolved={},
+        synonyms=synonyms,
+        vocabulary=vocabulary,
     )
 
 
@@ -289,25 +332,122 @@ def _parse_map(
         row[0] for _, row in read_rows(f"{version}.structure.csv", structure, ("category",))
     )
     entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, parts)
-    words = read_published(_SYNONYMS)
-    hashed = [spellings, classes, *([structure, words, RULES_VERSION] if rules else [])]
-    return ClassMap(
+    plain = ClassMap(
         version=version,
-        sha256=hashlib.sha256(b"".join(hashed)).hexdigest(),
+        sha256=_hash(spellings, classes),
         space=space,
         definitions=definitions,
         structure=parts,
         entries=entries,
         normalised=normalised,
-        synonyms=_parse_synonyms(words, normalised) if rules else None,
+    )
+    if not rules:
+        return plain
+    files_ = (spellings, classes, structure)
+    former = read_published(_FORMER_SYNONYMS)
+    synonyms, vocabulary = _list_synonyms(normalised, space.classes)
+    return replace(
+        plain,
+        sha256=_hash(*files_, *map(read_published, _RULES), RULES_VERSION),
+        synonyms=synonyms,
+        vocabulary=vocabulary,
+        former=replace(
+            plain,
+            sha256=_hash(*files_, former, _FORMER_VERSION),
+            synonyms={
+                name: other
+                for name, other in _parse_synonyms(_FORMER_SYNONYMS).items()
+                if not other or other in normalised
+            },
+        ),
     )
 
 
-def _parse_synonyms(data: bytes, listed: Mapping[str, Classified]) -> dict[str, str]:
-    """Return the synonyms of what a map lists; it need not list all that there are."""
-    rows = [row for _, row in read_rows(_SYNONYMS, data, ("name", "category"))]
-    words = {normalise_name(name): normalise_name(category) for name, category in rows}
-    return {name: other for name, other in words.items() if not other or other in listed}
+def _hash(*parts: bytes) -> str:
+    return hashlib.sha256(b"".join(parts)).hexdigest()
+
+
+def _list_synonyms(
+    listed: Mapping[str, Classified], classes: Sequence[str]
+) -> tuple[dict[str, str], frozenset[str]]:
+    """Return other words for what a map lists, and which of them a vocabulary has.
+
+    A word leads to a listed name, or to the empty name if no words of it are to be taken alone. A
+    map need not list HM3D's word: another listed name of the same category does, or for a word of a
+    vocabulary the plural or the head noun, if both have one class of HM3D.
+    """
+    vocabulary = _read_vocabulary()
+    called = _name_meanings(listed, classes)
+    found = dict(called)
+    for name, category in {**_parse_synonyms(_SYNONYMS), **vocabulary}.items():
+        wider = _list_wider(name, category) if name in vocabulary else ()
+        others = (one for one in (category, called.get(category), *wider) if one in listed)
+        if (other := next(others, None)) or not category or name in vocabulary:
+            found[name] = other or ""
+    apart = {**{name: name for name in listed}, **found}
+    for name, other in apart.items():  # `diningtable` is `dining table`
+        if " " in name:
+            found.setdefault(name.replace(" ", ""), other)
+    found = {name: other for name, other in found.items() if name not in listed}
+    return found, frozenset(vocabulary) & found.keys()
+
+
+def _list_wider(word: str, category: str) -> Iterator[str]:
+    """Yield plurals and last words of a word and of HM3D's, those of the same class there."""
+    of_hm3d = _read_classes()
+    for name in (category, word):
+        tails = (" ".join(tail) for tail in list_tails(name.split()))
+        for one in (*change_number(name), *tails):
+            if of_hm3d.get(one) == of_hm3d[category] != "":
+                yield one
+
+
+@cache
+def _read_classes() -> Mapping[str, str]:
+    """Return the class of each name that the default map lists; empty without one."""
+    file = f"{DEFAULT_CLASS_MAP}{SUFFIX}"
+    rows = read_rows(file, read_published(file), ("raw_category", "category", "class"))
+    return {normalise_name(raw): name for _, (raw, _, name) in rows}
+
+
+def _name_meanings(listed: Mapping[str, Classified], classes: Sequence[str]) -> dict[str, str]:
+    """Return a listed name for each category, class and synonym that is not listed itself."""
+    synonyms = _parse_synonyms(_SYNONYMS)
+    rows = [
+        *((entry.category, name) for name, entry in listed.items()),
+        *((_name_class(entry, classes), name) for name, entry in listed.items()),
+        *((synonyms.get(name), name) for name in listed),
+    ]
+    found: dict[str, str] = {}
+    for meaning, name in rows:
+        said = normalise_name(meaning or "")
+        if said and said != UNKNOWN and said not in listed:
+            found.setdefault(said, name)
+    return found
+
+
+def _name_class(entry: Classified, classes: Sequence[str]) -> str | None:
+    return None if entry.class_index is None else classes[entry.class_index]
+
+
+@cache
+def _parse_synonyms(file: str) -> Mapping[str, str]:
+    rows = read_rows(file, read_published(file), ("name", "category"))
+    return {normalise_name(name): normalise_name(category) for _, (name, category) in rows}
+
+
+@cache
+def _read_vocabulary() -> Mapping[str, str]:
+    """Return HM3D's words by the words of all vocabularies, normalised, with spaces alone."""
+    words = ((separate(normalise_name(word)), category) for word, category in list_meanings())
+    return {word: normalise_name(category) for word, category in words}
+
+
+@cache
+def _read_real_words() -> frozenset[str]:
+    """Return words of English that are one typo from a word of a name."""
+    rows = read_rows(_REAL_WORDS, read_published(_REAL_WORDS), ("word",))
+    return frozenset(row[0] for _, row in rows)
 
 
 def _parse_spellings(

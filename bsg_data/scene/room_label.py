@@ -1,61 +1,203 @@
-"""Room labels: common words for kinds of rooms, and what the words of sources and robots mean.
+"""Room labels: common words for kinds of rooms, and what the names of rooms mean.
 
-`mappings/room-labels-v2.csv` has `source,source_label,label`. Rows of the source `any` hold
+`mappings/room-labels-v3.csv` has `source,source_label,label`. Rows of the source `any` hold
 everyday words and count for every source. A row without a label marks a word that names no kind of
 room. Models were trained with the labels of `list_room_labels`; a row of the source `nearest` has
-the one of these by which they read another, such as an infirmary for an examination room.
+the one of these by which they read another, such as an infirmary for an examination room. A row of
+the source `building` has the kind of building that a room tells.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
-from functools import cache
+import unicodedata
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from itertools import chain
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import read_number
-from bsg_data.scene.class_map import normalise_name
+from bsg_data.scene.class_map import load_class_map, normalise_name
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.spelling import nearest_names, show_value
 
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
+RoomRule = Literal["head noun", "misspelt"]  # that a reader should know of
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
 NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
-_FILE = "room-labels-v2.csv"
-_ANY_SOURCE = "any"
-_NEAREST = "nearest"
+_FILE = "room-labels-v3.csv"
+_ANY_SOURCE, _NEAREST, _BUILDING = "any", "nearest", "building"
 _NUMBER = re.compile(r"[\s#]*[0-9]+$")
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
 _MOST_LABELS = 1000  # of one room
+_LONGEST = 100  # characters of a name that rules read
+_HEAD = 3  # last words of a longer name that may be a kind of room
+# Letters of a name from which one may be missing, too many or misplaced, and from which another.
+_MENDED, _REPLACED = 6, 7
+_MARKS = re.compile(r"['’ʼ`´]|(?<=\b\w)\.|[\u0300-\u036f]")  # of possession, short forms, accents
+_HUMP = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])")
+_WORDS = re.compile(r"\d+(?:st|nd|rd|th)\b|[^\W\d_]+")
+_PARTS = re.compile(r"[/&+(),;:|]|\b(?:and|or|of|for|on|in|at|by|near|with)\b")
+_PLURALS = {"children": "child", "people": "person"}
+# Words beside the kind of a room that say which one it is.
+_WHICH = (
+    r"\w|first|second|third|fourth|fifth|sixth|seventh|eighth|ninth|tenth|ii|iii|iv|vi|the|my|our|no|nr"
+    r"|number|left|right|north|south|east|west|upstair|downstair"
+)
+_BEFORE = re.compile(_WHICH)
+_BEHIND = re.compile(
+    rf"{_WHICH}|area|block|boy|building|child|family|floor|gent|girl|ground|guest|kid|lady|level|main"
+    r"|master|men|parent|private|public|space|staff|storey|unit|visitor|wing|women|zone"
+)
+# Words of any room, which do not name its kind.
+_NO_NAMES = re.compile("area|cell|node|place|region|room|segment|space|zone")
+# Words for rooms that other things end with, too: a towel bar, a cassette deck, a cold store.
+_NO_HEADS = re.compile(
+    "bar|bath|chemist|child|deck|den|exam|kid|living|market|master|meeting|record|salon|shop|store"
+    "|suite|surgery"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ReadRoom:
+    """What the name of a room was read as."""
+
+    label: str | None  # None if it names no kind of room, or is unknown
+    word: str | None = None  # the listed word; None if it is unknown
+    rule: RoomRule | None = None  # None for a word that is listed, in any spelling
+
+
+class Understood(str):
+    """A label, or a kind of building, with what it was read from. Only notes read that."""
+
+    said: str  # a word, a name, or names
+    by_name: bool  # the name of a room said it, and not its `room_type`
+
+    def __new__(cls, label: str, said: str = "", *, by_name: bool = False) -> Understood:
+        """Add to a label what it was read from."""
+        made = super().__new__(cls, label)
+        made.said, made.by_name = said, by_name
+        return made
 
 
 def label_of(source: str, source_label: str | None) -> str | None:
     """Return the common label of a room; None if the word names no kind of room or is unknown.
 
-    The rows of the kind of source count first, exactly as written: in Matterport3D `b` is a bedroom
-    and `B` a bar.
-
     >>> label_of("mp3d", "b"), label_of("mp3d", "B"), label_of("table", "Master_Bedroom 2")
     ('bedroom', 'bar', 'bedroom')
     """
-    if source_label is None:
-        return None
-    rows = _read_labels()
-    spoken = normalise_room(source_label)
-    for key in ((source, source_label), (source, spoken), (_ANY_SOURCE, spoken)):
+    return None if source_label is None else read_room(source_label, source=source).label
+
+
+@lru_cache(maxsize=20_000)
+def read_room(name: str, *, source: str = _ANY_SOURCE) -> ReadRoom:
+    """Read the name of a room; every name is read here.
+
+    The rows of the kind of source count first, exactly as written: in Matterport3D `b` is a bedroom
+    and `B` a bar. Then everyday words count, in any spelling: with a number, in the plural, joined.
+    Then the last words of a name, and at last a word with one wrong letter.
+
+    >>> [read_room(name).label for name in ("2nd bath room", "Kid's room", "R7")]
+    ['bathroom', 'bedroom', None]
+    >>> read_room("staff kichen")
+    ReadRoom(label='kitchen', word='kitchen', rule='misspelt')
+    """
+    rows, spoken = _read_labels(), normalise_room(name)
+    for key in ((source, name), (source, spoken), (_ANY_SOURCE, spoken)):
         if key in rows:
-            return rows[key]
+            return ReadRoom(rows[key], key[1])
+    if spoken in NO_KIND or len(name) > _LONGEST:
+        return ReadRoom(None)
+    word, rule = _find_word(name) or (None, None)
+    return ReadRoom(word and rows[_ANY_SOURCE, word], word, rule)
+
+
+def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
+    """Return the listed word that a name stands for, and the rule that a reader should know of."""
+    listed, forms = _list_keys(), [*dict.fromkeys(_list_forms(name))]
+    for words in forms:
+        if word := listed.get("".join(words)):
+            return word, None
+    if load_class_map().lookup(name) is not None:
+        return None  # the name of a thing, and not of a room that is spelt like it
+    tails = [words[-most:] for words in forms for most in range(_HEAD, 0, -1) if most < len(words)]
+    for words in tails:
+        if (word := listed.get("".join(words))) and not _NO_HEADS.fullmatch(words[-1]):
+            return word, "head noun"
+    for words in (*forms, *tails):
+        if word := _mend("".join(words)):
+            return word, "misspelt"
     return None
+
+
+def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
+    """Yield the words of a name, without what says which room it is, and of each of its parts."""
+    plain = _MARKS.sub("", unicodedata.normalize("NFKD", _HUMP.sub(" ", name))).casefold()
+    for part in dict.fromkeys((plain, *_PARTS.split(plain))):
+        said = [word for word in _WORDS.findall(part) if not word[0].isdecimal()]
+        words = tuple(map(_singular, said))
+        yield words
+        while words and _BEHIND.fullmatch(words[-1]):
+            words = words[:-1]
+        while words and _BEFORE.fullmatch(words[0]):
+            words = words[1:]
+        yield words
+
+
+def _singular(word: str) -> str:
+    if word.endswith("ies"):
+        return f"{word[:-3]}y"
+    if word.endswith(("ches", "shes", "sses", "xes")):
+        return word[:-2]
+    is_plural = len(word) > 3 and word.endswith("s") and not word.endswith(("ss", "us", "is"))
+    return _PLURALS.get(word, word[:-1] if is_plural else word)
+
+
+def _mend(key: str) -> str | None:
+    """Return the listed word from which a key differs by one letter, not the first, if it is one.
+
+    A letter is missing, too many or misplaced; in longer names it may also be another letter.
+    """
+    if len(key) < _MENDED:
+        return None
+    rows, size = _read_labels(), len(key)
+    same = _group_keys().get((key[0], size), [])
+    others = (_group_keys().get((key[0], n), []) for n in (size - 1, size + 1))
+    shifted = [*same, *chain.from_iterable(others)]
+    replaced = same if size >= _REPLACED else []
+    for listed, differs in ((shifted, _is_shifted), (replaced, _is_replaced)):
+        near = [word for one, word in listed if differs(*_cut_common(one, key))]
+        if len({rows[_ANY_SOURCE, word] for word in near}) == 1:
+            return near[0]
+    return None
+
+
+def _is_shifted(a: str, b: str) -> bool:
+    return a[1:] == b or a == b[1:] or (a[:2] == b[1::-1] and a[2:] == b[2:])
+
+
+def _is_replaced(a: str, b: str) -> bool:
+    return a[1:] == b[1:]
+
+
+def _cut_common(a: str, b: str) -> tuple[str, str]:
+    pairs = enumerate(zip(a, b, strict=False))
+    start = next((at for at, (x, y) in pairs if x != y), min(len(a), len(b)))
+    return a[start:], b[start:]
 
 
 @cache
 def list_room_labels() -> tuple[str, ...]:
     """Return the common room labels that models read, sorted."""
-    labels = {label for label in _read_labels().values() if label is not None}
+    rows = _read_labels().items()
+    labels = {label for (source, _), label in rows if source != _BUILDING and label is not None}
     return tuple(sorted(label for label in labels if known_label(label) == label))
 
 
@@ -66,6 +208,25 @@ def known_label(label: str) -> str:
     ('kitchen', 'infirmary')
     """
     return _read_labels().get((_NEAREST, label)) or label
+
+
+def tell_building(name: str) -> str | None:
+    """Return the kind of building that the name of a room tells; None if any may have such a room.
+
+    >>> tell_building("patient room 2"), tell_building("office"), tell_building("Living Room")
+    ('hospital', None, 'home')
+    """
+    found, rows = read_room(name), _read_labels()
+    told = (rows.get((_BUILDING, word)) for word in (found.word, found.label) if word)
+    return next(filter(None, told), None)
+
+
+def is_name(text: str) -> bool:
+    """Say whether a room's id or label has words to be understood: R7 and room 5 have none."""
+    if normalise_room(text) in NO_KIND or len(text) > _LONGEST:
+        return False
+    words = next(iter(_list_forms(text)))
+    return any(len(word) > 2 and not _NO_NAMES.fullmatch(word) for word in words)
 
 
 def normalise_room(name: str) -> str:
@@ -114,21 +275,39 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
 def explain_room_type(said: RoomType | None) -> dict[str, str]:
     """Return word → how models read it, of the words of a type that they do not know.
 
-    >>> explain_room_type({"Küche": 0.5, "patient room": 0.25, "hall": 0.25})
-    {'Küche': 'unknown (nearest: kitchen)', 'patient room': 'infirmary'}
+    >>> explain_room_type({"Küche": 0.5, "pharmacy": 0.25, "hall": 0.25})
+    {'Küche': 'unknown (nearest: kitchen)', 'pharmacy': 'storage room'}
     """
-    known = check_room_type(said)
-    words = () if known is None else (known,) if isinstance(known, str) else tuple(known)
     return {
-        word: read if read in list_room_labels() else _name_nearest(word)
-        for word in words
+        str(word): read if read in list_room_labels() else f"unknown{name_nearest(word)}"
+        for word in _list_words(said)
         if (read := known_label(word)) != word or read not in list_room_labels()
     }
 
 
-def _name_nearest(word: str) -> str:
+def explain_rules(said: RoomType | None) -> dict[str, str]:
+    """Return word → label and rule, of the words of a type that a rule has read.
+
+    >>> explain_rules("staff kitchen")
+    {'staff kitchen': 'kitchen (head noun)'}
+    """
+    read = {
+        word.said: (word, read_room(word.said).rule)
+        for word in _list_words(said)
+        if isinstance(word, Understood)
+    }
+    return {name: f"{label} ({rule})" for name, (label, rule) in read.items() if rule}
+
+
+def _list_words(said: RoomType | None) -> tuple[str, ...]:
+    known = check_room_type(said)
+    return () if known is None else (known,) if isinstance(known, str) else tuple(known)
+
+
+def name_nearest(word: str) -> str:
+    """Return the labels that are spelt like a word, in brackets; empty if none is."""
     near = nearest_names(normalise_room(word), list_room_labels())
-    return f"unknown (nearest: {', '.join(near)})" if near else "unknown"
+    return f" (nearest: {', '.join(near)})" if near else ""
 
 
 @cache
@@ -157,9 +336,12 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
 
 def _find_label(word: str) -> str | None:
     """Return the common label of a word; the word itself if none is known; None if it says none."""
+    if isinstance(word, Understood):
+        return word
     if normalise_room(word) in NO_KIND:
         return None
-    return label_of(_ANY_SOURCE, word) or word
+    label = label_of(_ANY_SOURCE, word) or word
+    return label if label == word else Understood(label, word)
 
 
 @cache
@@ -169,3 +351,24 @@ def _read_labels() -> Mapping[tuple[str, str], str | None]:
     rows = [row for _, row in read_rows(_FILE, read_published(_FILE), header)]
     spoken = {(source, normalise_room(word)): label or None for source, word, label in rows}
     return {**spoken, **{(source, word): label or None for source, word, label in rows}}
+
+
+@cache
+def _list_keys() -> Mapping[str, str]:
+    """Return the words of all sources by their letters, in the singular: `kidroom` → `kids room`.
+
+    Of two words with the same letters, the singular counts: a store is a shop, stores are not.
+    """
+    words = [word for source, word in _read_labels() if source == _ANY_SOURCE]
+    keyed = {word: "".join(next(iter(_list_forms(word)))) for word in words}
+    plain_last = sorted(words, key=lambda word: keyed[word] == word.replace(" ", ""))
+    return {keyed[word]: word for word in plain_last}
+
+
+@cache
+def _group_keys() -> Mapping[tuple[str, int], list[tuple[str, str]]]:
+    """Return what `_list_keys` does, by the first letter and the number of letters."""
+    found = defaultdict[tuple[str, int], list[tuple[str, str]]](list)
+    for key, word in _list_keys().items():
+        found[key[:1], len(key)].append((key, word))
+    return found

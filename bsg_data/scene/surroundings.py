@@ -7,7 +7,7 @@ Each kind of evidence is a field of `Surroundings`. A new kind also needs a fiel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,12 @@ from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.scene.room_label import (
     NO_KIND,
+    Understood,
     known_label,
     list_room_labels,
     normalise_room,
     spread_labels,
+    tell_building,
 )
 from bsg_data.scene.scene_graph import Box
 from bsg_data.spelling import SHOWN
@@ -31,8 +33,11 @@ if TYPE_CHECKING:
 
 # Models know each by its index here; add new kinds and sources at the end.
 BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
+# Kinds that a robot may say and no model was trained on: they are read as unknown.
+SAID_KINDS = (*BUILDING_KINDS, "hospital")
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
 UNKNOWN = -1  # the index of a kind or a source that is not known
+_TELLING = 2  # rooms that tell the kind of a building
 MAX_FLOOR_AREA = 1e5  # square metres, of a room: the largest halls that are built
 _BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
 # Columns of a dataset's tables that `Surroundings.of_tables` reads.
@@ -168,7 +173,7 @@ def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
 
 
 def check_building_kind(kind: str | None) -> str | None:
-    """Return one of `BUILDING_KINDS`; None for a word that names no kind, such as `other`.
+    """Return one of `SAID_KINDS`; None for a word that names no kind, such as `other`.
 
     Raises:
         RecipeError: if the kind is unknown.
@@ -176,12 +181,40 @@ def check_building_kind(kind: str | None) -> str | None:
     spoken = "" if kind is None else normalise_room(kind)
     if spoken in NO_KIND:
         return None
-    if spoken not in BUILDING_KINDS:
+    if spoken not in SAID_KINDS:
         raise RecipeError(
             f"expected a kind of building, found {str(kind)[:SHOWN]!r}; known are "
-            f"{', '.join(BUILDING_KINDS)}; leave it out, or say `other`"
+            f"{', '.join(SAID_KINDS)}; leave it out, or say `other`"
         )
     return spoken
+
+
+def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Understood | None:
+    """Return the kind of building that its rooms tell, by the names of each; None if unclear.
+
+    Two rooms or more tell it, and more than half of all that tell one. Offices, which other
+    buildings have too, are heard last. A home is never guessed: an unknown kind is read as one.
+
+    >>> guess_building_kind([["ward 1"], ["nurse station"], ["office"]])
+    'hospital'
+    >>> guess_building_kind([["office"], ["printer room"], ["bedroom"], ["kitchen"]])
+    """
+    told: dict[str, list[str]] = {}
+    for names in rooms:
+        kind, name = next(
+            ((kind, name) for name in names if (kind := tell_building(name))), ("", "")
+        )
+        told.setdefault(kind, []).append(name)
+    told.pop("", None)
+    if any(
+        len(names) >= _TELLING for kind, names in told.items() if kind not in ("home", "office")
+    ):
+        told.pop("office", None)
+    kind = max(told, key=lambda one: len(told[one]), default="home")
+    total = sum(map(len, told.values()))
+    if kind == "home" or not _TELLING <= len(told[kind]) > total / 2:
+        return None
+    return Understood(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
 
 
 def _measure_rooms(rooms: pa.Table) -> Floats:

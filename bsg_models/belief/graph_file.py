@@ -27,7 +27,6 @@ from bsg_data.observation.robot_json import (
     parse_robot_graph,
 )
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.scene.room_label import label_of
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, is_dsg, parse_dsg
 from bsg_data.sources.spark_dsg import LabelSpace, load_label_space, name_object
 from bsg_data.spelling import SHOWN, ask_if_meant
@@ -171,7 +170,6 @@ def _describe_room(node: DSGNode, path: Path) -> dict[str, Any]:
     return {
         "id": node.symbol,
         "label": called,
-        "room_type": label_of("spark-dsg", called),
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
         **_read_said(node.said, ROOM_WORDS, of=f"{path}: room {node.symbol!r}"),
@@ -184,10 +182,17 @@ def _describe_object(
     return {
         "id": node.symbol,
         "room": None if node.room is None else rooms[node.room],
-        "category": name_object(node, labels),
+        "category": _name_object(node, labels),
         "position": node.position,
         **_read_said(node.said, OBJECT_WORDS, of=f"{path}: object {node.symbol!r}"),
     }
+
+
+def _name_object(node: DSGNode, labels: LabelSpace | None) -> str:
+    """Return the name of an object; the one of our own annotation if nobody else names it."""
+    name, belief = name_object(node, labels), node.said.get("belief")
+    own = belief.get("category") if isinstance(belief, dict) else None
+    return own if isinstance(own, str) and name in ("", f"label {node.label}") else name
 
 
 def _read_said(said: Any, keys: Collection[str], *, of: str) -> dict[str, Any]:
@@ -212,7 +217,7 @@ def _note(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:
         obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.said)
     ]
     labelled = [obj for obj in bare if obj.label is not None]
-    named = Counter((obj.label, name_object(obj, labels)) for obj in labelled)
+    named = Counter((obj.label, _name_object(obj, labels)) for obj in labelled)
     found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")
     if found and labels is not None:
         pairs = ", ".join(f"{label} is {name}" for label, name in found[:_LISTED])

@@ -118,6 +118,10 @@ class Noun:
         may_be = not all(looks) or not looks[0].isdisjoint(looks[1])
         return bool(heads) and set(asked[0]) <= set(said[0]) and may_be
 
+    def includes(self, name: str) -> bool:
+        """Return whether all things of a name are this noun: mugs include red mugs."""
+        return self.names(name) and looks_of(self.name) <= looks_of(name)
+
 
 @dataclass(frozen=True, eq=False)
 class NounTable:

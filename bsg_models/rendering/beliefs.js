@@ -75,12 +75,13 @@ const Beliefs = (() => {
   const sayShort = (of, sought) =>
     (sought === ALL ? "" : percent(of.chance) + ", ") + amount(of.more) + " more expected"
       + (of.seen ? ", " + amount(of.seen) + " seen" : "");
-  /* "64 %, if there is one: 95 %, 1 seen: 7, 9.0 m": of a place of what was asked for */
+  /* "64 %, if there is one: 95 %, 1 seen: 7, 9.0 m": of a place of what was asked for.
+     Of what no model counts, how often people noted one down says little, and stands behind. */
   function sayPlace(view, of, sought) {
-    const { class: name, anywhere } = asked(view, sought), ids = of.ids.slice(0, 3).join(", ") + (of.ids.length > 3 ? ", …" : "");
+    const { by, anywhere } = asked(view, sought), isNoted = by === "likeness", ids = of.ids.slice(0, 3).join(", ") + (of.ids.length > 3 ? ", …" : "");
     return [
-      percent(of.chance),
-      (name === null || anywhere < 0.95) && !of.seen && "if there is one: " + percent(of.ifThere),
+      isNoted && !of.seen ? `if there is one: ${percent(of.ifThere)}, noted: ${percent(of.chance)}` : percent(of.chance),
+      !isNoted && anywhere < 0.95 && !of.seen && "if there is one: " + percent(of.ifThere),
       of.seen && `${of.seen} seen: ${ids}`,
       isHere(view, of.node) ? "robot here" : typeof of.cost === "number" && cost(view, of.cost),
     ].filter(Boolean).join(", ");

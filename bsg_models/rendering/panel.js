@@ -32,20 +32,21 @@ const Panel = (() => {
     for (const word of words) Array.isArray(word) ? make("b", {}, line, word[0]) : line.append(word);
   }
 
-  function answer(side, view, { class: name, how, model, anywhere }) {
+  function answer(side, view, { by, how, model, anywhere }) {
     const { go_first: first, things } = view.answer, sought = things.length > 1 ? `, to find ${things.map((one) => one.thing).join(", ")}` : "";
     make("p", { class: "go" }, side, first === null ? "Nothing is left to search."
       : first === Beliefs.NOWHERE ? "First find the rooms that are not found yet." : `Go first to ${nodeName(view, first)}${sought}.`);
-    make("p", { class: "answer" }, side, `At least one in the building: ${percent(anywhere)}, by the model ${model}.`);
-    if (how || name === null) make("p", {}, side, how || "No model counts it.");
+    make("p", { class: "answer" }, side, by === "likeness" ? `Annotators note one down in ${percent(anywhere)} of such buildings, by the model ${model}.`
+      : `At least one in the building: ${percent(anywhere)}, by the ${by === "table" ? "table" : "model"} ${model}.`);
+    if (how) make("p", {}, side, how);
   }
 
   /* List the rooms in the order in which the robot would search them. */
   function planWay(side, view) {
-    const { plan, here } = view.answer, say = (x) => typeof x === "number" ? Beliefs.cost(view, x) : "–";
+    const { plan, here, things } = view.answer, say = (x) => typeof x === "number" ? Beliefs.cost(view, x) : "–";
     if (plan.length < 2) return;
     make("h3", {}, side, "The planned way" + (here ? " from " + nodeName(view, here) : ""));
-    const body = table(side, "way", ["", "room", "it is there", "way", "look", "found by then"]);
+    const body = table(side, "way", ["", "room", things.length > 1 ? "any is there" : "it is there", "way", "look", things.length > 1 ? "all found by then" : "found by then"]);
     for (const { step, room, probability, way, look, found } of plan.slice(0, FIRST)) {
       const row = make("tr", {}, body);
       make("i", { class: "stop" }, make("td", {}, row), step);

@@ -6,7 +6,7 @@ once, and is made anew after every look. `bsg_models.search.orders` says what it
 
 - A thing of which one is known for sure is found. If all are, the robot goes where they are; there
   it need not search.
-- A room in which a look has missed waits until the others had a look (`leave_out`).
+- A room in which a look has missed waits for others (`leave_out`), and comes last in the order.
 - To find `all`, those that are known for sure do not count, because nobody has to look for them.
 - What is behind a closed door does not count, as long as something else is left, and a thing that
   is nearly sure to be there does not count beside others.
@@ -21,6 +21,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
+from bsg_models.robot.missed_looks import Looked
 from bsg_models.robot.thing_belief import ThingBelief
 from bsg_models.robot.ways import Ways
 from bsg_models.search.catalogue import AnyPlanner, find_planner
@@ -30,7 +31,8 @@ from bsg_models.search.orders import order_search
 from bsg_models.search.planners import next_room_by
 from bsg_models.search.teams import send_team
 
-_OF_LOOKS = ("missed", "again")
+_FAR = 1e9  # cost of a way that is closed to one of several robots
+_NOTHING = 1e-12  # a smaller probability is rounding
 _LEAST_REACHED = 0.1  # share of P(a look anywhere finds a thing)
 
 
@@ -40,8 +42,7 @@ class Decision:
 
     Attributes:
         finds: `[N, A]` P(a look finds at least one); 0 where nothing is left to look for.
-        missed: `[N, A]` P(all looks so far miss a thing that is there); 1 without a look.
-        again: `[N, A]` whether the last look for a thing was there.
+        missed, again: `[N, A]` what looks for each have missed; see `Looked`.
         task: `single` or `all`.
         things: which of the things these are.
         is_known: whether all things are known for sure, so that the robot only has to go there.
@@ -56,25 +57,22 @@ class Decision:
 
     def candidates(self, *here: int) -> Bools:
         """Return the rooms that may be named, `[N]`, for robots in some rooms."""
-        likely = self.finds > 0
+        likely = self.finds > _NOTHING
         rooms = np.asarray(likely.any(axis=1))
         beside = np.isin(np.arange(len(rooms)), here)
         again = beside & rooms & (self.again | ~likely).all(axis=1)
         missed = np.where(likely, self.missed, 0.0).max(axis=1)
         return leave_out(rooms, missed, self.likely, again=again)
 
+    def left_out(self, *here: int) -> list[int]:
+        """Return the rooms that wait for another look."""
+        rooms = (self.finds > _NOTHING).any(axis=1) & ~self.candidates(*here)
+        return [int(node) for node in np.flatnonzero(rooms)]
+
     @property
     def likely(self) -> Floats:
         """P(a look finds any of the things), `[N]`."""
         return np.asarray(1 - (1 - self.finds).prod(axis=1))
-
-
-@dataclass(frozen=True, eq=False)
-class Looked:
-    """What looks for a thing have missed at N nodes: `missed` and `again` of `Decision`, `[N]`."""
-
-    missed: Floats
-    again: Bools
 
 
 def weigh(
@@ -92,15 +90,15 @@ def weigh(
         beliefs: of A things.
         looked: what looks for each have missed.
         here: nodes of the robots.
-        open_: `[N]` nodes that a way leads to.
+        open_: `[N]` nodes that a way leads to, for any of the robots.
         chance: P(a look finds a thing that is there).
         task: `single` or `all`.
 
     Raises:
         RecipeError: if rooms are left, and no way leads to any of them.
     """
-    of_looks = (np.stack([getattr(one, n) for one in looked], axis=1) for n in _OF_LOOKS)
-    missed, again = of_looks
+    missed = np.stack([one.missed for one in looked], axis=1)
+    again = np.stack([one.again for one in looked], axis=1)
     sure = np.stack([one.is_sure & open_ for one in beliefs], axis=1)
     unknown = np.asarray(~sure.any(axis=0)) if task == "single" else np.ones(len(beliefs), bool)
     if not unknown.any():
@@ -111,7 +109,7 @@ def weigh(
         return Decision(left.astype(float), np.ones(left.shape), none, task, every, is_known=True)
     finds = np.stack([one.finds(chance, unsure=task == "all") for one in beliefs], axis=1)
     reached = np.where(open_[:, None], finds, 0.0)
-    if finds[:, unknown].any() and not reached[:, unknown].any():
+    if (finds[:, unknown] > _NOTHING).any() and not (reached[:, unknown] > _NOTHING).any():
         raise RecipeError(
             "no way leads to a room that is left to search; give `costs` that are finite",
             code="rooms-unreachable",
@@ -157,18 +155,20 @@ def order_rooms(decision: Decision, ways: Ways, look: Floats, *, here: int) -> l
     rooms, single = decision.candidates(here), decision.task == "single"
     costs = ways.costs + _look(decision, look)
     order: list[int] = order_search(costs, here, rooms, decision.finds, single=single).tolist()
-    return order
+    return order + decision.left_out(here)
 
 
 def choose_rooms(
     decision: Decision, ways: Ways, look: Floats, *, here: Sequence[int]
 ) -> list[int | None]:
     """Return the node that each robot goes to, so that the time until one finds it is least."""
+    if len(here) == 1:
+        return [choose_room(decision, ways, look, here=here[0], planner="expected-cost")]
     rooms, single = decision.candidates(*here), decision.task == "single"
-    rooms &= np.isfinite(ways.costs[list(here)]).all(axis=0)
-    costs = ways.costs + _look(decision, look)
+    costs = np.minimum(ways.costs, _FAR) + _look(decision, look)
     chosen = send_team(costs, np.array(here), rooms, decision.finds, single=single)
-    return [None if node < 0 else node for node in chosen.tolist()]
+    named = zip(here, chosen.tolist(), strict=True)
+    return [node if node >= 0 and np.isfinite(ways.costs[at, node]) else None for at, node in named]
 
 
 def _look(decision: Decision, look: Floats) -> Floats:

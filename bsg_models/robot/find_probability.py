@@ -59,8 +59,8 @@ class FindProbability:
             otherwise: probability of a word that means no thing; None raises.
 
         Raises:
-            RecipeError: if a room is unknown, a size is not above 0, or `otherwise` is not a
-                probability.
+            RecipeError: if a room is unknown, one of `words` means no thing, a size is not above 0,
+                or `otherwise` is not a probability.
         """
         self.seen = seen
         self._rooms: dict[str, int | None] = {}
@@ -76,6 +76,8 @@ class FindProbability:
                 f"otherwise: expected 0 to 1, found {otherwise}", code="no-probability"
             )
         every = {room: room for room in seen.rooms} if locations is None else locations
+        for word in self._words.values():
+            seen.understand(word)
         for location, room in every.items():
             self.add(location, room)
         for location, size in self._sizes.items():

@@ -36,7 +36,7 @@ from bsg_data.observation.partial_graph import (
     reclassify,
 )
 from bsg_data.observation.reports import LOOK_CHANCE, say_score
-from bsg_data.observation.robot_json import list_unmapped
+from bsg_data.observation.robot_json import list_unmapped, understand_rooms
 from bsg_data.recipes import read_number
 from bsg_data.scene.class_map import (
     DEFAULT_CLASS_MAP,
@@ -47,32 +47,36 @@ from bsg_data.scene.class_map import (
 )
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
-from bsg_models.belief.nouns import read_nouns
+from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
 from bsg_models.robot.decision import (
     Decision,
-    Looked,
     choose_room,
     choose_rooms,
     order_rooms,
     weigh,
 )
 from bsg_models.robot.looks import AnyLook, cost_looks
+from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.thing_belief import (
     ThingBelief,
+    after_looks,
     believe_class,
     believe_kind,
     believe_noun,
+    believe_thing,
     list_searched,
 )
 from bsg_models.robot.unfound_rooms import EXPLORE, add_unfound
 from bsg_models.robot.ways import Costs, Ways, add_places, list_lost, measure_ways
 from bsg_models.robot.words import (
     Meaning,
+    explain_everyday,
+    find_everyday,
     find_meaning,
     find_room,
     require_word,
@@ -126,8 +130,10 @@ class Step:
 
 _Now: TypeAlias = tuple[PartialGraph, Expectation]  # a graph as a model reads it, and the belief
 NOT_FOUND = "rooms not found yet"
+THINGS = "things-v1"  # the table of everyday things, where it answers
 _MOST_HOURS = 1e9
 _LISTED = 8  # objects in an error
+_MOST_MEANINGS = 1000  # words that are remembered
 _LEAST = 1e-12  # a smaller number is not divided by
 
 
@@ -216,8 +222,11 @@ class SeenBuilding:
         self._models = {
             0: own
         }  # 0: the building's own, 1: the wide one, 2: that nouns are judged by
+        self._meanings: dict[str, Meaning] = {}
+        self._expectations: dict[int, Expectation] = {}
+        self._evidence: PartialGraph | None = None
+        self._ways: Ways | None = None
         self._change(graph)
-        self._doubt_what_looks_missed()
 
     @property
     def graph(self) -> PartialGraph:
@@ -227,7 +236,13 @@ class SeenBuilding:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a person should know about how the graph is read, a sentence each."""
-        return (*self._notes, *note_graph(self._graph, self._models[0]))
+        lost = dict.fromkeys(
+            one.thing for one in self._graph.looks if self._understand_or_none(one.thing) is None
+        )
+        words = ", ".join(repr(word[:SHOWN]) for word in [*lost][:_LISTED])
+        ignored = (f"looks for what {self.model} has no word for are ignored: {words}",)
+        notes = note_graph(self._graph, self._models[0])
+        return (*self._notes, *notes, *(ignored if lost else ()))
 
     @property
     def model(self) -> str:
@@ -249,8 +264,9 @@ class SeenBuilding:
     def copy(self) -> SeenBuilding:
         """Return an independent copy; reports to it do not change this object."""
         other = SeenBuilding(self._graph, self._models[0], notes=self._notes)
-        other._models, other._beliefs = self._models, dict(self._beliefs)
-        other._whole, other._ways = self._whole, self._ways
+        other._models, other._meanings = self._models, dict(self._meanings)
+        other._expectations, other._evidence = dict(self._expectations), self._evidence
+        other._ways = self._ways
         return other
 
     # Reports of the robot
@@ -267,6 +283,7 @@ class SeenBuilding:
         age: float | None = None,
         stays: float | None = None,
         within: float = 0.5,
+        besides: Collection[str] = (),
     ) -> str:
         """Report one object in a room, and return its id; the room may hold more.
 
@@ -278,8 +295,9 @@ class SeenBuilding:
             score: P(it is there now), such as a detector's score; None if nobody doubts it.
             age: instead of the score, hours since it was seen; needs `stays`.
             stays: hours after which half of such things are elsewhere; None for the graph's.
-            within: without an id, a known object of the same class this near, in metres, is the
-                same object. 0 keeps all apart; ∞ takes any of the class in the room.
+            within: without an id, a known object of the same class in the room that is this near,
+                in metres, is the same object. 0 keeps all apart; ∞ takes any in the room.
+            besides: ids of objects that it is not, such as others that were seen with it.
 
         Raises:
             RecipeError: for a room, a word or a number that cannot be.
@@ -294,21 +312,30 @@ class SeenBuilding:
             raise RecipeError(f"{where}: stays: expected above 0 hours, found 0", code="stays-zero")
         if score is not None:
             score = read_number(f"{where}: score", score, most=1.0)
+        if stays is not None and age is None:
+            raise RecipeError(
+                f"{where}: has stays; say also its age", code="age-unsaid", where=where
+            )
         score = say_score(where, score, age=age, stays=hours)
         known = self._models[0].class_map.classify(thing)
         facts = (index, thing, known.category, known.class_index, position, score)
         seen = check_report(SeenObject(object_id or self._name_object(), *facts))
         if object_id is None:
-            near = reports.find_near(self._graph, seen, within=within)
+            near = reports.find_near(self._graph, seen, within=within, besides=besides)
             if near is not None:
                 certain = score is None or near.score is None
                 likelier = max(seen.probability, near.probability)
                 seen = replace(seen, name=near.name, score=None if certain else likelier)
         graph = reports.see_object(self._graph, seen)
-        looks = [one for one in graph.looks if one.room_index == index]
-        found = {one for one in looks if seen in self._list_sought(graph, one)}
-        kept = tuple(one for one in graph.looks if one not in found)  # it is there, after all
-        self._change(replace(graph, looks=kept))
+        if seen.is_evidence:  # it is there, after all
+            missed = [
+                one.look
+                for one in self._looks
+                if one.look.room_index == index and self._names(one.meaning)(thing)
+            ]
+            kept = tuple(one for one in graph.looks if one not in missed)
+            graph = replace(graph, looks=kept)
+        self._change(graph)
         return seen.name
 
     def _name_object(self) -> str:
@@ -349,26 +376,9 @@ class SeenBuilding:
             RecipeError: for a room, a word or a chance that cannot be.
         """
         index = find_room(self._graph, room)
-        require_word(thing)
+        self.understand(thing)
         chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
-        seen = Look(index, thing, chance)
-        doubted = [obj.name for obj in self._list_sought(self._graph, seen)]
-        self._change(reports.look(self._graph, seen, doubted=doubted))
-
-    def _doubt_what_looks_missed(self) -> None:
-        """Give a score to objects that a file names beside a look that missed them."""
-        sure = {obj.name for obj in self._graph.objects if obj.score is None}
-        for one in self._graph.looks:
-            missed = {obj.name for obj in self._list_sought(self._graph, one)} & sure
-            self._change(reports.doubt(self._graph, missed, chance=one.chance))
-
-    def _list_sought(self, graph: PartialGraph, seen: Look) -> list[SeenObject]:
-        """Return the objects in the room of a look that it looked for."""
-        here = [obj for obj in graph.objects if obj.room_index == seen.room_index]
-        if not here:
-            return []
-        names = self._names(self.understand(seen.thing))
-        return [obj for obj in here if names(obj.raw_category)]
+        self._change(reports.look(self._graph, Look(index, thing, chance)))
 
     @_alone
     def entered(
@@ -427,22 +437,29 @@ class SeenBuilding:
             RecipeError: if there is no such room, or it had no such object.
         """
         index = find_room(self._graph, room)
-        graph = self._graph
-        if found is not None:
-            found = [found] if isinstance(found, str) else found
-            known = [obj for obj in graph.objects if obj.room_index == index]
-            kept = {name for one in found for name in self._find_again(one, known, room)}
-            graph = reports.lose(graph, {obj.name for obj in known} - kept)
-        self._change(reports.enter(graph, index, hidden_share=ShareBelief(0.0)))
+        if found is None:
+            self._change(reports.enter(self._graph, index, hidden_share=ShareBelief(0.0)))
+            return
+        if not isinstance(found, Collection):
+            raise RecipeError(
+                f"searched {room!r}: found: expected ids or words, found {show_value(found)}",
+                code="found-impossible",
+                where=room,
+            )
+        known = [obj for obj in self._graph.objects if obj.room_index == index]
+        words = [found] if isinstance(found, str) else found
+        kept = {name for one in words for name in self._find_again(one, known, room)}
+        self._change(reports.find_all(self._graph, index, kept))
 
     def _find_again(self, said: str, known: Sequence[SeenObject], room: str) -> list[str]:
         """Return the ids of the known objects that an id or a word names."""
         names = [obj.name for obj in known]
         if said in names:
             return [said]
-        same = [obj.name for obj in known if normalise_name(obj.raw_category) == _plain(said)]
-        if not same:
-            is_kind = self._names(self.understand(said))
+        spoken = normalise_name(str(said))
+        same = [obj.name for obj in known if normalise_name(obj.raw_category) == spoken]
+        if not same and (meaning := self._understand_or_none(said)):
+            is_kind = self._names(meaning)
             same = [obj.name for obj in known if is_kind(obj.raw_category)]
         if not same:
             shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
@@ -469,7 +486,7 @@ class SeenBuilding:
         Args:
             room: its id.
             beside: id of a room that it connects with, or several.
-            room_type: a room label, or labels with probabilities.
+            room_type: a room label, or labels with probabilities. None: as its id says, if it does.
             position: metres, Z up.
             floor_area: square metres.
 
@@ -486,7 +503,8 @@ class SeenBuilding:
         )
         others = [beside] if isinstance(beside, str) else beside
         neighbours = [find_room(self._graph, other) for other in others]
-        self._change(reports.discover(self._graph, check_report(new), beside=neighbours))
+        graph = reports.discover(self._graph, check_report(new), beside=neighbours)
+        self._change(understand_rooms(graph))
 
     @_alone
     def describe(
@@ -524,7 +542,7 @@ class SeenBuilding:
         others = [beside] if isinstance(beside, str) else beside
         neighbours = [find_room(self._graph, other) for other in others]
         graph = reports.describe(self._graph, index, check_report(known), beside=neighbours)
-        self._change(graph)
+        self._change(understand_rooms(graph))
 
     @_alone
     def more_rooms(self, number: int | bool) -> None:
@@ -535,16 +553,26 @@ class SeenBuilding:
         self._change(replace(self._graph, more_rooms=check_more_rooms(number) or 0))
 
     def _change(self, graph: PartialGraph) -> None:
-        if graph.more_rooms and any(room.name == EXPLORE for room in graph.rooms):
+        """Take a graph; what was believed stays if no evidence of models has changed."""
+        if any(room.name == EXPLORE for room in graph.rooms):
             raise RecipeError(
                 f"{graph.scene_id}: a room {EXPLORE!r} cannot be told from the answer {EXPLORE!r}, "
                 "to look for rooms that are not found yet; rename the room",
                 code="room-named-explore",
                 where=EXPLORE,
             )
-        self._graph, self._whole = graph, add_unfound(graph)
-        self._beliefs: dict[int, _Now] = {}
-        self._ways: Ways | None = None
+        understood = ((one, self._understand_or_none(one.thing)) for one in graph.looks)
+        looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
+        whole = add_unfound(doubt_objects(graph, looks, names=self._names))
+        evidence = replace(
+            whole,
+            looks=(),
+            objects=tuple(replace(o, score=None) for o in whole.objects if o.is_evidence),
+        )
+        if self._evidence is None or evidence != self._evidence:
+            self._evidence, self._expectations, self._ways = evidence, {}, None
+        self._graph, self._whole, self._looks = graph, whole, looks
+        self._read: dict[int, PartialGraph] = {0: whole}
 
     # Questions of the robot
 
@@ -771,27 +799,24 @@ class SeenBuilding:
 
         It includes what looks have missed, and in the building what rooms not found yet may hold.
         """
-        whole, belief = self._believe(0)
-        shape = belief.inputs.shape
-        chances = np.zeros(shape)
-        for one in whole.looks:
-            meaning = self.understand(one.thing)
-            if meaning.model == 0 and meaning.class_index is not None and meaning.noun is None:
-                cell = one.room_index, meaning.class_index
-                chances[cell] = 1 - (1 - chances[cell]) * (1 - one.chance)
+        belief, rooms = self._believe(0)[1], np.arange(1 + len(self._graph.rooms))
+        chances = np.zeros(belief.inputs.shape)
+        for one in self._looks:
+            if one.meaning.model == 0 and one.meaning.noun is None:
+                cell = one.look.room_index, one.meaning.class_index
+                chances[cell] = 1 - (1 - chances[cell]) * (1 - one.look.chance)
         if chances.any():
-            hidden = belief.hidden_counts
-            # What a look has missed in a room is missing in the building, too.
-            rooms = belief.hidden - hidden.missed(chances).mean
-            part = rooms[1:].sum(axis=0) / np.maximum(belief.hidden[0], _LEAST)
-            chances[0] = np.clip(part, 0.0, 1.0)
-            belief = replace(belief, hidden_counts=hidden.missed(chances))
-        return belief.take(np.arange(1 + len(self._graph.rooms)))
+            belief = replace(belief, hidden_counts=after_looks(belief.hidden_counts, chances))
+        # A doubted object is no evidence, and is one of those that were seen all the same.
+        seen = self._graph.histograms().astype(np.float64)
+        return replace(belief.take(rooms), inputs=seen)
 
     @_alone
     def asked(self, thing: str) -> str:
-        """Return the name of the model that answers for a word."""
+        """Return the name of the model that answers for a word, or of the table of things."""
         meaning = self.understand(thing)
+        if meaning.thing is not None:
+            return THINGS
         model = self._judge if meaning.class_index is None else meaning.model
         return self.model if model == 0 else _OTHERS[model][0]
 
@@ -803,9 +828,35 @@ class SeenBuilding:
         `universal-wide` with its 170 classes answers; and a word without a class is judged by what
         it means (`NounTable`). Neither helps a model that everybody may use: both are for research.
         """
+        require_word(thing)
         own = self._models[0].class_map.version not in list_class_maps()
         nouns = None if self._models[0].is_free else read_nouns()
-        return find_meaning(thing, self._class_maps(), prefer_exact=not own, nouns=nouns)
+        if thing not in self._meanings:
+            found = self._find_meaning(thing, prefer_exact=not own, nouns=nouns)
+            if len(self._meanings) >= _MOST_MEANINGS:
+                self._meanings.clear()
+            self._meanings[thing] = found
+        return self._meanings[thing]
+
+    def _find_meaning(self, word: str, *, prefer_exact: bool, nouns: NounTable | None) -> Meaning:
+        """Return what a word means; the table of everyday things knows more than likenesses do."""
+        thing = find_everyday(word)
+        try:
+            found = find_meaning(word, self._class_maps(), prefer_exact=prefer_exact, nouns=nouns)
+        except RecipeError:
+            if thing is None:
+                raise
+            found = Meaning(word, None, None, 0, "", is_exact=False)
+        is_counted = found.class_index is not None and found.noun is None and found.model == 0
+        if thing is None or is_counted:
+            return found
+        return replace(found, thing=thing, how=explain_everyday(thing, word))
+
+    def _understand_or_none(self, thing: str) -> Meaning | None:
+        try:
+            return self.understand(thing)
+        except RecipeError:
+            return None
 
     @_alone
     def ways(self, costs: Costs | None = None) -> Ways:
@@ -872,36 +923,30 @@ class SeenBuilding:
         task: Task,
     ) -> tuple[Decision, list[ThingBelief]]:
         """Return what a decision depends on, and what is believed of the things."""
-        words = [things] if isinstance(things, str) else [*things]
-        if not words:
-            raise RecipeError("things: expected one word or more, found none", code="things-none")
+        words = _list_words(things)
         if not read_number("chance", chance, most=1.0):
             raise RecipeError("chance: expected above 0, found 0", code="chance-zero")
-        beliefs = [self._look_up(word) for word in words]
+        # A thing that is asked for in two words is one thing.
+        meanings = {_key_of(self.understand(word)): word for word in reversed(words)}
+        distinct = [word for word in words if word in meanings.values()]
+        beliefs = [self._look_up(word) for word in distinct]
         nodes = 1 + len(self._whole.rooms)
-        looked = [self._list_looks(self.understand(word), nodes) for word in words]
-        open_ = np.ones(nodes, dtype=bool)
-        for start in here:
-            open_ &= np.isfinite(ways.costs[start])
+        looked = [sum_looks(self._looks, self.understand(w), nodes=nodes) for w in distinct]
+        open_ = np.isfinite(ways.costs[list(here)]).sum(axis=0) > (-1 if not here else 0)
         found = weigh(beliefs, looked, here=here, open_=open_, chance=chance, task=task)
         return found, beliefs
 
-    def _list_looks(self, meaning: Meaning, nodes: int) -> Looked:
-        missed, again = np.ones(nodes), np.zeros(nodes, dtype=bool)
-        looks = self._find_looks(meaning)
-        for one in looks:
-            missed[one.room_index] *= 1 - one.chance
-        if looks:
-            again[looks[-1].room_index] = True
-        return Looked(missed, again)
-
-    def _find_looks(self, meaning: Meaning) -> list[Look]:
-        """Return the looks that would have found a thing, too, the last one at the end."""
-        return [one for one in self._graph.looks if _covers(self.understand(one.thing), meaning)]
-
     def _names(self, meaning: Meaning) -> Callable[[str], bool]:
         """Return whether a robot's word for an object names a thing of this meaning."""
-        noun = meaning.noun
+        noun, thing = meaning.noun, meaning.thing
+        if thing is not None:
+            mine = looks_of(meaning.word)
+
+            def is_thing(word: str) -> bool:
+                may_be = not (looks := looks_of(word)) or not mine or not mine.isdisjoint(looks)
+                return may_be and (find_everyday(word) == thing or bool(noun and noun.names(word)))
+
+            return is_thing
         if noun is not None:
             return noun.names
         class_map = self._model(meaning.model).class_map
@@ -909,11 +954,17 @@ class SeenBuilding:
 
     def _look_up(self, thing: str) -> ThingBelief:
         meaning = self.understand(thing)
+        graph = self._whole
         if meaning.noun is not None:
             graph, belief = self._believe(self._judge)
             hidden, none = believe_noun(meaning.noun, belief, read_nouns())
-            found = [obj for obj in graph.objects if meaning.noun.names(obj.raw_category)]
-        if meaning.class_index is not None:
+        if meaning.thing is not None:
+            likeness = None if meaning.noun is None else hidden.mean[:, 0]
+            hidden, none = believe_thing(meaning.thing, self._whole, likeness=likeness)
+        if meaning.thing is not None or meaning.noun is not None:
+            is_sought = self._names(meaning)
+            found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
+        if meaning.class_index is not None and meaning.thing is None:
             graph, belief = self._believe(meaning.model)
             counted, of_class = believe_class(belief, meaning.class_index)
             if meaning.noun is None:
@@ -925,7 +976,7 @@ class SeenBuilding:
         for obj in found:
             seen[obj.room_index].append(obj)
         held = ThingBelief(tuple(map(tuple, seen)), hidden, none, list_searched(graph))
-        return held.after(1 - self._list_looks(meaning, len(seen)).missed)
+        return held.after(1 - sum_looks(self._looks, meaning, nodes=len(seen)).missed)
 
     def _model(self, model: int) -> Predictor:
         if model not in self._models:
@@ -937,12 +988,32 @@ class SeenBuilding:
 
         The graph has the rooms that are not found yet.
         """
-        if model not in self._beliefs:
-            predictor, graph = self._model(model), self._whole
-            if model:
-                graph = reclassify(graph, load_class_map(_OTHERS[model][1]))
-            self._beliefs[model] = graph, predictor(graph)
-        return self._beliefs[model]
+        if model not in self._read:
+            self._read[model] = reclassify(self._whole, load_class_map(_OTHERS[model][1]))
+        graph = self._read[model]
+        if model not in self._expectations:
+            self._expectations[model] = self._model(model)(graph)
+        return graph, self._expectations[model]
+
+
+def _list_words(things: str | Sequence[str]) -> list[str]:
+    if not isinstance(things, str | Sequence):
+        raise RecipeError(
+            f"things: expected a word or several, found {show_value(things)}", code="things-none"
+        )
+    words = [things] if isinstance(things, str) else [*things]
+    if not words:
+        raise RecipeError("things: expected one word or more, found none", code="things-none")
+    return words
+
+
+def _key_of(meaning: Meaning) -> tuple[object, ...]:
+    """Return what two words have in common that mean the same thing."""
+    noun = meaning.noun
+    if meaning.thing is not None:
+        return meaning.thing.name, looks_of(meaning.word)
+    parts = None if noun is None else (*split_head(noun.name)[0], noun.head, looks_of(noun.name))
+    return meaning.model, meaning.class_index, parts
 
 
 def _join(step: Step, more: Step) -> Step:
@@ -954,17 +1025,3 @@ def _join(step: Step, more: Step) -> Step:
         look=step.look + more.look,
         found=more.found,
     )
-
-
-def _covers(looked: Meaning, sought: Meaning) -> bool:
-    """Return whether a look for one thing would have found another, too.
-
-    A look for mugs finds red mugs; one for tableware finds mugs.
-    """
-    if looked.noun is not None:
-        return sought.noun is not None and looked.noun.names(sought.word)
-    return (looked.model, looked.class_index) == (sought.model, sought.class_index)
-
-
-def _plain(said: object) -> str:
-    return normalise_name(str(said))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,12 +11,50 @@ from functools import cached_property
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.observation.partial_graph import PartialGraph, SeenObject
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_data.scene.things import Thing
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.nouns import Noun, NounTable
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
+# Share of things that are in sight: most annotators see those that are a class of their own.
+_OF_SMALL, _OF_LARGE = 0.5, 0.9
+_KINDS = 8  # kinds of rooms in a home
+_LEAST_LEFT = 0.05  # least share of a thing for rooms of unknown kind
+_ANYWHERE = 0.03  # share of a thing that is in any room
+_WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
+# Where people search if a building has no room of a kind.
+_STANDS_IN = {
+    "closet": ("bedroom", "corridor"),
+    "copy room": ("printer room", "office"),
+    "corridor": ("entrance", "lobby"),
+    "dining room": ("kitchen", "living room"),
+    "entrance": ("corridor", "lobby"),
+    "garage": ("storage room", "utility room"),
+    "laundry room": ("utility room", "bathroom", "kitchen"),
+    "office": ("living room", "bedroom"),
+    "pantry": ("kitchen",),
+    "pharmacy": ("medication room", "infirmary"),
+    "playroom": ("bedroom",),
+    "storage room": ("utility room", "closet", "garage"),
+    "toilet": ("bathroom",),
+    "bathroom": ("toilet",),
+    "utility room": ("laundry room", "storage room", "kitchen"),
+}
+_ROOMS_OF = {
+    "hospital": (
+        *("patient room", "infirmary", "examination room", "operating room", "imaging room"),
+        *("pharmacy", "waiting room"),
+    ),
+    "office": ("office", "meeting room", "copy room", "computer room", "conference hall"),
+    "school": ("classroom", "library", "laboratory", "computer room"),
+    "restaurant": ("restaurant", "bar", "kitchen"),
+    "shop": ("shop",),
+    "hotel": ("bedroom", "bathroom", "lobby"),
+}
+_OURS, _ELSEWHERE = 0.15, 0.95  # share of these rooms of which a thing is in such a building
+_MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +136,22 @@ class ThingBelief:
         return ThingBelief(self.seen, kept, none, self.searched)
 
 
+def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution:
+    """Return hidden counts after looks that missed, by node and class `[N, C]`, building first.
+
+    The building, node 0, hides none with P(none) / P(the looks miss), if rooms are independent.
+    """
+    rooms = chances.copy()
+    rooms[0] = 0.0
+    missing = hidden.miss(rooms)[1:].clip(min=_LEAST).prod(axis=0)
+    after = hidden.missed(rooms)
+    before = (1 - hidden.presence[0]).clip(_LEAST, 1 - _LEAST)
+    none = (before / missing).clip(max=1 - _LEAST)
+    factor = np.zeros(chances.shape)
+    factor[0] = np.log(none / (1 - none)) - np.log(before / (1 - before))
+    return after.with_none_likelier(factor)
+
+
 def _miss(objects: Sequence[SeenObject], chance: float) -> float:
     """Return P(a look finds none of the objects)."""
     return float(np.prod([1 - chance * obj.probability for obj in objects]))
@@ -118,6 +174,61 @@ def believe_noun(
     """Return the hidden counts of a noun, and P(the building hides none), rooms independent."""
     counts = nouns.expect(noun, belief)
     return counts, _none_of_rooms(counts)
+
+
+def believe_thing(
+    thing: Thing, graph: PartialGraph, *, likeness: Floats | None
+) -> tuple[CountDistribution, float]:
+    """Return the hidden counts of an everyday thing, and P(the building hides none).
+
+    The table of everyday things says in which kinds of rooms people search for it, and how many
+    homes have one. A building has Λ = −log(1 − P(a home has one)) of them in the mean. They are
+    spread over its rooms by the shares of their kinds; what the kinds that are not there would have
+    goes to the rooms of unknown kind, by `likeness`. The part of a room that was seen had none in
+    sight, and half of such things lie in drawers or behind others; a searched room has none.
+
+    Args:
+        thing: of the table.
+        graph: with R rooms.
+        likeness: `[1 + R]` rates of the thing by what its name means, for rooms of unknown kind;
+            None if all are alike.
+    """
+    kinds = [_kinds_of(room) for room in graph.rooms]
+    times: Counter[str] = Counter()
+    for kind in kinds:
+        times.update(kind)  # expected number of rooms of a kind
+    shares = {kind: thing.share_in(kind) for kind in times}
+    for absent, share in thing.rooms:
+        near = next((one for one in _STANDS_IN.get(absent, ()) if one in times), None)
+        if absent not in times and near is not None:
+            shares[near] += share
+    weights = np.array(
+        [sum(shares[k] * p / max(1.0, times[k]) for k, p in one.items()) for one in kinds]
+    )
+    unknown = np.array([1 - sum(one.values()) for one in kinds])
+    left = max(_LEAST_LEFT, 1 - sum(shares[k] * min(1.0, n) for k, n in times.items()))
+    left *= min(1.0, unknown.sum() / _KINDS)  # each of them is of one kind
+    alike = unknown * (1.0 if likeness is None else likeness[1:] + _LEAST)
+    if alike.sum() > 0:
+        weights = weights + left * alike / alike.sum()
+    weights = weights + _ANYWHERE / max(1, len(weights))
+    # Other buildings have what people search for in their kinds of rooms.
+    ours = sum(thing.share_in(kind) for kind in _ROOMS_OF.get(graph.building_kind or "home", ()))
+    likely = thing.home if ours < _OURS else max(thing.home, _ELSEWHERE)
+    rate = -math.log1p(-min(likely, _MOST_HOMES))
+    seen = np.array([1 - room.hidden_share for room in graph.rooms])
+    in_sight = _OF_SMALL if thing.wider != thing.name else _OF_LARGE
+    hidden = np.where(seen < 1, 1 - in_sight * seen, 0.0)
+    rates = np.concatenate([[0.0], rate * hidden * weights / max(weights.sum(), _WHOLE)])
+    rates[0] = rates.sum() if len(graph.rooms) else rate * graph.hidden_share
+    counts = poisson(rates[:, None])
+    return counts, _none_of_rooms(counts)
+
+
+def _kinds_of(room: KnownRoom) -> dict[str, float]:
+    """Return the kinds that a room may be of, with probabilities that add up to 1 or less."""
+    said = room.room_type
+    return {} if said is None else {said: 1.0} if isinstance(said, str) else dict(said)
 
 
 def believe_kind(

@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from difflib import SequenceMatcher
+from functools import cache
+from itertools import islice
 from types import MappingProxyType
-from typing import TypeAlias
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.reports import hide_of_room
-from bsg_data.scene.class_map import ClassMap, normalise_name
-from bsg_data.scene.room_label import label_of
-from bsg_data.scene.spoken_names import singulars
+from bsg_data.scene.class_map import ClassMap, Role, load_class_map, normalise_name
+from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.room_label import read_room
+from bsg_data.scene.spoken_names import SHORT, is_typo, singulars
+from bsg_data.scene.things import Thing, find_thing
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.belief.nouns import Noun, NounTable, split_head
 
 MOST_CHARACTERS = 100
-SHORT = 5  # letters: nearly every shorter word resembles another one
+_NO_THINGS = "not-things-v1.csv"
+_OFFERED = 3  # nouns offered in an error
 _LISTED = 8  # rooms listed in an error
-_Near: TypeAlias = tuple[str, int, int, float]  # name, model, class, likeness
+_LABELS = 3  # kinds of rooms in a note
 # What follows says where a thing is, not what it is.
 _PLACE = re.compile(r"\s(?:on|in|under|behind|beside|near|by|at|from)\s(?:the|my|your|a)\s")
 _MARKS = " ?!.,;:…\"'`“”„‘’«»‹›()[]*¿¡？"  # around a name that was copied from a sentence
 _NONE: Mapping[str, float] = MappingProxyType({})
-LIKE_A_MISSPELLING = 0.85  # difflib's ratio: accepts microwav, refridgerator; not boots for books
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,8 @@ class Meaning:
         how: why, in words; empty if the word is the name of the class.
         is_exact: whether the class holds only such things; False for a teapot in `tableware`.
         noun: what the word means, if it is known and no class holds only such things.
+        is_mended: whether the word is taken for another one, spelled almost like it.
+        thing: the row of the table of everyday things, for one that no class holds alone.
     """
 
     word: str
@@ -51,11 +55,13 @@ class Meaning:
     how: str
     is_exact: bool
     noun: Noun | None = None
+    is_mended: bool = False
+    thing: Thing | None = None
 
     @property
     def name(self) -> str:
         """The class, or the word where more than the class answers."""
-        is_class = self.class_name is not None and self.noun is None
+        is_class = self.class_name is not None and self.noun is None and self.thing is None
         return str(self.class_name) if is_class else " ".join(self.word.split())
 
 
@@ -70,8 +76,8 @@ def find_meaning(
 
     The first map with a class for the word wins, but a class of exactly such things comes before a
     wider class of an earlier map: a laptop is a computer only if no map has a class of laptops. A
-    word without a class is looked up among the `nouns`, unless it is a part of the building or a
-    room. A name with an unknown word is first taken for a very similar name.
+    word without a class is looked up among the `nouns`, unless it is a part of the building, a
+    room, or no thing at all: a person, a colour, an action or an event.
 
     `class_maps` has one per model that can be asked, the preferred one first; later ones are only
     loaded if they are needed. `prefer_exact=False` takes the first map that has a class for the
@@ -83,25 +89,67 @@ def find_meaning(
     wider: Meaning | None = None
     for class_map in class_maps:
         found = _look_up(word, said, class_map, len(asked))
-        if found and (found.is_exact or not prefer_exact):
+        if found and (found.is_exact or not (prefer_exact or found.is_mended)):
             return found
         asked.append(class_map)
         wider = wider or found
     noun = nouns.find(said) if nouns else None
     if wider is not None:
-        return wider if noun is None else _narrow(wider, noun)
-    near = _spelled_alike(said, asked)
+        return wider if noun is None or wider.is_mended else _narrow(wider, noun)
     roles = {class_map.classify(said).role for class_map in asked}
-    is_thing = noun is not None and "structure" not in roles and label_of("any", said) is None
-    corrected = _correct(word, said, near, asked)
-    if noun is not None and is_thing and (noun.is_whole or corrected is None):
+    kind = _find_kind(said) if roles <= {"unmapped", "nameless"} else None
+    is_thing = kind is None and "structure" not in roles and not _is_room(said)
+    if noun is not None and is_thing:
         return Meaning(word, None, None, 0, _explain(noun), is_exact=False, noun=noun)
-    if corrected is not None:
-        return corrected
-    names = [name for name, *_ in near]
-    if not names and nouns is not None and roles == {"unmapped"}:
-        names = list(meant_names(normalise_name(said), nouns.known))
-    raise RecipeError(_refusal(word, asked, names), code="thing-unknown", where=word)
+    near = [] if kind else _spelled_alike(said, asked)
+    if not near and kind is None and nouns is not None and roles == {"unmapped"}:
+        near = _mended(said, nouns.known)
+    raise RecipeError(_refusal(word, kind, roles, near), code="thing-unknown", where=word)
+
+
+def _is_room(said: str) -> bool:
+    """Return whether a word is listed as a kind of room; dinner is none, by a rule or not."""
+    read = read_room(said)
+    return read.label is not None and read.rule is None
+
+
+@cache
+def _read_kinds() -> Mapping[str, str]:
+    """Return what words are that name no thing."""
+    rows = read_rows(_NO_THINGS, read_published(_NO_THINGS), ("word", "kind"))
+    return {word: kind for _, (word, kind) in rows}
+
+
+def _find_kind(said: str) -> str | None:
+    """Return what a word is that names no thing: a person, a colour, an action or an event.
+
+    An old man is a person, but a fire blanket is no event.
+    """
+    before, head = split_head(said)
+    kinds = (_read_kinds().get(one) for one in (head, *singulars(head)))
+    kind = next(filter(None, kinds), None)
+    return kind if kind == "person" or not before else None
+
+
+def find_everyday(word: str) -> Thing | None:
+    """Return the everyday thing that a word names, whatever the thing looks like.
+
+    A word that the table lacks is read by the rules of the default class map: `CoffeeTable`.
+    """
+    said = _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)
+    before, head = split_head(said)
+    if thing := find_thing(" ".join([*before, head])):
+        return thing
+    known = load_class_map().classify(said)
+    is_another = known.rule in (None, "head noun")  # or a wider thing: a mattress is no bed
+    return None if is_another else find_thing(str(known.category))
+
+
+def explain_everyday(thing: Thing, word: str) -> str:
+    """Say where people search for an everyday thing."""
+    rooms = ", ".join(label for label, _ in thing.rooms[:_LABELS])
+    named = "" if normalise_name(word) == thing.name else f"{word!r} is {thing.name!r}; "
+    return f"{named}people search for it in: {rooms} (table of everyday things)"
 
 
 def require_word(word: object) -> None:
@@ -136,19 +184,6 @@ def _explain(noun: Noun) -> str:
     )
 
 
-def _correct(
-    word: str, said: str, near: Sequence[_Near], class_maps: Sequence[ClassMap]
-) -> Meaning | None:
-    """Return the meaning of a misspelt name."""
-    if not near or any(class_map.classify(said).category for class_map in class_maps):
-        return None
-    name, model, index, ratio = near[0]
-    if ratio < LIKE_A_MISSPELLING or not _is_misspelling(said, name):
-        return None
-    how = f"no model knows {word!r}; taken for {name!r}, the most similar name"
-    return Meaning(word, class_maps[model].classes[index], index, model, how, is_exact=False)
-
-
 def _look_up(word: str, thing: str, class_map: ClassMap, model: int) -> Meaning | None:
     """Return the class of a thing by the map of a model; None if it has none."""
     said = normalise_name(thing)
@@ -165,39 +200,39 @@ def _look_up(word: str, thing: str, class_map: ClassMap, model: int) -> Meaning 
     if said != normalise_name(str(found.category)):
         rule = "" if found.rule is None else f" by the rule {found.rule!r}"
         steps.append(f"{word!r} is {found.category!r}{rule}")
-    is_exact = name in (found.category, *singulars(str(found.category)))
+    is_mended = found.rule == "spelling"
+    if is_mended:
+        steps = [f"no model knows {word!r}; taken for {found.category!r}, the most similar name"]
+    is_exact = not is_mended and name in (found.category, *singulars(str(found.category)))
     if found.category != name:
         steps.append(f"{found.category!r} is one of the class {name!r}")
-    return Meaning(word, name, found.class_index, model, ", ".join(steps), is_exact=is_exact)
+    how = ", ".join(steps)
+    return Meaning(word, name, found.class_index, model, how, is_exact, is_mended=is_mended)
 
 
-def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[_Near]:
-    """Return (name, model, class, likeness) of names with a class that are spelled similarly."""
-    said = normalise_name(word)
-    names: dict[str, tuple[int, int]] = {}
-    for model, class_map in enumerate(class_maps):
+def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[str]:
+    """Return names with a class that are spelled similarly."""
+    names: dict[str, None] = {}
+    for class_map in class_maps:
         for entry in class_map.entries.values():  # corrected names: published spellings have errors
             if entry.class_index is not None:
-                names.setdefault(normalise_name(str(entry.category)), (model, entry.class_index))
-        for index, name in enumerate(class_map.classes):
-            names.setdefault(normalise_name(name), (model, index))
-    close = meant_names(said, names)
-    return [(name, *names[name], SequenceMatcher(None, name, said).ratio()) for name in close]
+                names.setdefault(normalise_name(str(entry.category)))
+        names |= dict.fromkeys(map(normalise_name, class_map.classes))
+    return list(meant_names(normalise_name(word), names))
 
 
-def _is_misspelling(word: str, name: str) -> bool:
-    """Return whether a word can be a misspelt name; short words that differ are other words.
-
-    >>> _is_misspelling("microwav", "microwave"), _is_misspelling("xbox", "box")
-    (True, False)
-    """
+def _mended(word: str, known: Sequence[str]) -> list[str]:
+    """Return the nouns that a word is one typo from, the most frequent first."""
     said = normalise_name(word)
-    return min(len(said), len(name)) > SHORT and said.isprintable() and said[0] == name[0]
+    near = (noun for noun in known if len(said) > SHORT and is_typo(said, noun))
+    return list(islice(near, _OFFERED))
 
 
-def _refusal(word: str, class_maps: Sequence[ClassMap], near: Sequence[str]) -> str:
-    roles = {class_map.classify(word).role for class_map in class_maps}
-    if "structure" in roles:
+def _refusal(word: str, kind: str | None, roles: Set[Role], near: Sequence[str]) -> str:
+    if kind is not None:
+        article = "an" if kind[0] in "aeiou" else "a"
+        why = f"it is the word for {article} {kind}, and models look for things"
+    elif "structure" in roles:
         why = "it is a part of the building, and models count objects"
     elif "left-out" in roles:
         why = "class maps know the name, but no shipped model has a class for it"

@@ -18,8 +18,8 @@ from bsg_data.observation.reports import LOOK_CHANCE
 
 USUAL_WAY = 4.2  # metres between rooms that connect: the mean of 688 in 50 layouts of HM3D
 USUAL_AREA = 12.0  # square metres of a room of unknown size: the median of 712 in these layouts
-_EXHAUSTED = 100.0  # rooms so many times less likely than another are not looked into before it
-_GLANCED = 10.0  # a room so many times likelier than the others is looked into after a mere glance
+_WAITS = 2.0  # a room that had a look waits for others, unless it is so many times likelier
+_FAR_LIKELIER = 10.0  # than any other, so that a glance at a room is followed by a look
 _FIRST, _GROWTH = 3.1, 0.57
 _LEAST = 1.0  # metre: a robot stops to look
 
@@ -41,10 +41,10 @@ def metres_of_look(area: float | None, *, share: float = 1.0) -> float:
 def leave_out(rooms: Bools, missed: Floats, likely: Floats, *, again: Bools) -> Bools:
     """Return the rooms that may be looked into next, `[..., N]`, if looks may miss.
 
-    Rooms are looked into in rounds: one in which a look has missed waits until the others had a
-    look, or are 100 times less likely. So a robot runs neither back and forth, nor through rooms
-    that are out of question. The room of the last look waits in any case while another is left,
-    unless its looks were mere glances and it is 10 times likelier than the others.
+    A room in which a look has missed waits as long as another, which had fewer looks, is half as
+    likely. The room of the last look waits in any case while another is left: a look that is
+    repeated at once misses for the same reason. A mere glance does not count where nothing else
+    comes near.
 
     Args:
         rooms: `[..., N]` that are left.
@@ -52,16 +52,13 @@ def leave_out(rooms: Bools, missed: Floats, likely: Floats, *, again: Bools) -> 
         likely: `[..., N]` P(a look finds it).
         again: `[..., N]` rooms of the last look, where the robot still is.
     """
-    rounds = np.floor(np.log(np.maximum(missed, 1e-300)) / math.log(1 - LOOK_CHANCE) + 1e-6)
+    looks = np.floor(np.log(np.maximum(missed, 1e-300)) / math.log(1 - LOOK_CHANCE) + 1e-6)
     others = rooms & ~again
-    first = np.where(others, rounds, np.inf).min(axis=-1, keepdims=True)
-    fresh = others & (rounds == first)
-    worth = _most(likely, fresh)
-    waits = fresh & (_most(likely, others) <= _EXHAUSTED * worth)
-    left = np.where(waits.any(axis=-1, keepdims=True), waits, others)
-    glanced = rooms & again & (rounds == 0) & (likely > _GLANCED * worth)
-    left = np.where(glanced.any(axis=-1, keepdims=True), rooms, left)
-    return np.asarray(np.where(others.any(axis=-1, keepdims=True), left, rooms))
+    fresh = others & (looks == np.where(others, looks, np.inf).min(axis=-1, keepdims=True))
+    best = _most(likely, fresh)
+    free = np.where(_most(likely, others) <= _WAITS * best, fresh, others)
+    free |= rooms & again & (looks == 0) & (likely > _FAR_LIKELIER * best)
+    return np.asarray(np.where(others.any(axis=-1, keepdims=True), free, rooms))
 
 
 def _most(likely: Floats, some: Bools) -> Floats:

@@ -7,8 +7,8 @@ found (`all`), which the simulator knows and the robot does not.
 
 In a world where looks cost something, a robot looks into the room that it goes to, and into none on
 the way. A look may miss an instance. Then the room becomes less likely by Bayes' rule, as if it had
-at most one, and waits for another look (`leave_out`). A robot that reads no belief looks into every
-room once before it looks into one again.
+at most one, and waits for another look (`leave_out`). A robot that reads no belief looks
+into every room once before it looks into one again.
 
 All searches of one building run in lockstep: one call of a planner moves each of its searches once,
 and the beliefs of all robots are asked at once.
@@ -42,7 +42,7 @@ class Episodes:
 
     travel: Travel  # of each search
     rooms: Bools  # `[N]` rooms of the world
-    starts: Ints  # `[E]` rooms without the artifact
+    starts: Ints  # `[E]` rooms; without the artifact, if looks cost nothing
     artifacts: Ints  # `[E, A]` classes that each search looks for
     instances: Ints  # `[E, N, A]` number of instances per node: the truth
     look: Floats | None = None  # `[N]` cost of a look; None: to enter is to have looked
@@ -78,8 +78,8 @@ class Outcome:
     """How E searches ended.
 
     Attributes:
-        costs: `[E]` total cost of travel.
-        entered: `[E]` number of rooms, without the start.
+        costs: `[E]` total cost of travel and looks.
+        entered: `[E]` number of rooms without the start; of looks, if they cost something.
     """
 
     costs: Floats
@@ -167,7 +167,8 @@ class _Run:
         self.looks = np.zeros((number, nodes), dtype=np.int64)  # in each room
         # The start of a robot that finds what it enters was looked into; it holds nothing.
         self.looks[np.arange(number), self.here] = episodes.look is None
-        self.before = np.zeros(episodes.instances.shape)  # presence, when a room was looked into
+        # presence and share, when a room was looked into
+        self.before = np.zeros((2, *episodes.instances.shape))
         self.left = episodes.instances.copy()  # instances that were not found, by room
         self.costs, self.entered = np.zeros(number), np.zeros(number, dtype=np.int64)
         self.unfound = episodes.instances.sum(axis=1)
@@ -232,7 +233,8 @@ class _Run:
         elif episodes.luck is None:
             unexplored = episodes.rooms & ~explored
         else:
-            presence = self._doubt(rows, presence)
+            presence = self._doubt(rows, presence, part=0)
+            share = None if share is None else self._doubt(rows, share, part=1)
             unexplored = self._reopen(rows, presence)
         open_ = unexplored[:, :, None]
         # For `all`, every class stays wanted: a robot does not know when it has found all of one
@@ -251,22 +253,22 @@ class _Run:
             look=None if look is None else np.broadcast_to(look, unexplored.shape),
         )
 
-    def _doubt(self, rows: Ints, presence: Floats) -> Floats:
-        """Return the presence in all rooms, `[M, N, A]`, by Bayes' rule where looks have missed."""
+    def _doubt(self, rows: Ints, now: Floats, *, part: int) -> Floats:
+        """Return presence or share in all rooms, `[M, N, A]`, by Bayes' rule after looks."""
         looks = self.looks[rows, :, None]
-        before = np.where(looks == 0, presence, self.before[rows])
-        self.before[rows] = before
+        before = np.where(looks == 0, now, self.before[part, rows])
+        self.before[part, rows] = before
         missed = (1 - self.episodes.chance) ** looks
         return np.asarray(before * missed / (1 - before + before * missed))
 
     def _reopen(self, rows: Ints, presence: Floats) -> Bools:
         """Return the rooms that may be looked into, `[M, N]`, if looks may miss."""
         looks, every = self.looks[rows], np.arange(len(rows))
+        rooms = np.broadcast_to(self.episodes.rooms, looks.shape)
         again = np.zeros(looks.shape, dtype=bool)
         again[every, self.here[rows]] = looks[every, self.here[rows]] > 0
+        missed = (1 - LOOK_CHANCE) ** looks.astype(float)  # each is a look, whatever its chance
         likely = 1 - (1 - presence).prod(axis=2)
         if self.robot.planner.reads == "none":
-            likely = np.ones(looks.shape)
-        rooms = np.broadcast_to(self.episodes.rooms, looks.shape)
-        missed = (1 - LOOK_CHANCE) ** looks.astype(float)  # each is one round, whatever its chance
+            likely = np.ones(looks.shape)  # so that every room waits for all that had fewer looks
         return leave_out(rooms, missed, likely, again=again)

@@ -111,8 +111,14 @@ class BeliefNode:
 
     def detect(self, message: Any) -> None:
         """Note what a detector saw from the room where the robot is."""
+        seen: list[str] = []  # in this message: each of its detections is another object
         for said in read_detections(message, frame=self.frame, min_score=self.min_score):
-            fault = self.robot.answer("saw", said).get("error")
+            answer = self.robot.answer("saw", said | {"besides": seen})
+            seen += [answer["object"]] if "object" in answer else []
+            for note in answer.get("notes", ()):
+                text = make_plain(f"~/detections: {note}")
+                self.log.info(text, throttle_duration_sec=10.0)
+            fault = answer.get("error")
             if fault is not None:
                 self.log.warning(make_plain(f"~/detections: {fault}"), throttle_duration_sec=10.0)
 

@@ -21,6 +21,7 @@ from bsg_data.observation.partial_graph import (
     Hours,
     Metres,
     Number,
+    PartialGraph,
     Position,
     Score,
     Share,
@@ -28,9 +29,10 @@ from bsg_data.observation.partial_graph import (
 )
 from bsg_data.observation.partial_graph import MoreRooms as MoreRoomsNumber
 from bsg_data.observation.reports import LOOK_CHANCE
+from bsg_data.observation.robot_json import note_building, note_rooms, spell_id
 from bsg_data.recipes import Record, name_fault
-from bsg_data.scene.room_label import explain_room_type, label_of
 from bsg_models.robot.looks import SaidLook
+from bsg_models.robot.words import find_room
 from bsg_models.search.knowledge import Task
 
 MOST_CHARACTERS = 65_536  # of a text
@@ -41,13 +43,23 @@ _LONGEST = 100  # characters of a name
 Answer = dict[str, Any]
 Within = Annotated[float, Number, Field(ge=0)]  # metres, or ∞
 Name = Annotated[str, Field(min_length=1, max_length=_LONGEST)]
+Id = Annotated[Name, BeforeValidator(spell_id)]  # a number is one, too
 Names = Annotated[  # or one name
     tuple[Name, ...],
     Field(max_length=_MOST_NAMES),
     BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
 ]
 
-Found = Annotated[tuple[Name, ...], Field(max_length=1000)]  # may be none
+Ids = Annotated[  # or one id
+    tuple[Id, ...],
+    Field(max_length=_MOST_NAMES),
+    BeforeValidator(lambda said: said if isinstance(said, list | tuple) else [said]),
+]
+Found = Annotated[  # may be none; or one name
+    tuple[Name, ...],
+    Field(max_length=1000),
+    BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
+]
 
 
 def _read_word(said: Any) -> Any:
@@ -61,40 +73,41 @@ def _read_word(said: Any) -> Any:
 class _Request(Record):
     """What a robot may say on a topic; a text that is no object gives the first field."""
 
-    id: Name | None = None  # comes back with the answer
+    id: Id | None = None  # comes back with the answer
 
 
 class Saw(_Request):
     """One object; `object` is its id, and a known id moves it."""
 
     thing: Name
-    room: Name | None = None  # None: where the robot is
-    object: Name | None = None
+    room: Id | None = None  # None: where the robot is
+    object: Id | None = None
     position: Position | None = None
     score: Score | None = None
     age: Hours | None = None
     stays: Stay | None = None
     within: Within = 0.5
+    besides: Annotated[tuple[Id, ...], Field(max_length=1000)] = ()
 
 
 class Gone(_Request):
     """A known object is no longer there."""
 
-    object: Name
+    object: Id
 
 
 class Looked(_Request):
     """A look for one thing in a room did not find it."""
 
     thing: Name
-    room: Name | None = None  # None: where the robot is
+    room: Id | None = None  # None: where the robot is
     chance: Score = LOOK_CHANCE
 
 
 class Entered(_Request):
     """The robot is in a room, or has seen more of it."""
 
-    room: Name
+    room: Id
     floor_in_view: Share | None = None
     walls_in_view: Share | None = None
     seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
@@ -104,15 +117,15 @@ class Entered(_Request):
 class Searched(_Request):
     """All that is in a room was seen; known objects that are not `found`, if said, are gone."""
 
-    room: Name
+    room: Id
     found: Found | None = None
 
 
 class Discovered(_Request):
     """There is one more room, which the robot has not entered."""
 
-    room: Name
-    beside: Names = ()
+    room: Id
+    beside: Ids = ()
     room_type: Name | dict[Name, Share] | None = None
     position: Position | None = None
     floor_area: Metres | None = None
@@ -121,12 +134,12 @@ class Discovered(_Request):
 class Describe(_Request):
     """More is known of a room."""
 
-    room: Name
+    room: Id
     room_type: Name | dict[Name, Share] | None = None
     label: Name | None = None
     position: Position | None = None
     floor_area: Metres | None = None
-    beside: Names = ()
+    beside: Ids = ()
 
 
 class MoreRooms(_Request):
@@ -139,8 +152,8 @@ class Where(_Request):
     """Where a thing is, or several, and which room to go to first."""
 
     thing: Annotated[Names, Field(min_length=1)]
-    here: Name | None = None  # None: where the robot is
-    robots: Annotated[dict[Name, Name], Field(min_length=1, max_length=_MOST_ROBOTS)] | None = None
+    here: Id | None = None  # None: where the robot is
+    robots: Annotated[dict[Name, Id], Field(min_length=1, max_length=_MOST_ROBOTS)] | None = None
     look: SaidLook = None
     chance: Score = LOOK_CHANCE
     task: Task = "single"
@@ -149,7 +162,7 @@ class Where(_Request):
 class Expected(_Request):
     """Which unseen classes a room may hold."""
 
-    room: Name
+    room: Id
 
 
 class Robot:
@@ -174,8 +187,8 @@ class Robot:
         """
         kind, act = TOPICS[topic]
         answer: Answer = {"topic": topic}
-        if isinstance(said.get("id"), str):
-            answer["id"] = said["id"][:_LONGEST]
+        if isinstance(name := spell_id(said.get("id")), str):
+            answer["id"] = name[:_LONGEST]
         try:
             return answer | act(self, kind.model_validate(said))
         except ValidationError as error:
@@ -195,7 +208,7 @@ class Robot:
             room,
             said.thing,
             object_id=said.object,
-            **said.model_dump(include={"position", "score", "age", "stays", "within"}),
+            **said.model_dump(include={"position", "score", "age", "stays", "within", "besides"}),
         )
         is_known = self.seen.graph.objects[-1].category is not None
         note = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
@@ -225,8 +238,17 @@ class Robot:
 
     def describe(self, said: Describe) -> Answer:
         """Note more of a known room."""
+        before = self.seen.graph
+        index = find_room(before, said.room)
         self.seen.describe(**said.model_dump(exclude={"id"}))
-        return _answer_room(said)
+        return self._answer_room(said.room, index, before)
+
+    def _answer_room(self, room: str, index: int, before: PartialGraph) -> Answer:
+        """Answer with a room, how it is read, and the building's kind if it is another one now."""
+        graph = self.seen.graph
+        notes = [*note_rooms([graph.rooms[index - 1]])]
+        notes += [] if graph.building_kind == before.building_kind else note_building(graph)
+        return {"room": room, "notes": notes} if notes else {"room": room}
 
     def more_rooms(self, said: MoreRooms) -> Answer:
         """Note how many rooms are not found yet."""
@@ -246,9 +268,9 @@ class Robot:
         """Note a new room."""
         if len(self.seen.rooms) >= MOST_ROOMS:
             raise _refuse_more(f"rooms are at most {MOST_ROOMS:,}", "rooms-too-many")
-        kind = said.room_type or label_of("any", said.room)  # a name may be a kind, as in a map
-        self.seen.discovered(**said.model_dump(exclude={"id"}) | {"room_type": kind})
-        return _answer_room(said)
+        before = self.seen.graph
+        self.seen.discovered(**said.model_dump(exclude={"id"}))
+        return self._answer_room(said.room, len(self.seen.rooms), before)
 
     def where(self, said: Where) -> Answer:
         """Answer what `bsg-belief --find --json` prints."""
@@ -291,13 +313,6 @@ def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
             raise bsg_data.RecipeError(f"no JSON ({error})", code="json-malformed") from error
     plain = next(name for name in kind.model_fields if name != "id")
     return said if isinstance(said, dict) else {plain: said}
-
-
-def _answer_room(said: Discovered | Describe) -> Answer:
-    """Answer with a room, and with notes on its types that models do not know."""
-    types = explain_room_type(said.room_type).items()
-    notes = [f"room type {word!r} is read as {read}" for word, read in types]
-    return {"room": said.room, "notes": notes} if notes else {"room": said.room}
 
 
 def _refuse_more(what: str, code: str) -> bsg_data.RecipeError:

@@ -55,8 +55,12 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
         raise ModuleNotFoundError(
             f"bsg-serve needs {error.name}: {ask_to_install('serve')}", name=error.name
         ) from error
+    from bsg_cli.serve.doors import read_host
     from bsg_cli.serve.questions import Service
 
+    if not host.strip():
+        raise click.UsageError("--host: expected an address to listen on, found none")
+    names = tuple(map(read_host, names))
     service = Service(bsg_models.DEFAULT_MODEL if model is None else model)
     if stdio:
         make_server(service).run("stdio")

@@ -12,19 +12,18 @@ from fastapi.exceptions import RequestValidationError
 from mcp.server.mcpserver import MCPServer
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.exceptions import HTTPException
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.responses import JSONResponse
 from starlette.routing import Route
 
 from bsg_cli.serve.bounds import MOST_BYTES, MOST_CONNECTIONS, Bounds, Fault, refuse
+from bsg_cli.serve.doors import LOCAL, EventStreams, KnownHosts
 from bsg_cli.serve.questions import Contents, Expect, Find, Found, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
 from bsg_data.spelling import SHOWN, ask_if_meant
 
-_LOCAL = ("localhost", "127.0.0.1", "[::1]")
 _FAULTS = {
-    400: "not JSON; another Host gets a text",
+    400: "not JSON, or an unknown Host",
     404: "no such path",
     405: "not POST",
     408: "the question came too slowly",
@@ -39,7 +38,7 @@ _FAULTS = {
 def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
     """Return the application; `hosts` are names besides this machine's own that may be in Host."""
     server = make_server(service)
-    mcp = _mcp_route(server, (*_LOCAL, *hosts))
+    mcp = _mcp_route(server)
     app = FastAPI(
         title="Belief Scene Graphs",
         summary="Where things probably are in a building that a robot has partly seen.",
@@ -51,7 +50,7 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
     )
     app.router.routes.append(mcp)
     app.add_middleware(Bounds)
-    app.add_middleware(TrustedHostMiddleware, allowed_hosts=[*_LOCAL, *hosts], www_redirect=False)
+    app.add_middleware(KnownHosts, hosts=(*LOCAL, *hosts))
     app.exception_handler(BSGError)(_explain)
     app.exception_handler(RequestValidationError)(_explain_question)
     app.exception_handler(HTTPException)(_explain_path)
@@ -70,19 +69,16 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
     return app
 
 
-def _mcp_route(server: MCPServer, hosts: Sequence[str]) -> Route:
+def _mcp_route(server: MCPServer) -> Route:
     """Return the route of MCP: every POST is answered alone, without sessions or streams."""
-    names = [name for host in hosts for name in (host, f"{host}:*")]
-    safe = TransportSecuritySettings(
-        allowed_hosts=names, allowed_origins=[f"http://{name}" for name in names]
-    )
+    checked = TransportSecuritySettings(enable_dns_rebinding_protection=False)  # by `KnownHosts`
     made = server.streamable_http_app(
         json_response=True,
         stateless_http=True,
         max_request_body_size=MOST_BYTES,
-        transport_security=safe,
+        transport_security=checked,
     )
-    return Route("/mcp", made, methods=["POST"])
+    return Route("/mcp", EventStreams(made), methods=["POST"])
 
 
 async def _explain(_: Request, error: Exception) -> JSONResponse:

@@ -24,6 +24,7 @@ from bsg_models.search.knowledge import Task
 MOST_ROOMS = 500  # of a map
 MOST_THINGS = 20  # of a question
 MOST_ROBOTS = 10
+MOST_CLASSES = 10  # of a room, if the question does not say
 THREADS = 4  # questions that are answered at a time
 
 Map = Annotated[
@@ -40,35 +41,50 @@ Things = Annotated[
     BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
     Field(min_length=1, max_length=MOST_THINGS, description="What to look for, in any words."),
 ]
+# Models of agents fill in every field: null and "" mean that it is left out.
+_Blank = BeforeValidator(lambda said: None if said == "" else said)
 Here = Annotated[
     Id | None,
+    _Blank,
     Field(description="The room where the robot is, by id or label; ways are measured from it."),
 ]
 Robots = Annotated[
-    dict[Id, Id] | None,
-    Field(
-        min_length=1,
-        max_length=MOST_ROBOTS,
-        description="Several robots that search together: name of each -> its room.",
-    ),
+    Annotated[dict[Id, Id], Field(max_length=MOST_ROBOTS)] | None,
+    BeforeValidator(lambda said: said or None),
+    Field(description="Several robots that search together: name of each -> its room."),
 ]
 Look = Annotated[
     SaidLook,
+    _Blank,
     Field(
         description="Cost of looking into a room, in the unit of the ways: of every room, or room "
         "-> cost; null: estimated from its size and what is left of it."
     ),
 ]
 Chance = Annotated[
-    Score, Field(description="P(a look finds a thing that is there), of the robot's detector.")
+    Score | None,
+    _Blank,
+    Field(
+        description="P(a look finds a thing that is there), of the robot's detector; null: "
+        f"{LOOK_CHANCE}."
+    ),
 ]
 AnyTask = Annotated[
-    Task, Field(description="`single`: one of each thing is enough; `all`: find all of them.")
+    Task | None,
+    _Blank,
+    Field(description="`single`: one of each thing is enough (null); `all`: find all of them."),
 ]
-Room = Annotated[Id | None, Field(description="One room, by id or label; null for all rooms.")]
-Most = Annotated[int, Field(ge=1, le=1000, description="Classes of a room, the likeliest first.")]
+Room = Annotated[
+    Id | None, _Blank, Field(description="One room, by id or label; null for all rooms.")
+]
+Most = Annotated[
+    Annotated[int, Field(ge=1, le=1000)] | None,
+    _Blank,
+    Field(description=f"Classes of a room, the likeliest first; null: {MOST_CLASSES}."),
+]
 Labels = Annotated[
     Literal["mpcat40", "ade20k"] | None,
+    _Blank,
     Field(description="Label space of a Spark-DSG graph that does not name its labels."),
 ]
 
@@ -81,8 +97,8 @@ class Find(Record):
     here: Here = None
     robots: Robots = None
     look: Look = None
-    chance: Chance = LOOK_CHANCE
-    task: AnyTask = "single"
+    chance: Chance = None
+    task: AnyTask = None
     labels: Labels = None
 
 
@@ -91,7 +107,7 @@ class Expect(Record):
 
     map: Map
     room: Room = None
-    most: Most = 10
+    most: Most = None
     labels: Labels = None
 
 
@@ -105,6 +121,13 @@ class Thing(Record):
             alias="class",
             description="The class that answers for it; null: no model counts it, and it is judged "
             "by what is like it.",
+        ),
+    ]
+    by: Annotated[
+        str,
+        Field(
+            description="What answers: counts of the `class`, the `table` of everyday things, or "
+            "`likeness` to other things."
         ),
     ]
     how: Annotated[str, Field(description="Why this class; empty if the thing is its name.")]
@@ -230,8 +253,8 @@ def _find(seen: bsg_models.SeenBuilding, asked: Find) -> Found:
         here=asked.here,
         robots=asked.robots,
         look=asked.look,
-        chance=asked.chance,
-        task=asked.task,
+        chance=LOOK_CHANCE if asked.chance is None else asked.chance,
+        task=asked.task or "single",
     )
     return Found.model_validate({**facts, "notes": seen.notes})
 
@@ -240,7 +263,11 @@ def _expect(seen: bsg_models.SeenBuilding, asked: Expect) -> Contents:
     known = {room.name: room.label for room in seen.graph.rooms}
     rooms = known if asked.room is None else (asked.room,)
     contents = [
-        Content(room=room, label=known.get(room), expected=seen.expected(room)[: asked.most])
+        Content(
+            room=room,
+            label=known.get(room),
+            expected=seen.expected(room)[: asked.most or MOST_CLASSES],
+        )
         for room in rooms
     ]
     return Contents(rooms=tuple(contents), model=seen.model, notes=seen.notes)

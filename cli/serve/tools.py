@@ -28,7 +28,6 @@ from bsg_cli.serve.questions import (
     Things,
 )
 from bsg_data.errors import BSGError
-from bsg_data.observation.reports import LOOK_CHANCE
 
 _INSTRUCTIONS = (
     "Say where things probably are in a building that a robot has partly seen, and which room to "
@@ -55,8 +54,8 @@ def make_server(service: Service) -> MCPServer:
         here: Here = None,
         robots: Robots = None,
         look: Look = None,
-        chance: Chance = LOOK_CHANCE,
-        task: AnyTask = "single",
+        chance: Chance = None,
+        task: AnyTask = None,
         labels: Labels = None,
     ) -> Found:
         """Say in which rooms things probably are, and which room to search first."""
@@ -75,7 +74,7 @@ def make_server(service: Service) -> MCPServer:
     async def expect_things(
         map: Map,  # noqa: A002
         room: Room = None,
-        most: Most = 10,
+        most: Most = None,
         labels: Labels = None,
     ) -> Contents:
         """Say what rooms probably hold that was not seen yet, of one room or of all."""

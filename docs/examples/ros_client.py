@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
 from typing import Any
@@ -74,7 +75,10 @@ def main() -> None:
         word = asked.things[0]
         said = {TOPICS[asked.topic]: word}
         if word.startswith("{"):
-            said = json.loads(word)
+            try:
+                said = json.loads(word)
+            except ValueError as error:
+                sys.exit(f"{word[:80]}: no JSON ({error})")
     answer = ask(asked.topic or "where", **said)
     if "error" in answer:
         sys.exit(answer["error"])
@@ -91,4 +95,8 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+        sys.stdout.flush()
+    except BrokenPipeError:  # who reads has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -40,6 +40,8 @@ from bsg_models.zoo.model import BeliefModel
 ROOMS = 200  # of an order
 RARE = 1e-6  # presence in every room, for the comparison with OR-tools
 LARGE = {1000: 1.0, 2000: 3.0}  # rooms of a decision → target in seconds
+LOOKED = {14: 0.005, 50: 0.03, 250: 0.12}  # the same, shares told, after a look that missed
+TEAM = 3  # two robots may take so many times as long as one
 LABELS = ("bedroom", "kitchen", "bathroom", "living room", "hallway", "office", "closet")
 STUDIED = 4  # buildings of the whole study
 MINUTE = 60 / 36  # target in seconds for one building
@@ -129,6 +131,26 @@ def measure_decisions() -> Iterator[Speed]:
             how = "of which few connect" if connected else "without connections"
             what = f"a decision among {rooms:,} rooms {how}"
             yield Speed(what, "", taken, None, target, kind="growth")
+
+    for rooms, target in LOOKED.items():
+        graph = write_graph(rooms, connected=True)
+        told = [{**room, "hidden_share": 0.5} for room in graph["rooms"]]
+        seen = open_graph({**graph, "rooms": told})
+        alone = time_least(lambda one=seen: decide_after_look(one, robots=1))
+        what = f"a decision after a sighting and a look in vain, {rooms} rooms"
+        yield Speed(what, "", alone, None, target, kind="growth")
+        both = time_least(lambda one=seen: decide_after_look(one, robots=2))
+        yield Speed(f"the same for two robots, {rooms} rooms", "one robot", both, alone, TEAM)
+
+
+def decide_after_look(seen: SeenBuilding, *, robots: int) -> None:
+    """Report a sighting and a look that missed, and ask where one or two robots go."""
+    seen.saw("1", "chair", object_id=str(len(seen.graph.looks) + time.process_time_ns()))
+    seen.looked("0", "microwave", chance=0.8)
+    if robots == 1:
+        assert seen.next_room("microwave", here="0") in seen.rooms
+    else:
+        assert len(seen.next_rooms({"a": "0", "b": "3"}, "microwave")) == robots
 
 
 def decide(seen: SeenBuilding) -> None:

@@ -7,7 +7,8 @@
 buildings that it was not trained on: `masks` under every mask and in every view of a room,
 `rooms_found` in buildings that are still being found, `ablation` as differences from `--base`,
 `fixtures` by P(another one | one is seen), `room_size` with and without floor area and room label,
-`search` by the cost that beliefs save.
+`search` by the cost that beliefs save: in the paper's worlds, where a robot has looked into what it
+enters; and, in the last world that is named, where looks cost something, and for several robots.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from bsg_models.evaluation.bootstrap import Bootstrap, estimate_value
 from bsg_models.studies.leaderboard_report import REPORT
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
-from bsg_models.studies.search_request import SearchRequest
+from bsg_models.studies.search_request import TEAM, SearchRequest
 
 MASKS = ("uniform", "rooms", "frontier", "explore", "search", "tour")
 FOUND = (1, 2, 3, 5, 8, None)  # rooms that the robot has found; None: all
@@ -70,6 +71,9 @@ EVIDENCE = {"floor_area": "floor area", "labels": "room label"}
 WORLDS = ("star:1-10", "complete:5-10", "tree:1-10", "layout")
 PLANNERS = ("greedy-share", "expected-cost", "oracle")
 TASKS = {"single": "the first object of the class is", "all": "all objects of the class are"}
+LOOKING = ("greedy-belief", "ratio", "expected-cost", "routing", "oracle")  # if looks cost
+CHANCES = {"looks miss nothing": 1.0, "looks miss 20 %": 0.8}
+TEAMS = (2, 3)  # robots
 Tables = list[ResultsTable]
 
 
@@ -298,7 +302,7 @@ def report_room_size(options: argparse.Namespace) -> Tables:
 
 
 def report_searches(options: argparse.Namespace) -> Tables:
-    """Return the cost that each model and planner saves, a column a world, a table a task."""
+    """Return the cost that each model and planner saves, and the first model where looks cost."""
     found = {name: _search(options, name) for name in _models(options)}
     first = next(iter(found))
     tables = []
@@ -308,8 +312,7 @@ def report_searches(options: argparse.Namespace) -> Tables:
             one_task = [one for one in results if one.task == task]
             for planner in PLANNERS:
                 if planner != "oracle" or name == first:
-                    saved = [one.savings[planner].saved for one in one_task]
-                    cells = [format_estimate(one, digits=1, scale=100) for one in saved]
+                    cells = [_saved(one, planner) for one in one_task]
                     who = "the truth" if planner == "oracle" else f"`{name}`"
                     rows.append([who, f"`{planner}`", *cells])
         worlds = [one for one in found[first] if one.task == task]
@@ -320,20 +323,68 @@ def report_searches(options: argparse.Namespace) -> Tables:
             "number of buildings is behind each world."
         )
         tables.append(ResultsTable(f"Task `{task}`", header, rows, reading))
-    return tables
+    return [*tables, _report_looks(options, first), _report_teams(options, first)]
 
 
-def _search(options: argparse.Namespace, name: str) -> list[WorldResult]:
+def _report_looks(options: argparse.Namespace, name: str) -> ResultsTable:
+    """Return what planners save where looks cost something, a column a chance that they find."""
+    columns = [
+        _search(options, name, planners=LOOKING, chance=chance, **_looking(options))
+        for chance in CHANCES.values()
+    ]
+    rows = [
+        [f"`{both[0].task}`", f"`{planner}`", *(_saved(one, planner) for one in both)]
+        for both in zip(*columns, strict=True)
+        for planner in LOOKING
+    ]
+    reading = f"Cost of ways and looks that is saved{_of_searches(columns[0][0], name)}"
+    return ResultsTable("Looks that cost something", ("task", "planner", *CHANCES), rows, reading)
+
+
+def _report_teams(options: argparse.Namespace, name: str) -> ResultsTable:
+    """Return the time that a plan for several robots saves, and what a search takes."""
+    how = {"planners": TEAM, "task": "single", **_looking(options)}
+    found = {number: _search(options, name, robots=number, **how)[0] for number in TEAMS}
+    first = found[TEAMS[0]]
+    rows = [
+        [str(number), _saved(one, TEAM[1]), *(f"{one.savings[who].cost:.1f}" for who in TEAM)]
+        for number, one in found.items()
+    ]
+    reading = (
+        "Time until the first of the robots finds the first object: the metres that each could go "
+        f"meanwhile. The second column is what a common plan saves{_of_searches(first, name)}"
+    )
+    header = ("robots", "saved", "each to its nearest, m", "by a common plan, m")
+    return ResultsTable("Several robots", header, rows, reading)
+
+
+def _looking(options: argparse.Namespace) -> dict[str, Any]:
+    return {"worlds": options.worlds[-1:], "look": "usual", "start": "anywhere"}
+
+
+def _of_searches(one: WorldResult, name: str) -> str:
+    return (
+        f" against `nearest`, in per cent, {INTERVAL}. {one.buildings} buildings, world "
+        f"`{one.world}`, beliefs of `{name}`, start in any room; a look costs the usual."
+    )
+
+
+def _saved(result: WorldResult, planner: str) -> str:
+    return format_estimate(result.savings[planner].saved, digits=1, scale=100)
+
+
+def _search(options: argparse.Namespace, name: str, **how: Any) -> list[WorldResult]:
+    print(f"searches by {name} {how or ''}", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder:
+        usual = {"planners": PLANNERS, "worlds": options.worlds}
         request = SearchRequest.read(
             open_dataset(options.leaderboard, name).path,
             runs=tuple(one.run for one in open_folds(options.leaderboard, name)),
-            planners=PLANNERS,
-            worlds=options.worlds,
             episodes=options.episodes,
             draws=options.draws,
             resamples=options.resamples,
             out=Path(folder) / "search",
+            **(usual | how),
         )
         return report_search(request).results
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path, PurePath
 
 import numpy as np
@@ -84,14 +85,19 @@ def hash_unsplit(data: Dataset) -> str:
 
 
 def format_command(argv: Sequence[str]) -> str:
-    """Return a command as a reader would type it, without the folders of this machine.
+    """Return a command as a reader would type it, without `--out` and the folders of this machine.
 
     >>> format_command(["/srv/bsg/scripts/measure/report.py", "masks", "--leaderboard=/srv/board"])
     'python scripts/measure/report.py masks --leaderboard=board'
     """
     parts = PurePath(argv[0]).parts
     start = parts.index("scripts") if "scripts" in parts else len(parts) - 1
-    return " ".join(["python", "/".join(parts[start:]), *map(_without_folders, argv[1:])])
+    said = [
+        word
+        for before, word in pairwise(["", *argv[1:]])
+        if before != "--out" and word.partition("=")[0] != "--out"
+    ]
+    return " ".join(["python", "/".join(parts[start:]), *map(_without_folders, said)])
 
 
 def _without_folders(word: str) -> str:

@@ -108,13 +108,22 @@ def by_python(seen: SeenBuilding, asked: Question) -> Map:
     robots, here = options.pop("robots", None), asked.here
     words = [asked.things] if isinstance(asked.things, str) else asked.things
     steps = [] if here is None or robots else seen.explain(words, here=here, **options)
+
+    def describe(word: str) -> Map:
+        meaning = seen.understand(word)
+        by = "table" if meaning.thing else "class" if meaning.class_name else "likeness"
+        return {
+            "thing": word,
+            "anywhere": seen.anywhere(word),
+            "model": seen.asked(word),
+            "class": meaning.class_name if by == "class" else None,
+            "by": by,
+            "how": meaning.how,
+            "places": [*map(asdict, seen.where(word, here=here))],
+        }
+
     return {
-        "things": [
-            {"thing": word, "anywhere": seen.anywhere(word), "model": seen.asked(word)}
-            | {"class": seen.understand(word).class_name, "how": seen.understand(word).how}
-            | {"places": [*map(asdict, seen.where(word, here=here))]}
-            for word in words
-        ],
+        "things": [describe(word) for word in words],
         "go_first": None if robots else seen.next_room(words, here=here, **options),
         "plan": [*map(asdict, steps)],
         "robots": seen.next_rooms(robots, words, **options) if robots else None,

@@ -50,17 +50,19 @@ def test_what_rooms_have_if_there_is_one_is_no_news_where_one_is_sure() -> None:
 
 
 def test_a_thing_without_a_class_is_noted_not_counted() -> None:
-    done = call(OFFICE, "--find", "banana")
+    done = call(OFFICE, "--find", "cabbage leaf")
     lines, seen = done.stdout.splitlines(), open_graph(OFFICE)
     heads = ["room", "if there is one", "noted", "expected more", "seen"]
     assert re.split(r"\s{2,}", lines[0].strip()) == heads
-    best = seen.where("banana")[0]
+    best = seen.where("cabbage leaf")[0]
     percents = [f"{round(100 * share)} %" for share in (best.if_there, best.probability)]
     assert re.split(r"\s{2,}", lines[1].strip())[:3] == ["kitchen (B: shared kitchen)", *percents]
     assert lines[-2].startswith(
-        f"noted: annotators write one down in {seen.anywhere('banana'):.0%}".replace("%", " %")
+        f"noted: annotators write one down in {seen.anywhere('cabbage leaf'):.0%}".replace(
+            "%", " %"
+        )
     )
-    assert "no model counts 'banana'" in done.stderr
+    assert "no model counts 'cabbage leaf'" in done.stderr
 
 
 def test_rooms_that_are_not_found_yet_are_a_place_and_may_come_first() -> None:
@@ -110,11 +112,11 @@ def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
     assert one.keys() == answer.keys(), "one shape for one and several"
 
 
-def test_a_word_for_the_wide_model_says_which_model_answers() -> None:
+def test_an_everyday_thing_says_that_the_table_answers() -> None:
     done = call(OFFICE, "--model", "mixture", "--find", "shoes")
-    assert "by the model universal-wide" in done.stdout
+    assert "by the table things-v1" in done.stdout
     assert "cost" not in done.stdout
-    assert "'shoes' is one of the class 'shoe'" in done.stderr
+    assert "'shoes' is 'shoe'; people search for it in: entrance" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from robot import CHOICES, find, list_questions, open_world, report
+from robot import CHOICES, LOOK, MISSES, Search, find, list_questions, open_world, report
 from shapely.geometry import LineString, box
 from storeys import RADIUS, STAND, Storey, describe_world, find_storey
+
+from bsg_models.robot.seen_building import open_graph
 
 
 def row(index: int, *corners: float, label: str | None = None) -> dict[str, Any]:
@@ -44,6 +47,36 @@ def test_furniture_leaves_room_for_the_robot(tmp_path: Path) -> None:
     assert describe_world(storey, tmp_path, seed=0) == said
 
 
+@pytest.mark.parametrize(("luck", "missed"), [(None, 0), (0, 0), (3, 1), (29, 2)])
+def test_a_detector_that_misses_looks_again(luck: int | None, missed: int) -> None:
+    """The robot stands before a table with a book; `nearest` then prefers the other room."""
+    kitchen, hall = (SimpleNamespace(name=name, locations=[]) for name in ("kitchen", "hall"))
+    for room in (kitchen, hall):
+        table = SimpleNamespace(name=f"{room.name} table", parent=room, children=[])
+        table.children.append(SimpleNamespace(parent=table, is_open=True))
+        room.locations.append(table)
+    (top,) = kitchen.locations[0].children
+    book = SimpleNamespace(name="book 1", category="book")
+    robot = SimpleNamespace(location=top, detect_objects=lambda: None, last_detected_objects=[book])
+    tables = [kitchen.locations[0], hall.locations[0]]
+    world = SimpleNamespace(robots=[robot], rooms=[kitchen, hall], objects=[book], locations=tables)
+    seen = open_graph({"kitchen": [], "hall": []})
+    left = {"kitchen": [top], "hall": [*hall.locations[0].children]}
+    search = Search(world, seen, "book", "kitchen", luck, left)
+    for _ in range(missed):
+        search.look(top)
+        assert not search.found
+        assert search.left["kitchen"] == [top]
+        assert {CHOICES[name](search) for name in ("nearest", "first")} == {"hall"}
+    looked = seen.graph.looks
+    search.look(top)
+    assert search.found
+    assert search.looks == {"kitchen": missed} if missed else not search.looks
+    assert (search.metres, search.seconds) == (0.0, LOOK * (1 + missed))
+    assert [one.name for one in seen.graph.objects] == ["book 1"]
+    assert [one.chance for one in looked] == pytest.approx([1 - MISSES**missed] * bool(missed))
+
+
 def test_a_search_costs_its_way_and_its_looks(tmp_path: Path) -> None:
     """From (2, 2), the bed is 4.5 m away, straight through the door.
 
@@ -52,13 +85,13 @@ def test_a_search_costs_its_way_and_its_looks(tmp_path: Path) -> None:
     pytest.importorskip("pyrobosim", reason="`make robot` installs pyrobosim; tests do not")
     rooms = {"kitchen_1": box(0, 0, 4, 4), "bedroom_2": box(4.1, 0, 8.1, 4)}
     way = {("kitchen_1", "bedroom_2"): LineString([(3.6, 2), (4.5, 2)])}
-    storey = Storey(rooms, way, {"kitchen_1": ["table", "bottle"], "bedroom_2": ["bed", "book"]})
+    storey = Storey(rooms, way, {"kitchen_1": ["table", "bottle"], "bedroom_2": ["bed", "pillow"]})
     said = describe_world(storey, tmp_path, seed=0)
     for one, (x, y) in zip(said["locations"], [(2.0, 3.2), (7.0, 2.0)], strict=True):
         one["pose"] = {"position": {"x": x, "y": y}}
     (tmp_path / "world.yaml").write_text(yaml.safe_dump(said), "utf-8")
     world = open_world(tmp_path / "world.yaml")
-    question = ("book", "kitchen_1")
+    question = ("pillow", "kitchen_1")
     assert question in list_questions(world)[False]
     searches = [find(world, question, one, model="universal") for one in CHOICES.values()]
     direct, detour, _ = searches
@@ -67,6 +100,9 @@ def test_a_search_costs_its_way_and_its_looks(tmp_path: Path) -> None:
     assert direct.seconds == pytest.approx(direct.metres + 5)
     assert detour.metres == pytest.approx(0.7 + 3.8 + 0.7 * 2**0.5, rel=0.03)
     assert detour.seconds == pytest.approx(detour.metres + 10)
-    assert direct.seen.where("book")[0].room == "bedroom_2"
+    assert direct.seen.where("pillow")[0].room == "bedroom_2"
+    again = [find(world, question, one, model="universal", luck=0) for one in CHOICES.values()]
+    assert all(one.found for one in again)
+    assert len({one.looks["bedroom_2"] for one in again}) == 1
     table = report("One search", [[searches]], model="universal")
     assert [line[1] for line in table.rows] == ["100.0"] * 3

@@ -29,8 +29,8 @@ from bsg_data.observation.partial_graph import (
 from bsg_data.observation.reports import (
     describe,
     discover,
-    doubt,
     enter,
+    find_all,
     find_near,
     look,
     observe,
@@ -203,20 +203,22 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(
 
 
 def test_looks_of_one_thing_in_one_room_become_one() -> None:
-    graph = look(GRAPH, Look(1, "mug", 0.8), doubted=())
-    graph = look(graph, Look(2, "mug", 0.5), doubted=())
-    graph = look(graph, Look(1, "Mug", 0.5), doubted=())
+    graph = look(GRAPH, Look(1, "mug", 0.8))
+    graph = look(graph, Look(2, "mug", 0.5))
+    graph = look(graph, Look(1, "Mug", 0.5))
     assert [(one.room_index, one.chance) for one in graph.looks] == [(2, 0.5), (1, 0.9)]
+    for _ in range(100):
+        graph = look(graph, Look(1, "mug", 0.8))
+    assert graph.looks[-1].chance < 1
+    assert look(graph, Look(1, "mug", 1.0)).looks[-1].chance == 1
 
 
-def test_an_object_that_a_look_missed_is_doubted_by_bayes_rule() -> None:
-    one = replace(seen("x", 1, "sink"), score=0.5)
-    graph = see_object(see_object(GRAPH, one), seen("y", 1, "sink"))
-    after = doubt(graph, ["x", "y"], chance=0.5)
-    scores = {obj.name: obj.score for obj in after.objects}
-    assert scores["x"] == pytest.approx(0.25 / 0.75)
-    assert scores["y"] == pytest.approx(0.4 / 0.6)  # 0.8 before
-    assert "x" not in {obj.name for obj in doubt(graph, ["x"], chance=1.0).objects}
+def test_what_is_found_in_a_searched_room_is_sure_and_all_else_is_gone() -> None:
+    graph = see_object(GRAPH, replace(seen("x", 1, "sink"), score=0.2))
+    graph = look(see_object(graph, seen("y", 1, "bed")), Look(1, "sink", 0.8))
+    graph = find_all(graph, 1, ["x"])
+    assert [(o.name, o.score) for o in graph.objects if o.room_index == 1] == [("x", None)]
+    assert (graph.looks, graph.rooms[0].hidden_share) == ((), 0)
 
 
 def test_models_read_what_is_probably_there() -> None:
@@ -228,11 +230,13 @@ def test_models_read_what_is_probably_there() -> None:
 
 def test_a_sighting_is_the_nearest_object_of_its_class() -> None:
     near = replace(seen("near", 1, "sink"), position=(0.3, 0.0, 0.0))
-    far = replace(seen("far", 2, "sink"), position=(9.0, 0.0, 0.0))
+    far = replace(seen("far", 1, "sink"), position=(9.0, 0.0, 0.0))
     graph = see_object(see_object(GRAPH, near), far)
     new = replace(seen("new", 1, "sink"), position=(0.0, 0.0, 0.0))
     assert find_near(graph, new, within=0.5) == near
     assert find_near(graph, new, within=0.2) is None
+    assert find_near(graph, new, within=0.5, besides=["near"]) is None
+    assert find_near(graph, replace(new, room_index=2), within=0.5) is None
     assert find_near(graph, new, within=0) is None
     assert find_near(graph, replace(new, class_index=CLASS["bed"]), within=0.5) is None
     assert find_near(graph, replace(new, position=None), within=0.5) is None

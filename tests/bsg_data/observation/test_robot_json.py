@@ -30,6 +30,7 @@ from bsg_data.observation.robot_json import (
     note_room_types,
     parse_robot_graph,
     read_robot_graph,
+    understand_rooms,
 )
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.surroundings import BUILDING_KINDS
@@ -139,7 +140,7 @@ def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
         ({"x" * 10_000: 1}, f"'{'x' * 80}' is no key"),
         ({"version": True}, "version: "),
         ({"building_kind": "castle"}, "building_kind: "),
-        ({"detector": "chair"}, "detector: expected a JSON list of words"),
+        ({"detector": "chair"}, "detector: no vocabulary 'chair'"),
         ({"detector": ["chair", 5]}, "detector: expected a JSON list of words"),
         ({"rooms": 5}, "rooms: expected a JSON list"),
         ({"rooms": [5]}, "room number 1: expected a JSON object"),
@@ -149,7 +150,15 @@ def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
         ({"objects": [{"id": "7", "category": "bed"}] * 11 + [5]}, "object number 12: "),
         ({"adjacency": [["hall", "hall"]]}, "adjacency: 'hall' with itself"),
         ({"adjacency": [["hall", "attic"]]}, "adjacency of 'hall' and 'attic': "),
-        ({"adjacency": [["hall", "kitchen"], ["hall", 5]]}, "pair of adjacency number 2: 1: "),
+        ({"adjacency": [["hall", "kitchen"], ["hall", 5]]}, "adjacency of 'hall' and '5': "),
+        ({"adjacency": [["hall", "kitchen"], ["hall", []]]}, "pair of adjacency number 2: 1: "),
+        ({"rooms": 3}, "rooms: expected a JSON list, found 3; a map of rooms is written without"),
+        ({"rooms": {"hall": []}}, "rooms: expected a JSON list, found {'hall': []}; a map of"),
+        ({"rooms": ["hall"]}, 'room number 1: expected a JSON object, such as {"id": "kitchen"}'),
+        ({"rooms": [{"name": "hall"}]}, "room number 1: 'name' is no key; did you mean id?"),
+        ({"rooms": [{"id": 4, "type": "hall"}]}, "room number 1: 'type' is no key; did you mean "),
+        ({"objects": [{"name": "7"}]}, "object number 1: 'name' is no key; did you mean id?"),
+        ({"kind": "home"}, "'kind' is no key; did you mean building_kind?"),
     ],
 )
 def test_a_fault_of_a_graph_is_at_its_place(said: Any, place: str) -> None:
@@ -266,9 +275,86 @@ def test_a_room_type_that_models_do_not_know_is_a_note() -> None:
     assert graph.observation().surroundings.labels.sum(axis=1).tolist() == [0, 0, 1, 0]
     assert note_room_types(graph) == (
         "room types that models do not know are read: 'Küche' as unknown (nearest: kitchen), "
-        "'patient room' as infirmary, 'zzqx' as unknown",
+        "'patient room' as bedroom, 'zzqx' as unknown",
     )
-    assert note_room_types(parse_robot_graph(SAID, path=Path("x"))) == ()
+
+
+def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
+    """The label counts before the id; a saved graph says what was understood."""
+    rooms = [
+        {"id": "hall"},
+        {"id": "R7", "label": "2nd bath room", "room_type": None},
+        {"id": "kitchen", "room_type": "bar", "label": "Office"},
+        {"id": "3", "room_type": {"bar": 0.5, "pub": 0.25}},
+        {"id": "staff kichen", "room_type": "unknown"},
+        {"id": "zzqx", "room_type": ""},
+        {"id": "R8"},
+        {"id": "hut", "label": "Küche"},
+    ]
+    graph = parse_robot_graph({"rooms": rooms}, path=Path("x"))
+    kinds = ["corridor", "bathroom", "bar", {"bar": 0.75}, "kitchen", None, None, None]
+    assert [room.room_type for room in graph.rooms] == kinds
+    assert note_room_types(graph) == (
+        "hall, 2nd bath room: read as the kinds that their names say",
+        "kinds of rooms read by a rule: 'staff kichen' is kitchen (misspelt)",
+        "zzqx, Küche (nearest: kitchen): kind of room unknown; say `room_type`",
+    )
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert [room["room_type"] for room in saved["rooms"]] == kinds
+    for reader in (load_class_map(), graph.class_space):
+        again = parse_robot_graph(saved, path=Path("x"), class_map=reader)
+        assert again == graph == understand_rooms(graph)
+        assert len(note_room_types(again)) == 1, "of the room that is still unknown"
+
+
+def test_rooms_tell_the_kind_of_a_building_that_nobody_says() -> None:
+    ward = {"nurse station": ["desk"], "patient room 1": ["bed"], "toilet": []}
+    graph = parse_robot_graph(ward, path=Path("x"))
+    assert graph.building_kind == "hospital"
+    told, known = note_room_types(graph)[-2:]
+    assert told.startswith("building kind taken for `hospital`, by nurse station, patient room 1;")
+    assert "hospital" in known
+    assert encode_robot_graph(graph)["building_kind"] == "hospital"
+    said = parse_robot_graph({**ward, "building_kind": "school"}, path=Path("x"))
+    assert said.building_kind == "school"
+    assert len(note_room_types(said)) == 1, "of the patient room"
+    home = {"bedroom": [], "living room": [], "office": [], "kitchen": []}
+    assert parse_robot_graph(home, path=Path("x")).building_kind is None
+
+
+def test_what_is_empty_is_left_out_and_ids_are_made_up_or_numbers() -> None:
+    said = {
+        "scene_id": None,
+        "building_kind": "",
+        "rooms": [
+            {"id": 3, "label": "", "visited": None, "room_type": None, "hidden_share_sd": None},
+            {"id": "hall", "position": None},
+        ],
+        "objects": [
+            {"category": "sink", "room": 3, "score": None},
+            {"category": "sink", "room": ""},
+            {"id": "sink 2", "category": "sink"},
+            {"id": 7, "category": "bed", "room": "hall"},
+        ],
+        "adjacency": [[3, "hall"]],
+        "looks": [{"room": 3, "thing": "cup", "chance": None}],
+        "detector": None,
+        "more_rooms": None,
+    }
+    graph = parse_robot_graph(said, path=Path("my.flat.json"))
+    assert (graph.scene_id, graph.building_kind) == ("my", None)
+    assert [room.name for room in graph.rooms] == ["3", "hall"]
+    assert [(obj.name, obj.room_index) for obj in graph.objects] == [
+        ("sink 1", 1),
+        ("sink 3", 0),
+        ("sink 2", 0),
+        ("7", 2),
+    ]
+    assert graph.adjacency == ((1, 2),)
+    assert [one.room_index for one in graph.looks] == [1]
+    for wrong in ({"id": None}, {"id": True}, {"id": 3.5}, {"id": ""}):
+        with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
+            parse_robot_graph({"rooms": [wrong]}, path=Path("x"))
 
 
 def test_a_detector_of_few_words_says_nothing_of_other_classes() -> None:
@@ -334,3 +420,12 @@ def test_a_look_stands_in_the_place_of_a_share() -> None:
     ]
     written = json.loads(json.dumps(encode_robot_graph(graph)))
     assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def test_a_detector_is_a_vocabulary() -> None:
+    said = {"scene_id": "x", "rooms": [{"id": "a"}], "detector": "coco"}
+    graph = parse_robot_graph(said, path=Path("x"))
+    assert len(graph.detector or ()) == 80
+    assert parse_robot_graph(encode_robot_graph(graph), path=Path("x")) == graph
+    with refuses(RobotGraphError, "graph-malformed", "x"):
+        parse_robot_graph({**said, "detector": "cocoa"}, path=Path("x"))

@@ -82,10 +82,44 @@ def test_rules_explain_what_is_not_listed(tmp_path: Path) -> None:
     path = own_map(tmp_path, rows, "0,tv,A tv.\n1,shelf,A shelf.\n")
     class_map = load_class_map(path)
     assert class_map.classify("TV-stand") == Classified("tv stand", None, "left-out", "separator")
-    assert class_map.classify("shelves") == Classified("shelf", 1, "classified", "number")
-    assert class_map.classify("Televisions") == Classified("tv", 0, "classified", "synonym")
+    assert class_map.classify("shelves") == Classified("shelf", 1, "classified", "vocabulary")
+    assert class_map.classify("walls") == Classified("wall", None, "left-out", "number")
+    assert class_map.classify("Televisions") == Classified("tv", 0, "classified", "vocabulary")
+    assert class_map.classify("flatscreen") == Classified("tv", 0, "classified", "synonym")
     assert class_map.classify("oak shelf") == Classified("shelf", 1, "classified", "head noun")
     assert class_map.classify("garden wall") == Classified(None, None, "unmapped")  # no class
+
+
+def test_a_map_of_ones_own_understands_what_it_lists_under_another_name(tmp_path: Path) -> None:
+    rows = "television,television,screen\narmchair,seat,chair\nmonitor,monitor,\n"
+    rows += "dining table,dining table,table\nobject of art,art,\n"
+    class_map = load_class_map(
+        own_map(tmp_path, rows, "0,chair,A chair.\n1,screen,A screen.\n2,table,A table.\n")
+    )
+    found = {
+        "tv": ("television", "screen"),  # a synonym leads to it
+        "tv_monitor": ("television", "screen"),  # a word of a vocabulary, too
+        "seat": ("seat", "chair"),  # its category
+        "chair": ("seat", "chair"),  # its class
+        "DiningTable": ("dining table", "table"),
+        "ArtObject": (None, None),
+        "laptop": (None, None),
+    }
+    for name, (category, class_name) in found.items():
+        known = class_map.classify(name)
+        index = known.class_index
+        name_of = None if index is None else class_map.classes[index]
+        assert (known.category, name_of) == (category, class_name), name
+
+
+def test_a_typo_is_mended_if_what_it_may_be_is_one_class(tmp_path: Path) -> None:
+    rows = "closet,closet,wardrobe\ncloset door,closet door,\nclosed cabinet,cabinet,\n"
+    rows += "marker pen,marker,\nmarket stall,stall,stall\n"
+    class_map = load_class_map(own_map(tmp_path, rows, "0,stall,A.\n1,wardrobe,A.\n"))
+    assert class_map.classify("closset") == Classified("closet", 1, "classified", "spelling")
+    assert class_map.classify("Closset door").role == "unmapped", "it has no class"
+    assert class_map.classify("markes stall").category == "stall"
+    assert class_map.classify("closes").role == "unmapped", "a word of English"
 
 
 def test_the_first_map_has_no_rules() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.scene.spoken_names import resolve
+from bsg_data.scene.spoken_names import index_words, is_typo, mend, resolve
 
 LISTED = {"tv stand", "shelf", "couch", "knife", "box", "battery", "plant", "basket", "tv", "towel"}
 SYNONYMS = {"sofa": "couch", "television": "tv"}
@@ -30,13 +30,13 @@ SYNONYMS = {"sofa": "couch", "television": "tv"}
     ],
 )
 def test_rules_by_hand(name: str, first: tuple[str, str] | None) -> None:
-    found = resolve(name, SYNONYMS, known=LISTED.__contains__)
+    found = resolve([name], SYNONYMS, known=LISTED.__contains__)
     assert next(found, None) == first
 
 
 @given(st.text(max_size=40))
 def test_of_any_text_only_listed_names_come_out(name: str) -> None:
-    for other, _ in resolve(name, SYNONYMS, known=LISTED.__contains__):
+    for other, _ in resolve([name], SYNONYMS, known=LISTED.__contains__):
         assert other in LISTED
 
 
@@ -44,5 +44,60 @@ def test_of_any_text_only_listed_names_come_out(name: str) -> None:
 def test_the_number_at_the_end_is_what_a_regular_expression_says(name: str) -> None:
     """The expression is the rule; on a long run of spaces it took a time that grows as its cube."""
     words = re.sub(r"[ .#]*[0-9]*[ .]*$", "", name.replace("-", " ")).split()
-    found = resolve(name, {}, known=" ".join(words).__eq__)
+    found = resolve([name], {}, known=" ".join(words).__eq__)
     assert (next(found, None) is not None) == bool(words)
+
+
+def test_the_whole_of_a_later_reading_comes_before_the_last_word_of_an_earlier_one() -> None:
+    known = {"table", "coffee table"}.__contains__
+    assert [*resolve(["old table", "coffee table"], {}, known=known)] == [
+        ("coffee table", "separator")
+    ]
+
+
+def test_a_word_of_a_vocabulary_is_not_taken_by_its_last_word_alone() -> None:
+    known = {"monitor", "tv"}.__contains__
+    words = {"tv monitor": "tv", "baby monitor": ""}
+    rule = {"known": known, "vocabulary": frozenset(words)}
+    assert [*resolve(["tv_monitor_2"], words, **rule)] == [("tv", "vocabulary")]
+    assert [*resolve(["old tv-monitor"], words, **rule)] == [("tv", "head noun")]
+    assert [*resolve(["baby monitor"], words, **rule)] == []
+    assert [*resolve(["old baby monitor"], words, **rule)] == []
+    assert [*resolve(["old monitor"], words, **rule)] == [("monitor", "head noun")]
+
+
+WORDS = st.text("abc", max_size=6)
+
+
+@given(WORDS, WORDS)
+def test_a_typo_is_one_step_that_keeps_the_first_letter(said: str, word: str) -> None:
+    """The steps by their definition: leave out, put in, replace, swap."""
+    places = range(len(word) + 1)
+    steps = {word[:i] + word[i + 1 :] for i in places}
+    steps |= {word[:i] + letter + word[i:] for i in places for letter in "abc"}
+    steps |= {word[:i] + letter + word[i + 1 :] for i in places for letter in "abc"}
+    steps |= {word[:i] + word[i : i + 2][::-1] + word[i + 2 :] for i in places}
+    steps = {one for one in steps - {word} if one[:1] == word[:1]}
+    assert is_typo(said, word) == (said in steps)
+    found = mend(f"so many {said} things", index_words([word, "so many things"]), real=())
+    assert (f"so many {word} things" in found) == (is_typo(said, word) and min_length(said, word))
+
+
+def min_length(said: str, word: str) -> bool:
+    return len(said) >= 5 and len(word) >= 4
+
+
+@pytest.mark.parametrize(
+    ("name", "mended"),
+    [
+        ("red toilett 3", ["red toilet"]),
+        ("table lampp", ["table lamp"]),
+        ("toilet", []),
+        ("battle", []),  # another word, not a misspelt bottle
+        ("tabel", []),  # too short
+        ("x" * 50_000, []),
+    ],
+)
+def test_one_word_is_mended(name: str, mended: list[str]) -> None:
+    index = index_words(["toilet", "table lamp", "bottle"])
+    assert [*mend(name, index, real={"battle"})] == mended

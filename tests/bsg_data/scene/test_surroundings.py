@@ -21,6 +21,7 @@ from bsg_data.scene.surroundings import (
     Surroundings,
     check_building_kind,
     find_floor_area,
+    guess_building_kind,
     measure_footprint,
     stack_surroundings,
 )
@@ -57,6 +58,37 @@ def test_what_is_not_known_is_legal() -> None:
         None,
         None,
     ]
+
+
+def test_models_know_the_kinds_of_buildings_that_they_were_trained_on() -> None:
+    """By their places, so that none may be added among them."""
+    assert BUILDING_KINDS == ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
+    assert check_building_kind("Hospital") == "hospital"
+    ward = surround_rooms([None], ["ward"], building_kind="hospital")
+    assert ward.building_kinds.tolist() == [UNKNOWN]
+    assert ward.labels[1, LABELS.index("bedroom")] == 1
+
+
+@pytest.mark.parametrize(
+    ("rooms", "kind"),
+    [
+        ("patient room 1, nurse station, medication room, toilet", "hospital"),
+        ("ward 1, ward 2, meeting room, printer room, server room, office", "hospital"),
+        ("printer room, open-plan, toilets, meeting room 1, kitchenette", "office"),
+        ("classroom A, classroom B, staff room", "school"),
+        ("hotel room 1, hotel room 2, lobby", "hotel"),
+        ("sales floor, checkout, store room", "shop"),
+        ("restaurant, commercial kitchen, toilets", "restaurant"),
+        ("kitchen, bedroom, bathroom, office", None),
+        ("kitchen, bedroom, living room, printer room, server room", None),
+        ("office, study, home office, workspace", None),
+        ("patient room, kitchen", None),
+        ("patient room, ward, classroom 1, classroom 2", None),
+        ("", None),
+    ],
+)
+def test_rooms_tell_the_kind_of_a_building_if_two_or_more_do(rooms: str, kind: str | None) -> None:
+    assert guess_building_kind([name] for name in rooms.split(", ")) == kind
 
 
 @given(shares=st.lists(st.floats(0, 1), min_size=1, max_size=len(LABELS)))

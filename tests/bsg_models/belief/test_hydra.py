@@ -213,7 +213,7 @@ def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
     assert (found.scene_id, found.building_kind, found.hidden_share) == ("home", "home", 0.75)
     room, other = found.rooms
     assert (room.name, room.hidden_share) == ("galley", 0.25)
-    assert (room.room_type, room.floor_area) == (None, 8.5)
+    assert (room.room_type, room.floor_area) == ("kitchen", 8.5)  # null is left out
     assert (other.visited, other.hidden_share) == (False, 1)
     assert (found.objects[0].name, found.objects[0].category) == ("7", "armchair")
     for place, said in ((1, {"hidden_share": 7}), (1, {"hiden_share": 0.5}), (5, {"categry": "a"})):

@@ -233,8 +233,21 @@ def make_answer() -> dict[str, Any]:
         said = {"room": room, "label": None, "probability": chance}
         return {**said, "way": 9.0, "look": 4.25, "found": found}
 
-    mug = {"thing": "mug", "class": None, "how": "as its nearest words", "model": "nouns"}
-    sink = {"thing": "sink", "class": "sink", "how": "", "model": "random", "anywhere": 1.0}
+    mug = {
+        "thing": "mug",
+        "class": None,
+        "by": "likeness",
+        "how": "as its nearest words",
+        "model": "nouns",
+    }
+    sink = {
+        "thing": "sink",
+        "class": "sink",
+        "by": "class",
+        "how": "",
+        "model": "random",
+        "anywhere": 1.0,
+    }
     places = [
         place("kitchen", 0.64, cost=9.0),
         place("explore", 0.1),
@@ -270,15 +283,19 @@ def test_a_page_opens_with_its_answer(browser: Any, home: Path) -> None:
         assert options[:2] == ["mug (asked)", "sink (asked)"]
         assert page.locator("#class option:checked").inner_text() == "mug (asked)"
         panel = page.locator("aside").inner_text()
-        for said in ("Go first to kitchen", "70 %, by the model nouns", "as its nearest words"):
+        for said in (
+            "Go first to kitchen",
+            "70 % of such buildings, by the model nouns",
+            "nearest words",
+        ):
             assert said in panel
         rows = [text.split("\n") for text in page.locator(".rooms li").all_inner_texts()]
         assert [" ".join(row).strip() for row in rows] == [
-            "kitchen 64 %, if there is one: 91 %, 9.0 m",
-            "rooms not found yet 10 %, if there is one: 14 %",
-            "upstairs < 1 %, if there is one: 1 %",
-            "hall < 1 %, if there is one: < 1 %, 4.0 m",
-            "living < 1 %, if there is one: < 1 %, robot here",
+            "kitchen if there is one: 91 %, noted: 64 %, 9.0 m",
+            "rooms not found yet if there is one: 14 %, noted: 10 %",
+            "upstairs if there is one: 1 %, noted: < 1 %",
+            "hall if there is one: < 1 %, noted: < 1 %, 4.0 m",
+            "living if there is one: < 1 %, noted: < 1 %, robot here",
         ]
         steps = page.locator("table.way tbody tr").all_inner_texts()
         assert [" ".join(step.split()) for step in steps] == [

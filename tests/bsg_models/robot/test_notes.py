@@ -23,9 +23,9 @@ def notes_on(
 ) -> tuple[str, ...]:
     said = {
         "scene_id": "home",
-        "rooms": [{"id": "bath", "hidden_share": 0.5, **room}],
+        "rooms": [{"id": "R1", "hidden_share": 0.5, **room}],
         "more_rooms": 0,
-        "objects": [{"id": str(n), "room": "bath", "category": w} for n, w in enumerate(words)],
+        "objects": [{"id": str(n), "room": "R1", "category": w} for n, w in enumerate(words)],
         **facts,
     }
     graph = parse_robot_graph(said, path=Path("x"), class_map=predictor.class_map)
@@ -40,7 +40,13 @@ def test_a_graph_that_says_all_has_no_note(universal: Predictor) -> None:
 @pytest.mark.parametrize(
     ("room", "words", "facts", "named"),
     [
-        ({"hidden_share": None}, (), {}, "bath"),
+        ({"hidden_share": None}, (), {}, "R1"),
+        ({"label": "bath room"}, (), {}, "bath room: read as the kind"),
+        ({"label": "staff kichen"}, (), {}, "'staff kichen' is kitchen (misspelt)"),
+        ({"room_type": "staff kitchen"}, (), {}, "'staff kitchen' is kitchen (head noun)"),
+        ({"label": "Küche"}, (), {}, "Küche (nearest: kitchen): kind of room unknown"),
+        ({"room_type": "patient room"}, (), {}, "'patient room' as bedroom"),
+        ({}, (), {"building_kind": "hospital"}, "`hospital`"),
         ({"room_type": "Küche 3b"}, (), {}, "Küche 3b"),
         ({}, ("zzqx thing",), {}, "'zzqx thing'"),
         ({}, ("blue velvet sofa",), {}, "'blue velvet sofa' is "),
@@ -85,3 +91,19 @@ def test_a_graph_of_few_rooms_is_taken_as_whole_and_says_so() -> None:
     assert note.startswith("hall, kitchen: taken as the whole building")
     assert not any("whole" in n for n in open_graph({"hall": [], "more_rooms": True}).notes)
     assert not any("whole" in n for n in open_graph({"a": [], "b": [], "c": []}).notes)
+
+
+def test_rooms_that_are_found_are_understood_as_those_of_a_map() -> None:
+    seen = open_graph({"more_rooms": True})
+    for name in ("patient room 1", "nurse station", "kitchens", "zzqx"):
+        seen.discovered(name)
+    kinds = ["patient room", "office", "kitchen", None]
+    assert [room.room_type for room in seen.graph.rooms] == kinds
+    assert seen.graph.building_kind == "hospital"
+    seen.describe("zzqx", label="Dispensary")
+    seen.describe("kitchens", room_type="bar")
+    assert [room.room_type for room in seen.graph.rooms] == [*kinds[:2], "bar", "pharmacy"]
+    named = [note for note in seen.notes if "their names say" in note]
+    assert named == [
+        "patient room 1, nurse station, Dispensary: read as the kinds that their names say"
+    ]

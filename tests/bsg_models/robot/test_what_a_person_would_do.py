@@ -234,18 +234,8 @@ FROM_EVERY_ROOM: dict[str, tuple[set[str], set[str]]] = {
     "broom": ({"utility room"}, {"kitchen"}),
     "keys": ({"hall"}, {"living room", "kitchen", "bedroom"}),
 }
-NOT_KNOWN = {
-    ("mug", "utility room"): "knowledge: a mug is in the kitchen",
-    ("toothbrush", "utility room"): "knowledge: a toothbrush is in the bathroom",
-    ("broom", "living room"): "knowledge: a broom is in the utility room",
-    ("broom", "child's room"): "knowledge: a broom is in the utility room",
-    ("keys", "hall"): "knowledge: keys are in the hall",
-    ("keys", "bathroom"): "knowledge: keys are in the hall",
-    ("keys", "child's room"): "knowledge: keys are in the hall",
-    ("keys", "utility room"): "knowledge: keys are in the hall",
-}
 OF_THE_FLAT = [
-    ask("flat", thing, here, *rooms, *(own & {here}), wrong=NOT_KNOWN.get((thing, here), ""))
+    ask("flat", thing, here, *rooms, *(own & {here}))
     for thing, (rooms, own) in FROM_EVERY_ROOM.items()
     for here in TYPES_OF_FLAT
 ]
@@ -270,23 +260,20 @@ OF_THE_STUDY = [
         "hall",
         "bathroom",
         "kitchen",
-        wrong="knowledge: no medicine is in a child's room",
     ),
-    ask("flat", "umbrella", "bedroom", "hall", wrong="knowledge: an umbrella is in the hall"),
+    ask("flat", "umbrella", "bedroom", "hall"),
     ask(
         "flat",
         "socks",
         "hall",
         "bedroom",
         "utility room",
-        wrong="knowledge: socks are in the bedroom or the wash",
     ),
     ask(
         "office",
         "printer",
         "open-plan",
         "printer room",
-        wrong="knowledge: a printer is in a printer room",
     ),
     ask(
         "office",
@@ -294,20 +281,18 @@ OF_THE_STUDY = [
         "open-plan",
         "toilets",
         "kitchenette",
-        wrong="knowledge: no towel is in a printer room",
     ),
     ask(
         "ward",
         "medicine",
         "nurse station",
         "medication room",
-        wrong="knowledge: medicine is in a medication room",
     ),
     # Words
-    ask("words", "toilet", "lounge", "toilets", wrong="words: toilets"),
-    ask("words", "bed", "lounge", "childrens room", wrong="words: childrens room"),
+    ask("words", "toilet", "lounge", "toilets"),
+    ask("words", "bed", "lounge", "childrens room"),
     ask("words", "refrigerator", "lounge", "kichen"),
-    ask("words", "tv", "childrens room", "lounge", wrong="words: tv_monitor"),
+    ask("words", "tv", "childrens room", "lounge"),
 ]
 
 # A home that is discovered room by room
@@ -333,7 +318,7 @@ ROOM_BY_ROOM = [
     ask("nothing yet", "towel", None, EXPLORE, after=HALL[:1]),
     *(
         ask("nothing yet", thing, "hall", EXPLORE, after=HALL)
-        for thing in ("towel", "knife", "coat", "bed", "microwave")
+        for thing in ("towel", "knife", "bed", "microwave")
     ),
     ask("nothing yet", "mirror", "hall", "hall", after=[*HALL, told("saw", "hall", "mirror")]),
     ask("nothing yet", "towel", "hall", EXPLORE, after=[*HALL, told("searched", "hall")]),
@@ -429,9 +414,9 @@ HAPPENED = [
         "living room",
         after=[MUG, told("saw", "living room", "mug", object_id="mug")],
     ),
-    # Looks in vain: the other rooms have their look before a robot looks again
-    ask("flat", "microwave", "living room", *OTHERS, "living room", after=[NO_MICROWAVE]),
-    ask("flat", "microwave", "hall", *OTHERS, "living room", after=[NO_MICROWAVE]),
+    # Looks in vain: other rooms that may have it come before another look, and never at once
+    ask("flat", "microwave", "living room", "kitchen", after=[NO_MICROWAVE]),
+    ask("flat", "microwave", "hall", "kitchen", after=[NO_MICROWAVE]),
     ask("flat", "microwave", "kitchen", *OTHERS, "living room", after=[NO_MICROWAVE]),
     ask(  # a glance: nine of ten microwaves are still here
         "flat",
@@ -447,7 +432,7 @@ HAPPENED = [
         "kitchen",
         after=[told("looked", "kitchen", "microwave", chance=0.3)],
     ),
-    ask("flat", "toilet", "hall", *OTHERS, after=[NO_TOILET]),
+    ask("flat", "toilet", "hall", "bathroom", after=[NO_TOILET]),
     ask("flat", "toilet", "bathroom", *OTHERS, after=[NO_TOILET]),
     ask(
         "flat",
@@ -458,14 +443,7 @@ HAPPENED = [
     ),
     ask("flat", "stove", "kitchen", "kitchen", after=[NO_MICROWAVE]),
     ask("flat", "refrigerator", "hall", "kitchen", after=[NO_MICROWAVE]),
-    ask(
-        "flat",
-        "towel",
-        "hall",
-        "kitchen",
-        "utility room",
-        after=[told("looked", "bathroom", "towel")],
-    ),
+    ask("flat", "towel", "hall", "bathroom", after=[told("looked", "bathroom", "towel")]),
     ask(
         "flat",
         "towel",
@@ -570,7 +548,14 @@ HAPPENED = [
     ask("flat", "tv", "living room", "living room", "child's room", after=[told("gone", "tv")]),
     # Scores and ages
     ask("flat", "mug", "hall", "living room", after=[told("saw", "living room", "mug", score=0.9)]),
-    ask("flat", "mug", "kitchen", "bedroom", after=[told("saw", "bedroom", "mug", score=0.95)]),
+    ask(  # another mug may well be in the kitchen
+        "flat",
+        "mug",
+        "kitchen",
+        "bedroom",
+        "kitchen",
+        after=[told("saw", "bedroom", "mug", score=0.95)],
+    ),
     ask(
         "flat",
         "mug",
@@ -606,6 +591,7 @@ HAPPENED = [
         "phone",
         "kitchen",
         "bedroom",
+        "living room",
         after=[told("saw", "bedroom", "phone", age=0.1, stays=2.0)],
     ),
     ask(
@@ -899,18 +885,17 @@ def test_each_robot_goes_where_a_person_would_send_it(question: Question) -> Non
 def test_a_search_does_not_go_back_and_forth(
     thing: str, here: str, chance: float, reports: tuple[Told, ...]
 ) -> None:
-    """Nobody leaves a room for one that is ten times less likely, and then comes straight back."""
-    seen, rooms, ratios = see("flat", reports), [here], [1.0]
+    """Nobody comes straight back to a room as long as another may have it as well."""
+    seen, rooms = see("flat", reports), [here]
     for _ in range(6):
         room = seen.next_room(thing, here=rooms[-1], chance=chance)
         assert room is not None
         likely = {place.room: place.probability for place in seen.where(thing)}
-        ratios.append(likely[room] / likely[rooms[-1]])
+        back = len(rooms) > 1 and room == rooms[-2] != rooms[-1]
+        others = [p for name, p in likely.items() if name not in (room, rooms[-1])]
+        assert not back or likely[room] > max(others), (rooms, likely)
         rooms.append(room)
         seen.looked(room, thing, chance=chance)
-    for at in range(2, len(rooms)):
-        back = rooms[at] == rooms[at - 2] != rooms[at - 1]
-        assert not (back and ratios[at - 1] < 0.1), (rooms, ratios)
 
 
 @pytest.mark.parametrize("thing", ["microwave", "towel", "knife", "bed", "pillow"])
@@ -934,13 +919,14 @@ def test_a_long_way_elsewhere_makes_no_look_dearer() -> None:
 
 
 @pytest.mark.parametrize("word", ["person", "fire", "blue"])
-@pytest.mark.xfail(strict=True, reason="words: no thing, and yet answered")
 def test_what_is_no_thing_is_refused(word: str) -> None:
     with pytest.raises(BSGError):
         see("flat", []).next_room(word, here="hall")
 
 
-def sure(home: str, thing: str, room: str | None, least: float, most: float, wrong: str) -> Any:
+def sure(
+    home: str, thing: str, room: str | None, least: float, most: float, wrong: str = ""
+) -> Any:
     """Return a row: how sure a person is that a thing is in a room, or somewhere."""
     marks = [pytest.mark.xfail(strict=True, reason=wrong)] if wrong else []
     return pytest.param(home, thing, room, least, most, marks=marks)
@@ -952,14 +938,14 @@ def sure(home: str, thing: str, room: str | None, least: float, most: float, wro
         sure("flat", "microwave", "kitchen", 0.6, 1, ""),
         sure("flat", "towel", "bathroom", 1, 1, ""),
         sure("flat", "bed", None, 1, 1, ""),
-        sure("flat", "scissors", None, 0.95, 1, "knowledge: every home has scissors"),
-        sure("flat", "toothbrush", "bathroom", 0.9, 1, "knowledge: toothbrushes"),
-        sure("simple", "knife", "kitchen", 0.95, 1, "knowledge: knives"),
+        sure("flat", "scissors", None, 0.95, 1),
+        sure("flat", "toothbrush", "bathroom", 0.9, 1),
+        sure("simple", "knife", "kitchen", 0.95, 1),
         sure("simple", "mug", "kitchen", 0.95, 1, "knowledge: mugs"),
         sure("simple", "charger", None, 0.95, 1, "knowledge: chargers"),
-        sure("words", "bed", "childrens room", 0.95, 1, "words: childrens room"),
-        sure("office", "toilet", "printer room", 0, 0.05, "knowledge: printer rooms"),
-        sure("ward", "bed", "patient room 2", 0.95, 1, "knowledge: patient rooms"),
+        sure("words", "bed", "childrens room", 0.95, 1),
+        sure("office", "toilet", "printer room", 0, 0.05),
+        sure("ward", "bed", "patient room 2", 0.95, 1),
     ],
 )
 def test_a_robot_is_as_sure_as_a_person(

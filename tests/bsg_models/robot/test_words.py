@@ -4,7 +4,7 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_data.scene.class_map import ClassMap, OwnMap, load_class_map, parse_own_map
 from bsg_models.belief.nouns import read_nouns
 from bsg_models.robot.words import MOST_CHARACTERS, Meaning, find_meaning
 
@@ -21,6 +21,12 @@ MAPS = [load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")]
         ("sofa", "couch", 0, "'sofa' is one of the class 'couch'"),
         ("shoes", "shoe", 1, "'shoes' is one of the class 'shoe'"),
         ("microwav", "microwave", 0, "taken for 'microwave', the most similar name"),
+        ("micorwave", "microwave", 0, "taken for 'microwave', the most similar name"),
+        ("red toilett", "toilet", 0, "taken for 'toilet', the most similar name"),
+        ("keybord", "keyboard", 1, "taken for 'keyboard', the most similar name"),
+        ("tv_monitor", "tv", 0, "'tv_monitor' is 'tv' by the rule 'vocabulary'"),
+        ("Glass_(drink_container)", "glass", 1, "is 'glass' by the rule 'vocabulary'"),
+        ("CoffeeTable", "coffee table", 1, "is 'coffee table' by the rule 'separator'"),
     ],
 )
 def test_a_word_has_a_class_and_a_reason(word: str, class_name: str, model: int, how: str) -> None:
@@ -88,3 +94,47 @@ def test_a_class_and_a_typo_come_before_a_noun(word: str, class_name: str | None
 def test_what_is_no_thing_is_no_noun(word: str) -> None:
     with refuses(RecipeError, "thing-unknown", word, golden=False):
         find_meaning(word, MAPS, nouns=read_nouns())
+
+
+@pytest.mark.parametrize(
+    ("word", "kind"),
+    [
+        ("person", "a person"),
+        ("the old man", "a person"),
+        ("children", "a person"),
+        ("nurses", "a person"),
+        ("blue", "a colour"),
+        ("run", "an action"),
+        ("fire", "an event"),
+        ("the meetings", "an event"),
+    ],
+)
+def test_a_word_that_names_no_thing_is_refused_with_the_reason(word: str, kind: str) -> None:
+    with refuses(RecipeError, "thing-unknown", word) as caught:
+        find_meaning(word, MAPS, nouns=read_nouns())
+    assert f"it is the word for {kind}, and models look for things. `bsg" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "word", ["fire extinguisher", "screw driver", "baby bed", "blue mug", "running shoes", "orange"]
+)
+def test_a_thing_with_such_a_word_in_its_name_is_a_thing(word: str) -> None:
+    assert find_meaning(word, MAPS, nouns=read_nouns()).word == word
+
+
+@pytest.mark.parametrize("word", ["Mikrowelle", "xyz", "aed", "irwel", "zebrra"])
+def test_no_far_guess_is_offered(word: str) -> None:
+    with refuses(RecipeError, "thing-unknown", word, golden=False) as caught:
+        find_meaning(word, MAPS, nouns=read_nouns())
+    offered = str(caught.value).partition("did you mean ")[2].partition("?")[0]
+    assert offered in ("", "zebra")
+
+
+def test_a_typo_in_a_map_of_ones_own_gives_way_to_a_word_that_another_map_has() -> None:
+    spellings = b"raw_category,category,class\npointer,pointer,pointer\n"
+    own = parse_own_map(
+        OwnMap(name="own", spellings=spellings, classes=b"index,class,definition\n0,pointer,A.\n")
+    )
+    meaning = find_meaning("printer", [own, MAPS[1]], prefer_exact=False)
+    assert (meaning.class_name, meaning.model) == ("printer", 1)
+    assert find_meaning("poiner", [own, MAPS[1]], prefer_exact=False).class_name == "pointer"

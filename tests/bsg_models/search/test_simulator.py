@@ -212,7 +212,7 @@ def test_with_looks_that_may_miss_every_search_ends_and_the_oracle_is_best(
     episodes = replace(plain, look=rng.uniform(0.5, 5, 6), chance=0.6, luck=rng.random((6, 6, 64)))
     beliefs = fix_beliefs(rng.random((6, 6, 1)))
     best = run_one(episodes, "oracle", task)
-    for name in ("nearest", "ratio", "expected-cost", "greedy-belief"):
+    for name in ("nearest", "ratio", "expected-cost", "greedy-belief", "greedy-share"):
         ended = run_one(episodes, name, task, beliefs=beliefs)
         assert (ended.entered >= 1).all()
         assert np.isfinite(ended.costs).all()

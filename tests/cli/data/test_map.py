@@ -13,7 +13,8 @@ def test_map_shows_names_classes_and_near_misses() -> None:
     assert "trash can" in shown["spellings"]
     shown_in_another = run("map", "show", "sneakers").stdout
     assert "class none (known, but not counted)\nin hm3d-wide-v1: class shoe\n" in shown_in_another
-    assert "nearest: chair" in run("map", "show", "chairr", code=1).stdout
+    assert "by the rule 'spelling'" in run("map", "show", "chairr").stdout
+    assert "nearest: chair" in run("map", "show", "chaair thing", code=1).stdout
     assert "hm3d45-v1" in run("map", "list").stdout
 
 

@@ -117,7 +117,9 @@ def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: st
     assert robot.hear("graph")["rooms"] == [], "it is latched: who comes late gets it, too"
     assert robot.ask("where", "sofa")["go_first"] is None
     hall = '{"room": "hall", "position": [0, 0, 0]}'
-    assert robot.ask("discovered", hall) == {"topic": "discovered", "room": "hall"}
+    answer = robot.ask("discovered", hall)
+    assert (answer["topic"], answer["room"]) == ("discovered", "hall")
+    assert "read as the kind" in answer["notes"][0]
     robot.ask("entered", '{"room": "hall", "floor_in_view": 0.4}')
     new = {"room": "kitchen", "beside": "hall", "room_type": "kitchen", "position": [3, 4, 0]}
     robot.ask("discovered", json.dumps(new))

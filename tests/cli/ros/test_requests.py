@@ -78,7 +78,9 @@ def test_reports_change_what_python_would_change(robot: Robot) -> None:
     assert robot.here == "kitchen"
     known = {obj.name: obj for obj in robot.seen.graph.objects}
     assert known.keys() & {"1", "2", "3", "4", "5", "9"} == {"1", "3"}
-    assert known["12"].probability < 0.95, "a look has missed the bottle"
+    bottles = {place.room: place for place in robot.seen.where("bottle")}
+    assert bottles["kitchen"].seen == ("12",)
+    assert bottles["kitchen"].probability < 0.95, "a look has missed the bottle"
     assert robot.seen.graph.rooms[-1].label == "D"
 
 
@@ -133,10 +135,37 @@ def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot
 
 
 def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
-    """As in the simplest map."""
-    for name in ("bedroom_2", "R7"):
-        say(robot, "discovered", room=name)
-    assert [room.room_type for room in robot.seen.graph.rooms[-2:]] == ["bedroom", None]
+    """As in Python; a note says how it is read, or that nobody knows."""
+    names = ("bedroom_2", "second bath room", "kichen", "zzqx", "R7")
+    answers = [say(robot, "discovered", room=name).get("notes") for name in names]
+    kinds = ["bedroom", "bathroom", "kitchen", None, None]
+    assert [room.room_type for room in robot.seen.graph.rooms[-5:]] == kinds
+    assert answers == [
+        ["bedroom_2: read as the kinds that their names say"],
+        ["second bath room: read as the kinds that their names say"],
+        ["kinds of rooms read by a rule: 'kichen' is kitchen (misspelt)"],
+        ["zzqx: kind of room unknown; say `room_type`"],
+        None,
+    ]
+    assert "notes" not in say(robot, "describe", room="zzqx", label="B", room_type="hallway")
+
+
+def test_a_number_is_an_id(robot: Robot) -> None:
+    assert say(robot, "discovered", room=7, beside="kitchen")["room"] == "7"
+    say(robot, "discovered", room="R8", beside=7)
+    assert say(robot, "saw", thing="cup", room=7, object=41)["object"] == "41"
+    assert say(robot, "gone", object=41)["object"] == "41"
+    assert robot.seen.rooms[-2:] == ("7", "R8")
+    assert robot.seen.graph.adjacency[-2:] == ((2, 4), (4, 5))
+
+
+def test_the_kind_of_a_building_is_told_when_its_rooms_tell_it() -> None:
+    robot = Robot(open_graph({}))
+    assert "notes" not in say(robot, "discovered", room=1, room_type="nurse station")
+    told = say(robot, "discovered", room=2, room_type="operating theater")["notes"]
+    assert any(note.startswith("building kind taken for `hospital`") for note in told)
+    assert len(say(robot, "discovered", room="ward")["notes"]) == 2, "it is said once"
+    assert robot.seen.graph.building_kind == "hospital"
 
 
 def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
@@ -144,7 +173,7 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
     assert gizmo["notes"] == ["no class map knows 'gizmo': it is kept, but tells the model nothing"]
     for topic in ("discovered", "describe"):
         (note,) = say(robot, topic, room="attic", room_type="zzz")["notes"]
-        assert note.startswith("room type 'zzz' is read as")
+        assert note == "room types that models do not know are read: 'zzz' as unknown"
 
 
 @pytest.mark.parametrize(
@@ -153,7 +182,8 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("saw", "sofa", "room-unsaid"),
         ("saw", "", "request-malformed"),
         ("saw", '{"thing": "sofa", "room": "kitchen", "position": [0, 1]}', "request-malformed"),
-        ("saw", '{"thing": "sofa", "room": "kitchen", "object": 7}', "request-malformed"),
+        ("saw", '{"thing": "sofa", "room": "kitchen", "object": 7.5}', "request-malformed"),
+        ("saw", '{"thing": 7, "room": "kitchen"}', "request-malformed"),
         ("entered", "cellar", "room-unknown"),
         ("entered", '{"room": "kitchen", "floor_in_view": 1.5}', "request-malformed"),
         ("entered", '{"room": "kitchen", "floor_in_view": 1, "hidden_share": 0}', "share-twice"),
@@ -170,15 +200,16 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
             "score-twice",
         ),
         ("searched", '{"room": "kitchen", "found": ["chair", "toaster"]}', "object-unknown"),
-        ("searched", '{"room": "kitchen", "found": ["chair", "zzqx"]}', "thing-unknown"),
-        ("searched", '{"room": "kitchen", "found": "chair"}', "request-malformed"),
+        ("searched", '{"room": "kitchen", "found": ["chair", "zzqx"]}', "object-unknown"),
+        ("searched", '{"room": "kitchen", "found": 5}', "request-malformed"),
         ("looked", "bottle", "room-unsaid"),
         ("looked", '{"thing": "bottle", "room": "cellar"}', "room-unknown"),
         ("looked", '{"thing": "zzqx", "room": "kitchen"}', "thing-unknown"),
         ("looked", '{"thing": "bottle", "room": "kitchen", "chance": 2}', "request-malformed"),
         ("looked", '{"thing": "bottle", "room": "kitchen", "chance": -1}', "request-malformed"),
         ("gone", "no-such", "object-unknown"),
-        ("gone", '{"object": 12}', "request-malformed"),
+        ("gone", '{"object": 99}', "object-unknown"),
+        ("gone", '{"object": true}', "request-malformed"),
         ("describe", '{"room": "cellar", "label": "C"}', "room-unknown"),
         ("describe", '{"room": "kitchen", "beside": "kitchen"}', "room-beside-itself"),
         ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
@@ -217,7 +248,8 @@ def test_a_fault_is_an_answer_and_changes_nothing(
 
 def test_a_question_that_is_wrong_keeps_its_id(robot: Robot) -> None:
     assert say(robot, "where", thing=3, id="q")["id"] == "q"
-    assert "id" not in say(robot, "where", thing="sofa", id=3)
+    assert say(robot, "where", thing="sofa", id=3)["id"] == "3"
+    assert "id" not in say(robot, "where", thing="sofa", id=3.5)
 
 
 def test_a_broken_detector_fills_no_memory(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,7 +60,7 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             fault = await client.call_tool("find_things", wrong)
             assert fault.is_error
             assert "map: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
-            for wrong in ({"chance": 2}, {"look": -1}, {"task": "some"}, {"robots": {}}):
+            for wrong in ({"chance": 2}, {"look": -1}, {"task": "some"}, {"robots": 3}):
                 assert (await client.call_tool("find_things", {**question, **wrong})).is_error
             lost = {**question, "robots": {"a": "attic"}}
             fault = await client.call_tool("find_things", lost)

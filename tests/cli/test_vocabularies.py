@@ -1,0 +1,279 @@
+"""One word has one class by every door: every word of every vocabulary, and the cases of users."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import anyio
+import pytest
+from click.testing import CliRunner
+from conftest import SHARED
+from dsg_files import robot_graph, write_graph
+
+from bsg_cli.belief import main as belief
+from bsg_cli.find import describe_things
+from bsg_cli.ros.requests import Robot
+from bsg_data import SceneObject, build_dataset, check_dataset, read_scene_graphs
+from bsg_data.errors import RecipeError
+from bsg_data.observation.robot_json import parse_robot_graph
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
+from bsg_data.sources.spark_dsg import RobotGraphs
+from bsg_data.sources.table import ObjectTable
+from bsg_models import Predictor, annotate_hydra, believe, open_graph
+from bsg_models.belief.graph_file import open_graph_file, parse_graph
+from bsg_models.robot.words import find_meaning
+
+MAP = load_class_map()
+WORDS = sorted({word for name in list_vocabularies() for word in vocabulary_words(name)})
+HERE = Path("here")
+CASES = SHARED.parent / "cases"
+Classes = list[str | None]
+
+
+def name_class(index: int | None) -> str | None:
+    return None if index is None else MAP.classes[index]
+
+
+def list_expected() -> Classes:
+    """Return the classes as the file of vocabularies has them, by HM3D's listed words alone."""
+    path = files("bsg_mappings").joinpath("vocabularies-v1.csv")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = {row["word"]: row["category"] for row in csv.DictReader(file)}
+    entries = [MAP.lookup(rows[word]) if rows[word] else None for word in WORDS]
+    return [None if entry is None else name_class(entry.class_index) for entry in entries]
+
+
+EXPECTED = list_expected()
+
+
+@pytest.fixture(scope="module")
+def predictor() -> Predictor:
+    return Predictor()
+
+
+def label_graph(*, named: bool) -> dict[str, Any]:
+    """Return a Hydra graph with an object for each word, whose labels it names itself or not."""
+    graph = robot_graph()
+    (model,) = [one for one in graph["nodes"] if one["attributes"].get("name") == "O(2)"]
+    kept = [one for one in graph["nodes"] if one["layer"] != 2]
+    for number in range(len(WORDS)):
+        held = model["attributes"] | {"name": f"O({number})", "semantic_label": number}
+        kept.append({**model, "id": (ord("O") << 56) + number, "attributes": held})
+    graph["nodes"] = kept
+    graph["edges"] = []
+    spaces = {"_l2p0": [[number, word] for number, word in enumerate(WORDS)]}
+    graph["metadata"] = {"labelspaces": spaces if named else {}}
+    return graph
+
+
+def by_map(folder: Path) -> Classes:
+    graph = parse_robot_graph({"kitchen": WORDS}, path=HERE, class_map=MAP)
+    return [name_class(obj.class_index) for obj in graph.objects]
+
+
+def by_detector(folder: Path) -> Classes:
+    said = {"rooms": [{"id": "kitchen"}], "scene_id": "s", "detector": WORDS}
+    found = dict(parse_robot_graph(said, path=HERE, class_map=MAP).detector or ())
+    return [name_class(found[word]) for word in WORDS]
+
+
+def by_question(folder: Path) -> Classes:
+    def understand(word: str) -> str | None:
+        try:
+            return find_meaning(word, [MAP]).class_name
+        except RecipeError:
+            return None
+
+    return [understand(word) for word in WORDS]
+
+
+def by_label_file(folder: Path) -> Classes:
+    rows = [["label", "name"], *([number, word] for number, word in enumerate(WORDS))]
+    with (folder / "own.csv").open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(rows)
+    read = parse_graph(label_graph(named=False), path=HERE, labels=folder / "own.csv")
+    return [name_class(obj.class_index) for obj in read.graph.objects]
+
+
+def by_labels_in_a_graph(folder: Path) -> Classes:
+    read = parse_graph(label_graph(named=True), path=HERE)
+    return [name_class(obj.class_index) for obj in read.graph.objects]
+
+
+def by_a_recording(folder: Path) -> Classes:
+    (folder / "dsg.json").write_text(json.dumps(label_graph(named=True)), "utf-8")
+    source = RobotGraphs(folder / "dsg.json")
+    (scene,) = source.find().scenes
+    return [name_class(obj.class_index) for obj in source.read(scene, MAP).graph.objects]
+
+
+def by_table(folder: Path) -> Classes:
+    with (folder / "things.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerows([["scene", "room", "category"], *(["s", "r", word] for word in WORDS)])
+    source = ObjectTable(folder / "things.csv")
+    (scene,) = source.find().scenes
+    read = source.read(scene, MAP).graph.objects
+    found = {obj.raw_category: name_class(obj.class_index) for obj in read}
+    return [found[word] for word in WORDS]
+
+
+DOORS = [
+    *(by_map, by_detector, by_question, by_label_file, by_labels_in_a_graph, by_a_recording),
+    by_table,
+]
+
+
+@pytest.mark.parametrize("door", DOORS, ids=lambda door: door.__name__)
+def test_every_word_has_its_class_by_every_door(door: Any, tmp_path: Path) -> None:
+    found = door(tmp_path)
+    rows = zip(WORDS, found, EXPECTED, strict=True)
+    assert [row for row in rows if row[1] != row[2]] == []
+
+
+def by_saw(predictor: Predictor) -> Classes:
+    seen = open_graph({"kitchen": []}, model=predictor)
+    for word in WORDS:
+        seen.saw("kitchen", word)
+    return [name_class(obj.class_index) for obj in seen.graph.objects]
+
+
+def by_ros(predictor: Predictor) -> Classes:
+    robot = Robot(open_graph({"kitchen": []}, model=predictor))
+    for number, word in enumerate(WORDS):
+        said = {"room": "kitchen", "thing": word, "object": str(number)}
+        assert robot.answer("saw", said)["object"] == str(number)
+    return [name_class(obj.class_index) for obj in robot.seen.graph.objects]
+
+
+@pytest.mark.parametrize("door", [by_saw, by_ros], ids=lambda door: door.__name__)
+def test_every_word_that_is_reported_has_its_class(door: Any, predictor: Predictor) -> None:
+    rows = zip(WORDS, door(predictor), EXPECTED, strict=True)
+    assert [row for row in rows if row[1] != row[2]] == []
+
+
+FEW = {"tv_monitor": "tv", "diningtable": "dining table", "CoffeeTable": "coffee table"}
+FEW |= {"lighting": "lamp", "pottedplant": "plant", "toilett": "toilet", "micorwave": "microwave"}
+HOME = {"kitchen": ["stove", "sink"], "living room": ["couch"], "hall": []}
+
+
+def ask_everywhere(words: list[str]) -> Iterator[tuple[str, Any]]:
+    """Yield the answers of all doors that take a question about a map."""
+    pytest.importorskip("mcp", reason="needs the extra serve")
+    import httpx2
+    from mcp import Client
+
+    from bsg_cli.serve.http import make_app
+    from bsg_cli.serve.questions import Service
+    from bsg_cli.serve.tools import make_server
+
+    service, question = Service(), {"map": HOME, "things": words}
+
+    async def ask() -> tuple[Any, Any]:
+        transport = httpx2.ASGITransport(app=make_app(service))
+        async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            http = await client.post("/find", json=question)
+        async with Client(make_server(service)) as agent:
+            mcp = await agent.call_tool("find_things", question)
+        return http.json(), mcp.structured_content
+
+    http, mcp = anyio.run(ask)
+    yield "HTTP", http["things"]
+    yield "MCP", mcp["things"]
+    finds = [part for word in words for part in ("--find", word)]
+    done = CliRunner().invoke(belief, ["-", "--json", *finds], input=json.dumps(HOME))
+    yield "command", json.loads(done.stdout)["things"]
+    yield "ROS", Robot(open_graph(HOME)).answer("where", {"thing": words})["things"]
+
+
+def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
+    def tell(things: Any) -> dict[str, tuple[str | None, float]]:
+        return {one["thing"]: (one["class"], one["anywhere"]) for one in things}
+
+    plain = tell(describe_things(open_graph(HOME), [*FEW.values()], here=None)["things"])
+    for door, things in ask_everywhere([*FEW]):
+        assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
+
+
+def test_a_typo_is_mended_in_a_map_and_in_a_question_with_a_note(predictor: Predictor) -> None:
+    seen = open_graph({"bathroom": ["toilett"], "hall": []}, model=predictor)
+    assert seen.anywhere("toilet") == seen.anywhere("tiolet") == 1
+    assert any("'toilett' is 'toilet' (spelling)" in note for note in seen.notes)
+    assert "taken for 'toilet'" in seen.understand("tiolet").how
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason="../shared is not on this machine")
+def test_the_words_of_habitat_and_of_hydra(predictor: Predictor) -> None:
+    """The case 02-objectnav-tv-monitor."""
+    folder = CASES / "02-objectnav-tv-monitor"
+    seen = open_graph(folder / "map.json", model=predictor)
+    assert [place.room for place in seen.where("tv") if place.seen] == ["living room"]
+    assert seen.anywhere("tv_monitor") == seen.anywhere("tv") == 1
+    assert seen.where("tv_monitor") == seen.where("tv")
+    for labels in (None, "mpcat40", folder / "label_space.yaml"):
+        graph = open_graph(folder / "dsg_names_its_labels.json", labels=labels).graph
+        found = [
+            (name_class(obj.class_index), graph.rooms[obj.room_index - 1].name)
+            for obj in graph.objects
+        ]
+        assert found == [("tv", "R(0)"), ("lamp", "R(0)"), ("chair", "R(0)"), ("tv", "R(1)")]
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason="../shared is not on this machine")
+def test_the_words_of_ai2thor(predictor: Predictor) -> None:
+    """The case 03-thor-camel-case."""
+    folder = CASES / "03-thor-camel-case"
+    graph = open_graph(folder / "procthor.json", model=predictor).graph
+    assert [name_class(obj.class_index) for obj in graph.objects] == ["table", "table", "lamp"]
+    graph = open_graph(folder / "map.json", model=predictor).graph
+    assert [name_class(obj.class_index) for obj in graph.objects] == [
+        *("refrigerator", "table", "garbage bin", "couch", "table", "table", "lamp")
+    ]
+    done = CliRunner().invoke(belief, [str(folder / "procthor.json")])
+    assert "not in the class map" not in done.output
+
+
+def test_a_dataset_of_earlier_rules_is_sound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By rules 1 a tv_monitor was a computer; the manifest has the hash of the map with them."""
+    (tmp_path / "things.csv").write_text("scene,room,category\ns,r,tv_monitor\ns,r,chair\n")
+    source, earlier = ObjectTable(tmp_path / "things.csv"), MAP.former
+    with monkeypatch.context() as patched:
+        patched.setattr("bsg_data.build.load_class_map", lambda name: earlier)
+        manifest = build_dataset(source, tmp_path / "earlier")
+    assert earlier is not None
+    assert {entry.sha256 for entry in manifest.class_maps} == {earlier.sha256}
+    assert earlier.sha256 != MAP.sha256
+    assert {obj.category for obj in objects_of(tmp_path / "earlier")} == {"monitor", "chair"}
+    assert check_dataset(tmp_path / "earlier") == ()
+    build_dataset(source, tmp_path / "now")
+    assert {obj.category for obj in objects_of(tmp_path / "now")} == {"tv", "chair"}
+    assert check_dataset(tmp_path / "now") == ()
+
+
+def objects_of(dataset: Path) -> list[SceneObject]:
+    return [obj for graph in read_scene_graphs(dataset) for obj in graph.objects]
+
+
+def test_an_annotated_graph_opens_with_the_names_that_it_carries(
+    tmp_path: Path, predictor: Predictor
+) -> None:
+    """Without the label space that named them."""
+    graph = robot_graph()
+    graph["metadata"] = {}
+    named = open_graph_file(write_graph(tmp_path / "dsg.json", graph), labels="mpcat40")
+    belief = believe(named.graph, predictor(named.graph))
+    annotate_hydra(belief, named, tmp_path / "annotated.json")
+    again = open_graph_file(tmp_path / "annotated.json")
+    assert [obj.category for obj in again.graph.objects] == [
+        obj.category for obj in named.graph.objects
+    ]
+    *_, note = again.notes
+    assert note.startswith("1 object with labels that nobody names (99)")

@@ -1,0 +1,116 @@
+"""What mappings/README.md says of the vocabularies of detectors, simulators and data sets."""
+
+from __future__ import annotations
+
+import csv
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+from conftest import SHARED
+from refusals import refuses
+
+from bsg_data.errors import RecipeError
+from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_data.scene.spoken_names import take_apart
+from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
+
+MAPS = [load_class_map(name) for name in ("hm3d45-v2", "hm3d-wide-v1")]
+V2 = MAPS[0]
+NUMBERS = {"ade20k": 150, "ai2thor": 134, "coco": 80, "darknet": 80, "mpcat40": 42, "nyu40": 40}
+NUMBERS |= {"objectnav": 21, "voc": 20}
+WITHOUT_A_CLASS = Path(__file__).parent / "words_without_a_class.txt"
+# Words that a source's own map lists with another class than ours. By `Desktop` a person means the
+# computer, and ProcTHOR its tower; by `fan` COBie means ventilation.
+OF_A_SOURCE_ALONE = {"procthor45-v1": {"Desktop"}, "behavior45-v1": {"notepad"}}
+OF_A_SOURCE_ALONE |= {"cobie45-v1": {"fan"}}
+
+
+def read(name: str) -> list[dict[str, str]]:
+    with files("bsg_mappings").joinpath(name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file, strict=True))
+
+
+ROWS = read("vocabularies-v1.csv")
+
+
+def class_of(class_map: ClassMap, name: str) -> str | None:
+    index = class_map.classify(name).class_index
+    return None if index is None else class_map.classes[index]
+
+
+def test_vocabularies_are_whole_and_their_words_named_once() -> None:
+    found = {name: vocabulary_words(name) for name in list_vocabularies()}
+    assert {name: len(found[name]) for name in NUMBERS} == NUMBERS
+    assert {*found} - NUMBERS.keys() == {"lvis"}
+    assert all(len(set(words)) == len(words) for words in found.values())
+    assert {*found["voc"]} <= {*found["darknet"]}
+    assert {row["label"] for row in read("labels-ade20k.csv")} == {*found["ade20k"]}
+    assert {row["label"] for row in read("labels-mpcat40.csv")} == {*found["mpcat40"]}
+    with refuses(RecipeError, "vocabulary-unknown", "cocoo"):
+        vocabulary_words("cocoo")
+
+
+@pytest.mark.parametrize("class_map", MAPS, ids=lambda m: m.version)
+def test_every_word_has_the_class_of_its_category_in_any_spelling(class_map: ClassMap) -> None:
+    for row in ROWS:
+        word, category = row["word"], row["category"]
+        expected = class_of(class_map, category) if category else None
+        apart = take_apart(word).replace("_", " ")
+        forms = {word, word.lower(), word.upper(), apart, apart.replace(" ", "-"), f"{word}_2"}
+        assert {form: class_of(class_map, form) for form in forms} == dict.fromkeys(forms, expected)
+        assert category == "" or class_map.lookup(category) is not None, word
+
+
+@pytest.mark.parametrize("class_map", MAPS, ids=lambda m: m.version)
+@pytest.mark.parametrize("name", ["ade20k", "mpcat40"])
+def test_a_label_space_says_the_same(name: str, class_map: ClassMap) -> None:
+    for row in read(f"labels-{name}.csv"):
+        assert class_of(class_map, row["label"]) == class_of(class_map, row["category"]), row
+
+
+def test_a_word_is_the_same_under_all_maps_into_one_space_if_they_know_it() -> None:
+    for name in ("procthor45-v1", "behavior45-v1", "mp3d45-v1", "cobie45-v1"):
+        other = load_class_map(name)
+        known = [row["word"] for row in ROWS if other.classify(row["word"]).category is not None]
+        differing = {word for word in known if class_of(other, word) != class_of(V2, word)}
+        assert differing == OF_A_SOURCE_ALONE.get(name, set()), name
+
+
+def test_words_without_a_class_are_those_that_a_person_has_read() -> None:
+    """After a change, write the file anew (`write_without_a_class`), and read what differs."""
+    assert WITHOUT_A_CLASS.read_text("utf-8") == list_without_a_class()
+
+
+def list_without_a_class() -> str:
+    """Return a line for each word without a class: its vocabulary, the word, its category."""
+    found = (row for row in ROWS if class_of(V2, row["word"]) is None)
+    return "".join(f"{r['vocabulary']}: {r['word']} ({r['category'] or '-'})\n" for r in found)
+
+
+def test_words_that_name_no_thing_are_not_those_that_a_map_or_a_vocabulary_gives_a_class() -> None:
+    rows = read("not-things-v1.csv")
+    assert [row["word"] for row in rows] == sorted({row["word"] for row in rows})
+    assert {row["kind"] for row in rows} == {"person", "colour", "action", "event"}
+    for class_map in MAPS:
+        assert [row["word"] for row in rows if class_of(class_map, row["word"])] == []
+
+
+def test_real_words_are_sorted_and_none_is_a_word_of_a_name() -> None:
+    rows = [row["word"] for row in read("real-words-v1.csv")]
+    assert rows == sorted(set(rows))
+    named = {word for name in V2.normalised for word in name.split()}
+    assert named.isdisjoint(rows)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is not on this machine")
+def test_the_objects_of_ithor_have_the_classes_of_their_own_table() -> None:
+    path = SHARED.parent / "sources" / "ithor" / "objects.csv"
+    with path.open(encoding="utf-8", newline="") as file:
+        said = {row["category"]: row["class"] for row in csv.DictReader(file)}
+    differing = {name for name, one in said.items() if (class_of(V2, name) or "") != one}
+    assert differing == {"BasketBall"}, "the map of ProcTHOR has it as a toy"
+
+
+def write_without_a_class() -> None:
+    WITHOUT_A_CLASS.write_text(list_without_a_class(), "utf-8")
