@@ -23,6 +23,7 @@ from bsg_cli.options import (
     mask_options,
     model_option,
     number_option,
+    search_options,
     split_option,
 )
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 _MOST_ROWS = 60
 _MANIFEST = "dataset.json"  # in every dataset; the module that defines it is slow to import
 _OF_DATASET, _OF_GRAPH = ("split", "scene", "mask", "fraction"), ("labels", "shares", "find")
+_OF_SEARCH = ("here", "robots", "looks", "chance", "task")
 _PAGES = (".html", ".htm")
 
 
@@ -59,6 +61,7 @@ _PAGES = (".html", ".htm")
     help="Say where a thing is, and where to go first. THING is any word. Repeat it for several.",
 )
 @click.option("--from", "here", metavar="ROOM", help="With --find: the room of the robot.")
+@search_options
 @choice_option(
     "--mode",
     ["complete", "unseen"],
@@ -82,6 +85,8 @@ def main(
     as_json: bool,
     find: tuple[str, ...],
     here: str | None,
+    robots: tuple[str, ...],
+    looks: tuple[str, ...],
     shows: bool,
     quiet: bool,
     **options: Any,
@@ -101,12 +106,14 @@ def main(
     """
     dataset = _find_dataset(paths)
     _refuse_unused(_OF_GRAPH if dataset else _OF_DATASET, "a DATASET" if dataset else "a GRAPH")
-    if here is not None and not find:
-        raise click.UsageError("--from needs --find THING; give both or neither")
+    if not find:
+        _refuse_unused(_OF_SEARCH, "a question without --find")
     if find and len(paths) > 1:
         raise click.UsageError(f"--find: expected one GRAPH, found {' '.join(map(str, paths))}")
     if find and not options["out"]:
         _refuse_unused(("mode", "top"), "--find without --out")
+    if robots:
+        _refuse_unused(("here", "out"), "a search by several robots")
     _require_formats(options["out"])
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
@@ -117,8 +124,10 @@ def main(
     files = [_open_graph(path, labels, shares) for path in graphs]
     note = _say_nothing if quiet else print_note
     answer = None
+    search = {name: options.pop(name) for name in ("chance", "task")}
+    search |= {"here": here, "robots": _read_robots(robots), "look": _read_looks(looks)}
     if find:
-        answer = _ask(files[0], model, find, here=here, as_json=as_json, note=note)
+        answer = _ask(files[0], model, find, search, as_json=as_json, note=note)
     if options["out"] or not find:
         mask = {"strategy": options.pop("mask"), "fraction": options.pop("fraction")}
         request = bsg_models.BeliefRequest(
@@ -209,8 +218,8 @@ def _ask(
     file: GraphFile,
     model: Path | str,
     things: Sequence[str],
+    search: dict[str, Any],
     *,
-    here: str | None,
     as_json: bool,
     note: Callable[[str], None],
 ) -> dict[str, Any]:
@@ -219,14 +228,15 @@ def _ask(
     from bsg_data.observation.partial_graph import reclassify
     from bsg_models.robot.words import find_room
 
-    if here is not None:
-        find_room(file.graph, here)
+    for room in (search["here"], *search["robots"].values()):
+        if room is not None:  # before the model is read, which is slow
+            find_room(file.graph, room)
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
     seen = bsg_models.SeenBuilding(graph, predictor, notes=file.notes)
     for said in seen.notes:
         note(f"{file.path}: {said}")
-    return find_things(seen, tuple(dict.fromkeys(things)), here=here, as_json=as_json, note=note)
+    return find_things(seen, tuple(dict.fromkeys(things)), as_json=as_json, note=note, **search)
 
 
 def _open_graph(path: Path, labels: str | None, shares: dict[str, Any]) -> GraphFile:
@@ -240,25 +250,57 @@ def _open_graph(path: Path, labels: str | None, shares: dict[str, Any]) -> Graph
 
 def _read_shares(said: Sequence[str]) -> dict[str, Any]:
     """Return the hidden shares of `--hidden-share`: `0.4` for all rooms, `kitchen=0.2` for one."""
-    shares: dict[str, float] = {}  # by room; the empty name stands for all other rooms
-    for word in said:
-        room, _, number = word.rpartition("=")
-        try:
-            share = float(number)
-        except ValueError:
-            share = math.nan
-        if not 0 <= share <= 1:
-            raise click.UsageError(
-                f"--hidden-share {word}: expected [ROOM=]SHARE with a share from 0 to 1, such as "
-                "0.4 or kitchen=0.2"
-            )
-        if shares.setdefault(room, share) != share:
-            of = f"of {room}" if room else "of all rooms"
-            raise click.UsageError(
-                f"--hidden-share says {shares[room]:g} and {share:g} {of}; give one of them"
-            )
+    shares = _read_by_room("--hidden-share", said, "SHARE with a share from 0 to 1", most=1)
     every = shares.pop("", None)
     return {"every": every, "rooms": shares}
+
+
+def _read_looks(said: Sequence[str]) -> float | dict[str, float] | None:
+    """Return the costs of `--look`: `5` for all rooms, `kitchen=5` for one."""
+    costs = _read_by_room("--look", said, "COST with a cost of 0 or more", most=math.inf)
+    every = costs.pop("", None)
+    if every is not None and costs:
+        raise click.UsageError(
+            f"--look says {every:g} of all rooms and {', '.join(costs)} apart; leave one out"
+        )
+    return costs or None if every is None else every
+
+
+def _read_by_room(
+    option: str, said: Sequence[str], expected: str, *, most: float
+) -> dict[str, float]:
+    """Return numbers by room; the empty name stands for all other rooms."""
+    numbers: dict[str, float] = {}
+    for word in said:
+        room, _, text = word.rpartition("=")
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not 0 <= number <= most:
+            raise click.UsageError(
+                f"{option} {word}: expected [ROOM=]{expected}, such as 0.4 or kitchen=0.2"
+            )
+        if numbers.setdefault(room, number) != number:
+            of = f"of {room}" if room else "of all rooms"
+            raise click.UsageError(
+                f"{option} says {numbers[room]:g} and {number:g} {of}; give one of them"
+            )
+    return numbers
+
+
+def _read_robots(said: Sequence[str]) -> dict[str, str]:
+    """Return the rooms of `--robot`, by the names of the robots."""
+    robots: dict[str, str] = {}
+    for word in said:
+        name, _, room = word.partition("=")
+        if not name or not room:
+            raise click.UsageError(f"--robot {word}: expected NAME=ROOM, such as spot=hall")
+        if robots.setdefault(name, room) != room:
+            raise click.UsageError(
+                f"--robot says that {name} is in {robots[name]} and in {room}; give one of them"
+            )
+    return robots
 
 
 def _encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:

@@ -19,15 +19,16 @@ def find_things(
     seen: bsg_models.SeenBuilding,
     things: Sequence[str],
     *,
-    here: str | None,
     as_json: bool,
+    here: str | None = None,
     note: Callable[[str], None] = print_note,
+    **search: Any,
 ) -> dict[str, Any]:
     """Print where things probably are in a partly seen building, and where to go first.
 
-    JSON has room ids, and is returned; text has labels as well.
+    JSON has room ids, and is returned; text has labels as well. See `describe_things`.
     """
-    facts = describe_things(seen, things, here=here)
+    facts = describe_things(seen, things, here=here, **search)
     if as_json:
         print_json(facts)
         return facts
@@ -140,12 +141,13 @@ def _print_places(
 def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: str | None) -> None:
     """Print the room to go to first, and the order of the search if it has several steps."""
     labels = {room.name: room.label for room in seen.graph.rooms}
-    first = facts["go_first"]
-    if first is None:
-        print_text("no room is left to search")
-        return
-    go = "explore first: find the rooms that are not found yet"
-    print_text(go if first == EXPLORE else f"go first to {_call(first, labels.get(first))}")
+    for robot, first in (facts["robots"] or {"": facts["go_first"]}).items():
+        said = "no room is left to search"
+        if first == EXPLORE:
+            said = "explore first: find the rooms that are not found yet"
+        elif first is not None:
+            said = f"go first to {_call(first, labels.get(first))}"
+        print_text(f"{robot}: {said}" if robot else said)
     steps = facts["plan"]
     if len(steps) < 2:
         return

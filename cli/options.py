@@ -12,6 +12,7 @@ import click
 import bsg_data
 from bsg_cli.choices import MASKS, complete_class_map, complete_model
 from bsg_data.errors import RecipeError
+from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 
@@ -140,6 +141,42 @@ def mask_options(how: str, how_much: str, *, min_open: bool = False) -> Decorato
         return function
 
     return decorate
+
+
+def search_options(function: Function) -> Function:
+    """Add the options of a search: its robots, its looks, and when it ends."""
+    for option in (
+        choice_option(
+            "--task",
+            ["single", "all"],
+            "With --find: until one of each thing is found, or all that are there.",
+            default="single",
+        ),
+        click.option(
+            "--chance",
+            type=click.FloatRange(0, 1, min_open=True),
+            default=LOOK_CHANCE,
+            show_default=True,
+            help="With --find: chance that a look finds a thing that is there.",
+        ),
+        click.option(
+            "--look",
+            "looks",
+            multiple=True,
+            metavar="[ROOM=]COST",
+            help="With --find: cost of a look, in the unit of the ways; without ROOM in any room.  "
+            "[default: by the room's size]",
+        ),
+        click.option(
+            "--robot",
+            "robots",
+            multiple=True,
+            metavar="NAME=ROOM",
+            help="With --find: one of several robots that search together, instead of --from.",
+        ),
+    ):
+        function = option(function)
+    return function
 
 
 def split_names(text: str | None, *, option: str) -> tuple[str, ...] | None:

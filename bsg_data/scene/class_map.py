@@ -145,7 +145,7 @@ class ClassMap:
         """Return what a name with one typo stands for; None if that is not one class."""
         if not self._near:
             self._near.update(index_words([*self.normalised, *synonyms]))
-        near = {one for name in readings for one in mend(name, self._near, real=_read_real_words())}
+        near = {one for name in readings for one in mend(name, self._near, real=read_real_words())}
         entries = [self.lookup(one) or self._follow([one], synonyms) for one in sorted(near)]
         found = [entry for entry in entries if entry is not None]
         if len({entry.class_index for entry in found}) != 1 or found[0].class_index is None:
@@ -444,7 +444,7 @@ def _read_vocabulary() -> Mapping[str, str]:
 
 
 @cache
-def _read_real_words() -> frozenset[str]:
+def read_real_words() -> frozenset[str]:
     """Return words of English that are one typo from a word of a name."""
     rows = read_rows(_REAL_WORDS, read_published(_REAL_WORDS), ("word",))
     return frozenset(row[0] for _, row in rows)

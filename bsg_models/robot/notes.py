@@ -13,6 +13,7 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_data.spelling import SHOWN
 from bsg_models.robot.ways import list_lost
+from bsg_models.robot.words import find_everyday, find_kind
 from bsg_models.runs.predictor import Predictor
 
 _MOST_NAMES = 5  # in a note
@@ -49,13 +50,22 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
 
 def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
     """Yield which names are not in the class map, and which were read by a rule."""
-    unmapped = [
-        f"{name.name[:SHOWN]!r} ({name.instances:,}×"
-        + (f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")")
-        for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED)
-    ]
+    unmapped, kept, kinds = [], [], []
+    for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED):
+        said = f"{name.name[:SHOWN]!r}"
+        if thing := find_everyday(name.name):
+            kept.append(said if name.name == thing.name else f"{said} ({thing.name})")
+        elif kind := find_kind(name.name):
+            kinds.append(f"{said} ({kind})")
+        else:
+            near = f"; nearest: {', '.join(name.nearest)})" if name.nearest else ")"
+            unmapped.append(f"{said} ({name.instances:,}×{near}")
     if unmapped:
         yield f"not in the class map, ignored: {_list(unmapped)}"
+    if kept:
+        yield f"everyday things without a class, found by these words alone: {_list(kept)}"
+    if kinds:
+        yield f"words that name no thing, ignored: {_list(kinds)}"
     seen = Counter(obj.raw_category for obj in graph.objects)
     made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
     if made:

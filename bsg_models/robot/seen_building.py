@@ -75,6 +75,7 @@ from bsg_models.robot.unfound_rooms import EXPLORE, add_unfound
 from bsg_models.robot.ways import Costs, Ways, add_places, list_lost, measure_ways
 from bsg_models.robot.words import (
     Meaning,
+    counts,
     explain_everyday,
     find_everyday,
     find_meaning,
@@ -847,8 +848,10 @@ class SeenBuilding:
             if thing is None:
                 raise
             found = Meaning(word, None, None, 0, "", is_exact=False)
-        is_counted = found.class_index is not None and found.noun is None and found.model == 0
-        if thing is None or is_counted:
+        if thing is None:
+            return found
+        is_listed = not prefer_exact or counts(str(found.class_name), thing)
+        if is_listed and found.class_index is not None and found.model == 0:
             return found
         return replace(found, thing=thing, how=explain_everyday(thing, word))
 
@@ -950,7 +953,15 @@ class SeenBuilding:
         if noun is not None:
             return noun.names
         class_map = self._model(meaning.model).class_map
-        return lambda word: class_map.classify(word).class_index == meaning.class_index
+
+        def is_of_class(word: str) -> bool:
+            known = class_map.classify(word)
+            if known.role != "unmapped":
+                return known.class_index == meaning.class_index
+            thing = find_everyday(word)
+            return thing is not None and thing.wider == meaning.class_name
+
+        return is_of_class
 
     def _look_up(self, thing: str) -> ThingBelief:
         meaning = self.understand(thing)
@@ -961,14 +972,19 @@ class SeenBuilding:
         if meaning.thing is not None:
             likeness = None if meaning.noun is None else hidden.mean[:, 0]
             hidden, none = believe_thing(meaning.thing, self._whole, likeness=likeness)
+        is_sought = self._names(meaning)
         if meaning.thing is not None or meaning.noun is not None:
-            is_sought = self._names(meaning)
             found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
         if meaning.class_index is not None and meaning.thing is None:
             graph, belief = self._believe(meaning.model)
             counted, of_class = believe_class(belief, meaning.class_index)
             if meaning.noun is None:
-                found = [obj for obj in graph.objects if obj.class_index == meaning.class_index]
+                found = [
+                    obj
+                    for obj in graph.objects
+                    if obj.class_index == meaning.class_index
+                    or (obj.class_index is None and is_sought(obj.raw_category))
+                ]
                 hidden, none = counted, of_class
             else:
                 hidden, none = believe_kind(counted, hidden)

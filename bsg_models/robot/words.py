@@ -13,11 +13,17 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.reports import hide_of_room
-from bsg_data.scene.class_map import ClassMap, Role, load_class_map, normalise_name
+from bsg_data.scene.class_map import (
+    ClassMap,
+    Role,
+    load_class_map,
+    normalise_name,
+    read_real_words,
+)
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.scene.room_label import read_room
-from bsg_data.scene.spoken_names import SHORT, is_typo, singulars
-from bsg_data.scene.things import Thing, find_thing
+from bsg_data.scene.spoken_names import SHORT, index_words, is_typo, mend, singulars
+from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.belief.nouns import Noun, NounTable, split_head
 
@@ -97,7 +103,7 @@ def find_meaning(
     if wider is not None:
         return wider if noun is None or wider.is_mended else _narrow(wider, noun)
     roles = {class_map.classify(said).role for class_map in asked}
-    kind = _find_kind(said) if roles <= {"unmapped", "nameless"} else None
+    kind = find_kind(said) if roles <= {"unmapped", "nameless"} else None
     is_thing = kind is None and "structure" not in roles and not _is_room(said)
     if noun is not None and is_thing:
         return Meaning(word, None, None, 0, _explain(noun), is_exact=False, noun=noun)
@@ -120,7 +126,7 @@ def _read_kinds() -> Mapping[str, str]:
     return {word: kind for _, (word, kind) in rows}
 
 
-def _find_kind(said: str) -> str | None:
+def find_kind(said: str) -> str | None:
     """Return what a word is that names no thing: a person, a colour, an action or an event.
 
     An old man is a person, but a fire blanket is no event.
@@ -134,15 +140,33 @@ def _find_kind(said: str) -> str | None:
 def find_everyday(word: str) -> Thing | None:
     """Return the everyday thing that a word names, whatever the thing looks like.
 
-    A word that the table lacks is read by the rules of the default class map: `CoffeeTable`.
+    A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
+    one typo is mended.
     """
     said = _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)
     before, head = split_head(said)
-    if thing := find_thing(" ".join([*before, head])):
+    if thing := find_thing(said) or find_thing(" ".join([*before, head])):
         return thing
     known = load_class_map().classify(said)
-    is_another = known.rule in (None, "head noun")  # or a wider thing: a mattress is no bed
-    return None if is_another else find_thing(str(known.category))
+    # Other names may be read as a wider thing: a mattress is a bed to the class map.
+    is_renamed = known.role == "left-out" or known.rule not in (None, "head noun")
+    if is_renamed and (thing := find_thing(str(known.category))):
+        return thing
+    if known.rule != "spelling" and known.role != "unmapped":
+        return None
+    near = sorted(mend(normalise_name(said), _letters(), real=read_real_words()))
+    return next(filter(None, map(find_thing, near)), None)
+
+
+@cache
+def _letters() -> dict[str, list[str]]:
+    """Return the words of everyday things, to find one that is spelled alike."""
+    return index_words(name for thing in list_things() for name in (thing.name, *thing.spellings))
+
+
+def counts(class_name: str, thing: Thing) -> bool:
+    """Return whether a class counts just these things: a couch, but not the wallets among bags."""
+    return class_name in (thing.name, *thing.spellings)
 
 
 def explain_everyday(thing: Thing, word: str) -> str:

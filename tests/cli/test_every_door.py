@@ -135,6 +135,10 @@ def by_command(asked: Question) -> Map:
     words = ["-", "--json", *(word for thing in things for word in ("--find", thing))]
     words += ["--from", asked.here] if asked.here else []
     words += ["--labels", asked.labels] if asked.labels else []
+    for name, value in asked.options.items():
+        one = {"robots": "robot"}.get(name, name)
+        each = [f"{key}={of}" for key, of in value.items()] if isinstance(value, dict) else [value]
+        words += [str(word) for said in each for word in (f"--{one}", said)]
     done = CliRunner().invoke(belief, words, input=json.dumps(asked.said))
     assert done.exit_code == 0, done.output
     answer: Map = json.loads(done.stdout)
@@ -187,9 +191,7 @@ def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
     answer = plain(describe_things(seen, asked.things, here=asked.here, **asked.options))
     python = plain(by_python(seen, asked))
     assert {key: answer[key] for key in python} == python
-    doors = {"ROS": by_ros(asked), **by_service(service, asked)}
-    if not asked.options:  # the command has none of them
-        doors["command"] = by_command(asked)
+    doors = {"ROS": by_ros(asked), "command": by_command(asked), **by_service(service, asked)}
     for door in ("HTTP", "MCP"):
         assert doors[door].pop("notes") == [*seen.notes]
     for door, told in doors.items():

@@ -49,6 +49,36 @@ def test_what_rooms_have_if_there_is_one_is_no_news_where_one_is_sure() -> None:
     assert "if there is one" in call(*words, "--find", "microwave").stdout
 
 
+def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
+    words = ("--find", "microwave", "--robot", "a=kitchen", "--robot", "b=waiting-room")
+    said = call(OFFICE, "--quiet", *words).stdout.splitlines()[-2:]
+    assert said[0] == "a: go first to kitchen (B: shared kitchen)"
+    assert said[1].startswith("b: go first to ")
+    assert "kitchen" not in said[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--find", "bed", "--robot", "a"), "--robot a: expected NAME=ROOM, such as spot=hall"),
+        (("--find", "bed", "--robot", "a=attic"), "no room 'attic'"),
+        (("--find", "bed", "--robot", "a=kitchen", "--from", "kitchen"), "does not use --from"),
+        (("--find", "bed", "--robot", "a=kitchen", "--robot", "a=hall"), "a is in kitchen and in"),
+        (("--find", "bed", "--look", "-1"), "--look -1: expected [ROOM=]COST"),
+        (("--find", "bed", "--look", "5", "--look", "kitchen=2"), "leave one out"),
+        (("--find", "bed", "--look", "nan"), "--look nan: expected"),
+        (("--find", "bed", "--look", "inf"), "look: expected 0 to"),
+        (("--find", "bed", "--chance", "1.5"), "1.5"),
+        (("--chance", "0.5"), "without --find does not use --chance"),
+        (("--from", "kitchen"), "without --find does not use --from"),
+    ],
+)
+def test_options_of_a_search_are_checked(words: tuple[str, ...], said: str) -> None:
+    done = CliRunner().invoke(main, [str(OFFICE), *words])
+    assert done.exit_code != 0
+    assert said in " ".join(done.output.split())
+
+
 def test_a_thing_without_a_class_is_noted_not_counted() -> None:
     done = call(OFFICE, "--find", "cabbage leaf")
     lines, seen = done.stdout.splitlines(), open_graph(OFFICE)
