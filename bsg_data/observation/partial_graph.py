@@ -44,6 +44,7 @@ from bsg_data.spelling import show_value
 GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
 EVIDENCE_SCORE = 0.5  # models read objects that are there with at least this probability
 MOST_MORE_ROOMS = 100
+_MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 
 
 def _read_number(said: object) -> object:
@@ -72,8 +73,14 @@ def check_more_rooms(said: object) -> int | None:
     return number
 
 
+def spell_id(said: Any) -> Any:
+    """Return an id as text: a number is one, too."""
+    is_number = isinstance(said, int) and not isinstance(said, bool) and abs(said) < _MOST_ID
+    return str(said) if is_number else said
+
+
 # What a robot's JSON may hold; `KnownRoom` in Python is trusted.
-Id = Annotated[str, Field(min_length=1, max_length=500)]
+Id = Annotated[str, Field(min_length=1, max_length=500), BeforeValidator(spell_id)]
 Text = Annotated[str, Field(max_length=500)]
 Number = BeforeValidator(_read_number)
 Metres = Annotated[float, Number, Field(ge=-1e6, le=1e6)]

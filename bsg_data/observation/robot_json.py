@@ -63,6 +63,7 @@ from bsg_data.observation.partial_graph import (
     Share,
     Stay,
     Text,
+    spell_id,
 )
 from bsg_data.observation.reports import LOOK_CHANCE, MOST_LOOKS, say_score
 from bsg_data.recipes import Record
@@ -88,7 +89,6 @@ from bsg_data.scene.vocabularies import vocabulary_words
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 _MOST_WORDS = 5  # named in a note
-_MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 _ENTRIES = {
     "rooms": "room",
     "objects": "object",
@@ -302,7 +302,7 @@ def _name_scene(path: Path) -> str:
 
 def _tidy(said: dict[str, Any], path: Path) -> dict[str, Any]:
     """Return a document with its ids as text, an id for all that needs one, and nothing empty."""
-    found = {"scene_id": _name_scene(path)} | _drop_empty(said)
+    found = {"scene_id": _name_scene(path)} | drop_empty(said)
     found["scene_id"] = spell_id(found["scene_id"])
     for key, ids in _ID_KEYS.items():
         entries = found.get(key)
@@ -318,7 +318,7 @@ def _tidy(said: dict[str, Any], path: Path) -> dict[str, Any]:
     return found
 
 
-def _drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
+def drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
     """Return what is said: null and "" say nothing, but a thing may have an empty name."""
     empty = {
         key
@@ -331,14 +331,8 @@ def _drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
 def _tidy_entry(entry: Any, ids: Sequence[str]) -> Any:
     if not isinstance(entry, dict):
         return entry
-    kept = _drop_empty(entry)
+    kept = drop_empty(entry)
     return kept | {key: spell_id(kept[key]) for key in ids if key in kept}
-
-
-def spell_id(said: Any) -> Any:
-    """Return an id as text: a number is one, too."""
-    is_number = isinstance(said, int) and not isinstance(said, bool) and abs(said) < _MOST_ID
-    return str(said) if is_number else said
 
 
 def _number_objects(objects: list[Any]) -> list[Any]:

@@ -48,7 +48,7 @@ _PARTS = re.compile(r"[/&+(),;:|]|\b(?:and|or|of|for|on|in|at|by|near|with)\b")
 _PLURALS = {"children": "child", "people": "person"}
 # Words beside the kind of a room that say which one it is.
 _WHICH = (
-    r"\w|first|second|third|fourth|fifth|sixth|seventh|eighth|ninth|tenth|ii|iii|iv|vi|the|my|our|no|nr"
+    r"\w|one|two|three|four|five|six|seven|eight|nine|ten|first|second|third|fourth|fifth|sixth|seventh|eighth|ninth|tenth|ii|iii|iv|vi|the|my|our|no|nr"
     r"|number|left|right|north|south|east|west|upstair|downstair"
 )
 _BEFORE = re.compile(_WHICH)
@@ -226,7 +226,9 @@ def is_name(text: str) -> bool:
     if normalise_room(text) in NO_KIND or len(text) > _LONGEST:
         return False
     words = next(iter(_list_forms(text)))
-    return any(len(word) > 2 and not _NO_NAMES.fullmatch(word) for word in words)
+    return any(
+        (len(word) > 2 or not word.isascii()) and not _NO_NAMES.fullmatch(word) for word in words
+    )
 
 
 def normalise_room(name: str) -> str:

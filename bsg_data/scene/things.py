@@ -16,13 +16,14 @@ from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space, read_published, read_rows
 from bsg_data.scene.room_label import known_label, label_of
-from bsg_data.scene.spoken_names import singulars
+from bsg_data.scene.spoken_names import singulars, take_apart
 from bsg_data.spelling import show_value
 
 _FILE = "things-v1.csv"
 _HEADER = ("thing", "spellings", "wider", "rooms", "home")
 _SPACES = ("hm3d45-v2", "hm3d-wide-v1")  # whose classes `wider` names
 _SEPARATOR = "|"
+_NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
 _NUMBER = re.compile(r"[0-9]{1,3}(\.[0-9]+)?")
 
 
@@ -60,20 +61,28 @@ def find_thing(word: str) -> Thing | None:
 
     >>> [thing.name for word in ("Hoover", "knives", "T_shirt") if (thing := find_thing(word))]
     ['vacuum cleaner', 'knife', 't-shirt']
+    >>> [thing.name for word in ("AirFryer_2", "teaspoons") if (thing := find_thing(word))]
+    ['air fryer', 'spoon']
     >>> find_thing("kitchen sofa") is None
     True
     """
-    listed, key = _read_things()[1], _spell(word)
-    forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
-    return next((listed[form] for form in forms if form in listed), None)
+    listed = _read_things()[1]
+    apart = take_apart(word)
+    keys = dict.fromkeys((_spell(word), _spell(apart), _spell(_NUMBERED.sub("", apart))))
+    for key in keys:
+        forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
+        for form in (*forms, *(form.replace(" ", "") for form in forms)):
+            if form in listed:
+                return listed[form]
+    return None
 
 
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     things = parse_things(read_published(_FILE))
-    return things, {
-        _spell(one): thing for thing in things for one in (thing.name, *thing.spellings)
-    }
+    listed = {_spell(one): thing for thing in things for one in (thing.name, *thing.spellings)}
+    joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
+    return things, joined | listed
 
 
 def parse_things(data: bytes) -> tuple[Thing, ...]:

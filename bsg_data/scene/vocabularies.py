@@ -40,12 +40,12 @@ def vocabulary_words(name: str) -> tuple[str, ...]:
         RecipeError: if there is no such vocabulary.
     """
     known = list_vocabularies()
-    if name not in known:
+    if name.casefold() not in known:
         asked = f"{ask_if_meant(name, known)} there are {', '.join(known)}".lstrip()
         raise RecipeError(
             f"no vocabulary {name[:SHOWN]!r}: {asked}", code="vocabulary-unknown", where=name
         )
-    return tuple(word for word, _ in _read()[name])
+    return tuple(word for word, _ in _read()[name.casefold()])
 
 
 def list_meanings() -> Iterator[tuple[str, str]]:

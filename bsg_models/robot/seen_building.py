@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import partial, wraps
 from itertools import count, pairwise
 from pathlib import Path
 from threading import RLock
@@ -841,19 +841,19 @@ class SeenBuilding:
 
     def _find_meaning(self, word: str, *, prefer_exact: bool, nouns: NounTable | None) -> Meaning:
         """Return what a word means; the table of everyday things knows more than likenesses do."""
-        thing = find_everyday(word)
+        thing, read = find_everyday(word), partial(find_meaning, prefer_exact=prefer_exact)
+        if thing is None or (not prefer_exact and self._models[0].class_map.lookup(word)):
+            return read(word, self._class_maps(), nouns=nouns)
+        for name in self._models[0].class_map.classes:
+            if counts(name, thing):
+                found = read(name, self._class_maps(), nouns=nouns)
+                how = explain_everyday(thing, word, class_name=name)
+                return replace(found, word=word, how=how)
         try:
-            found = find_meaning(word, self._class_maps(), prefer_exact=prefer_exact, nouns=nouns)
+            found = read(thing.name, self._class_maps(), nouns=nouns)
         except RecipeError:
-            if thing is None:
-                raise
             found = Meaning(word, None, None, 0, "", is_exact=False)
-        if thing is None:
-            return found
-        is_listed = not prefer_exact or counts(str(found.class_name), thing)
-        if is_listed and found.class_index is not None and found.model == 0:
-            return found
-        return replace(found, thing=thing, how=explain_everyday(thing, word))
+        return replace(found, word=word, thing=thing, how=explain_everyday(thing, word))
 
     def _understand_or_none(self, thing: str) -> Meaning | None:
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import islice
 from types import MappingProxyType
 
@@ -137,24 +137,34 @@ def find_kind(said: str) -> str | None:
     return kind if kind == "person" or not before else None
 
 
+@lru_cache(maxsize=4096)  # the objects of a map are asked again and again
 def find_everyday(word: str) -> Thing | None:
     """Return the everyday thing that a word names, whatever the thing looks like.
 
     A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
     one typo is mended.
     """
+    return _find_listed(word) or _find_mended(word)
+
+
+def _find_listed(word: str) -> Thing | None:
     said = _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)
     before, head = split_head(said)
     if thing := find_thing(said) or find_thing(" ".join([*before, head])):
         return thing
     known = load_class_map().classify(said)
     # Other names may be read as a wider thing: a mattress is a bed to the class map.
-    is_renamed = known.role == "left-out" or known.rule not in (None, "head noun")
-    if is_renamed and (thing := find_thing(str(known.category))):
+    is_renamed = known.role == "left-out" or known.rule not in (None, "head noun", "spelling")
+    return find_thing(str(known.category)) if is_renamed else None
+
+
+def _find_mended(word: str) -> Thing | None:
+    known = load_class_map().classify(word)
+    if known.rule == "spelling" and (thing := find_thing(str(known.category))):
         return thing
     if known.rule != "spelling" and known.role != "unmapped":
         return None
-    near = sorted(mend(normalise_name(said), _letters(), real=read_real_words()))
+    near = sorted(mend(normalise_name(word), _letters(), real=read_real_words()))
     return next(filter(None, map(find_thing, near)), None)
 
 
@@ -169,11 +179,17 @@ def counts(class_name: str, thing: Thing) -> bool:
     return class_name in (thing.name, *thing.spellings)
 
 
-def explain_everyday(thing: Thing, word: str) -> str:
-    """Say where people search for an everyday thing."""
-    rooms = ", ".join(label for label, _ in thing.rooms[:_LABELS])
-    named = "" if normalise_name(word) == thing.name else f"{word!r} is {thing.name!r}; "
-    return f"{named}people search for it in: {rooms} (table of everyday things)"
+def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) -> str:
+    """Say where people search for an everyday thing, or which class counts it."""
+    name, how = class_name or thing.name, []
+    if normalise_name(word) != normalise_name(name):
+        is_mended = _find_listed(word) is None
+        taken = f"no model knows {word!r}; taken for {name!r}, the most similar name"
+        how.append(taken if is_mended else f"{word!r} is {name!r}")
+    if class_name is None:
+        rooms = ", ".join(label for label, _ in thing.rooms[:_LABELS])
+        how.append(f"people search for it in: {rooms} (table of everyday things)")
+    return "; ".join(how)
 
 
 def require_word(word: object) -> None:

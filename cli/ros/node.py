@@ -48,6 +48,7 @@ PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
     "period": (1.0, "seconds between two states: the graph, the markers, the file", (0.05, 3600.0)),
 }
 _NOTHING: dict[str, Any] = {"scene_id": "building", "rooms": []}
+_MOST_SAID = 1_000  # notes that are remembered
 _QUEUE = QoSProfile(depth=100)  # reliable
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # late ones get it, too
 
@@ -69,6 +70,7 @@ class BeliefNode:
         self.frame, self.min_score = said["map_frame"], said["min_score"]
         self.thing: str | None = None  # what was asked for last, which the markers show
         self.published: bsg_data.PartialGraph | None = None  # the last one, and so below
+        self.said: set[str] = set()  # of detections: each note is logged once
         self.kept: bsg_data.PartialGraph | None = None
         self.drawn: tuple[bsg_data.PartialGraph, str | None] | None = None
         goes_on = self.state is not None and self.state.exists()
@@ -116,11 +118,18 @@ class BeliefNode:
             answer = self.robot.answer("saw", said | {"besides": seen})
             seen += [answer["object"]] if "object" in answer else []
             for note in answer.get("notes", ()):
-                text = make_plain(f"~/detections: {note}")
-                self.log.info(text, throttle_duration_sec=10.0)
+                self.say_once(self.log.info, f"~/detections: {note}")
             fault = answer.get("error")
             if fault is not None:
-                self.log.warning(make_plain(f"~/detections: {fault}"), throttle_duration_sec=10.0)
+                self.say_once(self.log.warning, f"~/detections: {fault}")
+
+    def say_once(self, log: Any, text: str) -> None:
+        """Log what a detector that never stops would repeat with every message."""
+        if text not in self.said:
+            if len(self.said) >= _MOST_SAID:
+                self.said.clear()
+            self.said.add(text)
+            log(make_plain(text))
 
     def reset(self, _: Any, answer: Any) -> Any:
         """Begin with the parameter `graph` again."""

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from types import MappingProxyType
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 import bsg_data
 import bsg_models
@@ -26,10 +26,11 @@ from bsg_data.observation.partial_graph import (
     Score,
     Share,
     Stay,
+    spell_id,
 )
 from bsg_data.observation.partial_graph import MoreRooms as MoreRoomsNumber
 from bsg_data.observation.reports import LOOK_CHANCE
-from bsg_data.observation.robot_json import note_building, note_rooms, spell_id
+from bsg_data.observation.robot_json import drop_empty, note_building, note_rooms
 from bsg_data.recipes import Record, name_fault
 from bsg_models.robot.looks import SaidLook
 from bsg_models.robot.words import find_room
@@ -74,6 +75,12 @@ class _Request(Record):
     """What a robot may say on a topic; a text that is no object gives the first field."""
 
     id: Id | None = None  # comes back with the answer
+
+    @model_validator(mode="before")
+    @classmethod
+    def _leave_out(cls, said: Any) -> Any:
+        """Drop null and the empty text, which mean that a key is left out."""
+        return drop_empty(said) if isinstance(said, dict) else said
 
 
 class Saw(_Request):

@@ -351,3 +351,20 @@ def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPa
     assert done.exit_code == 1
     assert "setup.bash" in done.stderr
     assert "[ros]" in done.stderr
+
+
+@pytest.mark.parametrize("blank", [None, ""])
+def test_blank_keys_are_left_out(blank: str | None) -> None:
+    robot = Robot(open_graph({"kitchen": [], "hall": []}))
+    said = (
+        ("discovered", {"room": 4, "beside": blank, "room_type": blank, "position": blank}),
+        ("entered", {"room": "kitchen", "floor_in_view": blank, "id": blank}),
+        ("saw", {"thing": "sink", "room": blank, "object": blank, "within": blank}),
+        ("looked", {"thing": "mug", "room": "hall", "chance": blank}),
+        ("searched", {"room": "hall", "found": blank}),
+        ("where", {"thing": "mug", "here": blank, "chance": blank, "task": blank, "id": blank}),
+        ("where", {"thing": "mug", "here": 4, "robots": blank, "look": blank}),
+    )
+    for topic, fields in said:
+        answer = robot.answer(topic, fields)
+        assert "error" not in answer, (topic, answer)
