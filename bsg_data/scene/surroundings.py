@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 # Models know each by its index here; add new kinds and sources at the end.
 BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
 # Kinds that a robot may say and no model was trained on: they are read as unknown.
-SAID_KINDS = (*BUILDING_KINDS, "hospital")
+SAID_KINDS = (*BUILDING_KINDS, "hospital", "other")
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
 UNKNOWN = -1  # the index of a kind or a source that is not known
 _TELLING = 2  # rooms that tell the kind of a building
@@ -173,18 +173,18 @@ def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
 
 
 def check_building_kind(kind: str | None) -> str | None:
-    """Return one of `SAID_KINDS`; None for a word that names no kind, such as `other`.
+    """Return one of `SAID_KINDS`; None for a word that says nothing, such as `unknown`.
 
     Raises:
         RecipeError: if the kind is unknown.
     """
     spoken = "" if kind is None else normalise_room(kind)
-    if spoken in NO_KIND:
+    if spoken in NO_KIND - {"other"}:  # which says that it is none of the others
         return None
     if spoken not in SAID_KINDS:
         raise RecipeError(
             f"expected a kind of building, found {str(kind)[:SHOWN]!r}; known are "
-            f"{', '.join(SAID_KINDS)}; leave it out, or say `other`"
+            f"{', '.join(SAID_KINDS)}; or leave it out"
         )
     return spoken
 

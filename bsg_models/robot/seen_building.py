@@ -224,6 +224,7 @@ class SeenBuilding:
             0: own
         }  # 0: the building's own, 1: the wide one, 2: that nouns are judged by
         self._meanings: dict[str, Meaning] = {}
+        self._named = 0  # the highest number of an id that was given
         self._expectations: dict[int, Expectation] = {}
         self._evidence: PartialGraph | None = None
         self._ways: Ways | None = None
@@ -340,9 +341,11 @@ class SeenBuilding:
         return seen.name
 
     def _name_object(self) -> str:
+        """Return an id that no object has, and none had that is gone."""
         taken = {obj.name for obj in self._graph.objects}
-        names = (f"saw {number}" for number in count(len(taken) + 1))
-        return next(name for name in names if name not in taken)
+        numbers = count(max(self._named, len(taken)) + 1)
+        self._named = next(number for number in numbers if f"saw {number}" not in taken)
+        return f"saw {self._named}"
 
     @_alone
     def gone(self, object_id: str) -> None:

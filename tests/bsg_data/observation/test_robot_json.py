@@ -429,3 +429,10 @@ def test_a_detector_is_a_vocabulary() -> None:
     assert parse_robot_graph(encode_robot_graph(graph), path=Path("x")) == graph
     with refuses(RobotGraphError, "graph-malformed", "x"):
         parse_robot_graph({**said, "detector": "cocoa"}, path=Path("x"))
+
+
+def test_a_building_that_is_said_to_be_another_is_not_guessed() -> None:
+    said = {"building_kind": "other", "ward 1": [], "ward 2": [], "nurse station": []}
+    graph = parse_robot_graph(said, path=Path("x"))
+    assert graph.building_kind == "other"
+    assert encode_robot_graph(graph)["building_kind"] == "other"

@@ -52,9 +52,9 @@ def test_what_is_not_known_is_legal() -> None:
     nothing = surround_rooms([None], [None], source="my robot")
     assert same_surroundings(nothing, Surroundings.unknown(nodes=2))
     assert nothing.building_kinds.tolist() == nothing.sources.tolist() == [UNKNOWN]
-    assert [check_building_kind(kind) for kind in ("Home", "other", "", None)] == [
+    assert [check_building_kind(kind) for kind in ("Home", "Other", "", None)] == [
         "home",
-        None,
+        "other",
         None,
         None,
     ]
@@ -83,6 +83,7 @@ def test_models_know_the_kinds_of_buildings_that_they_were_trained_on() -> None:
         ("kitchen, bedroom, living room, printer room, server room", None),
         ("office, study, home office, workspace", None),
         ("patient room, kitchen", None),
+        ("aisle 1, aisle 2, loading dock, packing area, office", None),
         ("patient room, ward, classroom 1, classroom 2", None),
         ("", None),
     ],

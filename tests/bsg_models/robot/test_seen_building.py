@@ -291,6 +291,12 @@ def test_a_wider_thing_is_not_the_narrow_one(narrow: str, wide: str, room: str) 
     assert not any(place.seen for place in places)
 
 
+def test_the_id_of_a_thing_that_is_gone_does_not_come_back(seen: SeenBuilding) -> None:
+    mug = seen.saw("kitchen", "mug")
+    seen.gone(mug)
+    assert seen.saw("kitchen", "hat") != mug
+
+
 def test_ids_may_be_numbers(seen: SeenBuilding) -> None:
     seen.discovered(5, beside=["kitchen"])  # type: ignore[arg-type]
     name = seen.saw("5", "mug", object_id=7)  # type: ignore[arg-type]
