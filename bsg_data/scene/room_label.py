@@ -48,8 +48,9 @@ _PARTS = re.compile(r"[/&+(),;:|]|\b(?:and|or|of|for|on|in|at|by|near|with)\b")
 _PLURALS = {"children": "child", "people": "person"}
 # Words beside the kind of a room that say which one it is.
 _WHICH = (
-    r"\w|one|two|three|four|five|six|seven|eight|nine|ten|first|second|third|fourth|fifth|sixth|seventh|eighth|ninth|tenth|ii|iii|iv|vi|the|my|our|no|nr"
-    r"|number|left|right|north|south|east|west|upstair|downstair"
+    r"\w|one|two|three|four|five|six|seven|eight|nine|ten"
+    r"|first|second|third|fourth|fifth|sixth|seventh|eighth|ninth|tenth|ii|iii|iv|vi"
+    r"|the|my|our|no|nr|number|left|right|north|south|east|west|upstair|downstair"
 )
 _BEFORE = re.compile(_WHICH)
 _BEHIND = re.compile(

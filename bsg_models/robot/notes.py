@@ -87,7 +87,7 @@ def _note_classless(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
             names[obj.category in predictor.vocabulary][obj.raw_category] += 1
     for is_read, counted in names.items():
         if counted:
-            fate = "read as evidence, not counted" if is_read else "no evidence, only found again"
+            fate = "read as evidence, not counted" if is_read else "the model does not read them"
             most = _list([name[:SHOWN] for name, _ in counted.most_common()])
             yield f"{most}: not among the {len(predictor.classes)} classes; {fate}"
 
