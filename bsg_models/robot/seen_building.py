@@ -220,9 +220,8 @@ class SeenBuilding:
         self._notes = notes
         self._lock = RLock()
         own = model if isinstance(model, Predictor) else Predictor(model)
-        self._models = {
-            0: own
-        }  # 0: the building's own, 1: the wide one, 2: that nouns are judged by
+        # 0: the building's own, 1: the wide one, 2: that nouns are judged by
+        self._models = {0: own}
         self._meanings: dict[str, Meaning] = {}
         self._named = 0  # the highest number of an id that was given
         self._expectations: dict[int, Expectation] = {}

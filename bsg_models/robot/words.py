@@ -83,14 +83,14 @@ def find_meaning(
     The first map with a class for the word wins, but a class of exactly such things comes before a
     wider class of an earlier map: a laptop is a computer only if no map has a class of laptops. A
     word without a class is looked up among the `nouns`, unless it is a part of the building, a
-    room, or no thing at all: a person, a colour, an action or an event.
+    room, or no thing at all: a person, an animal, a colour, an action or an event.
 
     `class_maps` has one per model that can be asked, the preferred one first; later ones are only
     loaded if they are needed. `prefer_exact=False` takes the first map that has a class for the
     word, however wide the class is: for a map that is the user's own.
     """
     require_word(word)
-    said = _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)  # a book on the table is a book
+    said = _name_only(word)
     asked: list[ClassMap] = []
     wider: Meaning | None = None
     for class_map in class_maps:
@@ -113,6 +113,11 @@ def find_meaning(
     raise RecipeError(_refusal(word, kind, roles, near), code="thing-unknown", where=word)
 
 
+def _name_only(word: str) -> str:
+    """Return the name of a thing without its place and marks: a book on the table is a book."""
+    return _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)
+
+
 def _is_room(said: str) -> bool:
     """Return whether a word is listed as a kind of room; dinner is none, by a rule or not."""
     read = read_room(said)
@@ -127,7 +132,7 @@ def _read_kinds() -> Mapping[str, str]:
 
 
 def find_kind(said: str) -> str | None:
-    """Return what a word is that names no thing: a person, a colour, an action or an event.
+    """Return what a word is that names no thing: a person, an animal, a colour, an event.
 
     An old man is a person, but a fire blanket is no event.
     """
@@ -148,7 +153,7 @@ def find_everyday(word: str) -> Thing | None:
 
 
 def _find_listed(word: str) -> Thing | None:
-    said = _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)
+    said = _name_only(word)
     before, head = split_head(said)
     if thing := find_thing(said) or find_thing(" ".join([*before, head])):
         return thing
@@ -159,12 +164,13 @@ def _find_listed(word: str) -> Thing | None:
 
 
 def _find_mended(word: str) -> Thing | None:
-    known = load_class_map().classify(word)
+    said = _name_only(word)
+    known = load_class_map().classify(said)
     if known.rule == "spelling" and (thing := find_thing(str(known.category))):
         return thing
     if known.rule != "spelling" and known.role != "unmapped":
         return None
-    near = sorted(mend(normalise_name(word), _letters(), real=read_real_words()))
+    near = sorted(mend(normalise_name(said), _letters(), real=read_real_words()))
     return next(filter(None, map(find_thing, near)), None)
 
 
