@@ -19,7 +19,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from bsg_data.tables import format_text
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, estimate_value, weigh_buildings
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
+from bsg_models.search.looks import metres_of_look
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 OWN = (
@@ -47,6 +48,7 @@ LOOK = 5.0  # seconds for each detection
 SPEED = 1.0  # metres a second
 MISSES = 0.2  # P(a detection misses a thing that is there), of a detector that misses some
 MOST_LOOKS = 10  # into a room, with such a detector
+AREAS = (1, 8, 14, 22, 40, 400)  # m², between which searches of rooms are averaged
 QUESTIONS = 5  # of a world that was made from a building
 Question = tuple[str, str]  # a thing, and the room where the robot starts
 # Worlds, and what the robot knows of them
@@ -133,6 +135,8 @@ class Search:
     seconds: float = 0.0
     found: bool = False
     path: list[tuple[float, float]] = field(default_factory=list)
+    begun: float = 0.0  # seconds, when it reached the first piece of the room
+    whole: list[tuple[str, float]] = field(default_factory=list)  # room, seconds of all of it
 
     def go(self, goal: Any) -> bool:
         """Let pyrobosim plan a way and follow it; False if it does not get there."""
@@ -149,8 +153,10 @@ class Search:
     def look(self, place: Any) -> None:
         """Go to a piece of furniture, open it, detect, and report what is there."""
         robot, self.room = self.world.robots[0], place.parent.parent.name
+        begins = len(self.left[self.room]) == len(list_places(self.world)[self.room])
         self.left[self.room].remove(place)
         if robot.location is place or self.go(place):
+            self.begun = self.seconds if begins else self.begun
             if not place.is_open:
                 robot.open_location()
             robot.detect_objects()
@@ -169,6 +175,7 @@ class Search:
 
     def leave(self) -> None:
         """Report that the thing is not in the room, or that the robot has looked and may again."""
+        self.whole.append((self.room, self.seconds - self.begun))
         self.looks[self.room] += 1
         if self.luck is None or self.looks[self.room] == MOST_LOOKS:
             del self.left[self.room]
@@ -304,6 +311,31 @@ def report(title: str, worlds: Sequence[Sequence[Row]], *, model: str) -> Result
     return ResultsTable(title, header, lines, reading)
 
 
+def fit_looks(worlds: Sequence[Sequence[Row]]) -> ResultsTable:
+    """Return how long whole rooms took, by floor area, and the rule that fits best."""
+    searches = [search for rows in worlds for row in rows for search in row]
+    whole = np.array(
+        [(s.world.get_room_by_name(room).polygon.area, t) for s in searches for room, t in s.whole]
+    )
+    area, seconds = whole[whole[:, 1] > 0].T
+    growth, first = np.polyfit(np.log(area), np.log(seconds), 1)
+    lines = []
+    for least, most in pairwise(AREAS):
+        of = (area >= least) & (area < most)
+        if not of.any():
+            continue
+        mean = area[of].mean()
+        rule = metres_of_look(mean)
+        numbers = f"{mean:.1f}", f"{seconds[of].mean():.1f}", f"{rule:.1f}"
+        lines.append([f"{least} to {most}", f"{of.sum():,}", *numbers])
+    header = ("m²", "searches", "mean m²", "seconds", "by our rule")
+    reading = (
+        f"{len(area):,} searches of whole rooms that did not find the thing, from the first piece "
+        f"on. Least squares of the logarithms: {np.exp(first):.1f} · A^{growth:.2f} s."
+    )
+    return ResultsTable("A look into a room", header, lines, reading)
+
+
 def _cell(values: np.ndarray) -> str:
     estimate = estimate_value(values[0], values[1:], nodes=1, rule="percentile")
     return format_estimate(estimate, digits=1)
@@ -391,6 +423,7 @@ def main(argv: Sequence[str]) -> None:
         report(f"A detector that misses {100 * MISSES:.0f} %", made[True], model=held),
         report("pyrobosim's own worlds", own[False], model=shipped),
         report("The same, from rooms that hold the thing", own[True], model=shipped),
+        fit_looks([*made[False], *made[True]]),
     ]
     packages = ("belief-scene-graphs", "pyrobosim", "numpy")
     for one in tables:

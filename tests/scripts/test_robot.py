@@ -100,6 +100,7 @@ def test_a_search_costs_its_way_and_its_looks(tmp_path: Path) -> None:
     assert direct.seconds == pytest.approx(direct.metres + 5)
     assert detour.metres == pytest.approx(0.7 + 3.8 + 0.7 * 2**0.5, rel=0.03)
     assert detour.seconds == pytest.approx(detour.metres + 10)
+    assert detour.whole == [("kitchen_1", pytest.approx(5))]
     assert direct.seen.where("pillow")[0].room == "bedroom_2"
     again = [find(world, question, one, model="universal", luck=0) for one in CHOICES.values()]
     assert all(one.found for one in again)
