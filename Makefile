@@ -42,8 +42,8 @@ install: $(INSTALLED) ## Make .venv and install the project with all that its te
 
 demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; results in demo/.
 	rm -rf $(DEMO)
-	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 25 --seed 0 --geometry
-	$(BIN)/bsg-data build --hm3d $(DEMO)/buildings --out $(DEMO)/dataset
+	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 25 --seed 0
+	$(BIN)/bsg-data build --hm3d $(DEMO)/buildings --room-layouts $(DEMO)/buildings/layouts --out $(DEMO)/dataset
 	$(BIN)/bsg-data split $(DEMO)/dataset --ratios 0.6 0.2 0.2
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
 	$(BIN)/bsg-data check $(DEMO)/dataset
@@ -51,7 +51,7 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-gcn --out $(DEMO)/ceci-gcn --set training.epochs=100
 	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-sage --out $(DEMO)/ceci-sage --set training.epochs=100
 	$(BIN)/bsg-evaluate $(DEMO)/dataset --model $(DEMO)/ceci-gcn --model $(DEMO)/ceci-sage --out $(DEMO)/evaluation --html $(DEMO)/report.html
-	$(BIN)/bsg-search $(DEMO)/dataset --worlds geometry --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --replay $(DEMO)/search/search.png --out $(DEMO)/search
+	$(BIN)/bsg-search $(DEMO)/dataset --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --replay $(DEMO)/search/search.png --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."
@@ -97,7 +97,7 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute th
 
 figures: demo robot ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
-	$(BIN)/bsg-search $(DEMO)/dataset --scene 00017-sta13NdfxpY --worlds geometry --artifacts room-specific --mask explore --fraction 0.9 --episodes 60 --trace --replay docs/figures/search.png --force --out $(DEMO)/small
+	$(BIN)/bsg-search $(DEMO)/dataset --scene 00017-sta13NdfxpY --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 60 --trace --replay docs/figures/search.png --force --out $(DEMO)/small
 	cp demo-robot/robot.png docs/figures/robot.png
 	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"
@@ -107,15 +107,15 @@ robot: ## Let a robot search things in the simulator pyrobosim; picture and figu
 	$(PYTHON) -m venv $(VENV)/robot
 	$(VENV)/robot/bin/python -m pip install --quiet --constraint constraints.txt --editable '.[figures,meshes]' 'pyrobosim>=5,<6'
 	rm -rf demo-robot
-	$(VENV)/robot/bin/bsg-data synth --out demo-robot/buildings --scenes 14 --seed 0 --geometry
-	$(VENV)/robot/bin/bsg-data build --hm3d demo-robot/buildings --out demo-robot/synthetic
+	$(VENV)/robot/bin/bsg-data synth --out demo-robot/buildings --scenes 14 --seed 0
+	$(VENV)/robot/bin/bsg-data build --hm3d demo-robot/buildings --room-layouts demo-robot/buildings/layouts --out demo-robot/synthetic
 	$(VENV)/robot/bin/python scripts/measure/robot.py --data demo-robot/synthetic --out demo-robot/figures.json --picture demo-robot/robot.png
 
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 bench: $(INSTALLED) ## Time the main jobs beside what people would use instead: make bench HM3D=PATH
-	PYTHONPATH=scripts/measure $(BIN)/python scripts/bench/speed.py $(if $(HM3D),--hm3d "$(HM3D)")
+	PYTHONPATH=scripts/measure:.:tests $(BIN)/python scripts/bench/speed.py $(if $(HM3D),--hm3d "$(HM3D)")
 
 package: $(INSTALLED) ## Build wheel and source archive into dist, and try both in fresh environments.
 	$(BIN)/python -m pip install --quiet 'build>=1.2,<2'

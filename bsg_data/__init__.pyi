@@ -1,10 +1,10 @@
 from .build import build_dataset
 from .checks.dataset import check_dataset
-from .dataset.dataset import Dataset, read_cells
+from .dataset.dataset import Dataset, read_cells, read_splits
 from .dataset.histograms import to_histograms
 from .dataset.manifest import read_manifest
 from .dataset.shards import read_scene_graphs
-from .dataset.splits import read_splits, split_dataset
+from .dataset.splits import split_dataset
 from .errors import BSGError, ClassMapError, DatasetError, RecipeError, SourceError
 from .exports.export import export_dataset
 from .merge import merge_datasets

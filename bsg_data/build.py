@@ -1,9 +1,8 @@
 """Build a dataset: find the scenes of a source, make the shards, put the dataset in its place.
 
-The dataset grows in `<out>.partial`. Each finished shard leaves its manifest in the folder `.build`
-there, so the same build goes on after an interruption, and processes on any machines can build
-parts of it: part i of n makes every n-th shard, beginning with the i-th. The bytes depend on none
-of this. The manifest of the dataset is the sum of those of its shards.
+The dataset grows in `<out>.partial`. Each finished shard leaves its report in the folder `.build`
+there, so the same build goes on after an interruption. The bytes depend neither on this nor on
+workers. The manifest of the dataset is the sum of the reports.
 """
 
 from __future__ import annotations
@@ -12,36 +11,33 @@ import hashlib
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import TypeVar
 from uuid import uuid4
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
-from bsg_data.dataset.commit import BUILD, PLAN, growing, name_growing, put_in_place, require_place
+from bsg_data.dataset.commit import DATASET, publish, sweep
 from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.manifest import (
-    MANIFEST,
+    FileEntry,
     Manifest,
-    ResolvedEntry,
+    SkippedScene,
     SourceEntry,
     Totals,
-    UnmappedEntry,
     count_shards,
     describe_unmapped,
     list_resolved,
+    list_unknown_labels,
     read_manifest,
 )
 from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import (
     EXTRA_OF,
     BSGError,
-    DatasetError,
-    RecipeError,
     SourceChangedError,
     SourceError,
     UnmappedNameError,
@@ -51,6 +47,8 @@ from bsg_data.errors import (
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.recipes import Record
+from bsg_data.results import BUILD, require_place, write_folder
 from bsg_data.scene.class_map import (
     DEFAULT_CLASS_MAP,
     ClassMap,
@@ -61,60 +59,39 @@ from bsg_data.scene.class_map import (
     read_own_map,
     write_own_map,
 )
-from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
+from bsg_data.scene.room_label import is_understood
+from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph, is_scene_id
 from bsg_data.sources.catalogue import SOURCES, find_terms
-from bsg_data.sources.source import (
-    FoundScenes,
-    Reading,
-    SceneRef,
-    SkippedScene,
-    Source,
-)
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
 
 SCENES_PER_SHARD = 16
-_MAX_NAMED = 20  # parts in an error
-_PARTS_OF = "parts-of-"  # a mark in `.build`: the number of parts that a process was told
+_SHOWN = 5  # reasons why scenes were skipped, where all were
 _NOTHING_SKIPPED = "no scene was skipped; repair the source, then run the command again"
 _Progress = Callable[[int, int], None]
-_Entry = TypeVar("_Entry", UnmappedEntry, ResolvedEntry)
 
 
-class _Share(Manifest):
-    """Manifest of a share of a dataset: of no shard, which is the plan of a build, or of one."""
+class _Plan(Record):
+    """All that the bytes of a dataset depend on."""
 
-    shards: int  # number of shards of the whole
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """Part `number` of `of` parts, from 1. A build needs all of them.
-
-    Raises:
-        RecipeError: if `number` is not 1 to `of`.
-    """
-
-    number: int
-    of: int
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.number <= self.of:
-            message = f"part {self.number}/{self.of}: expected I/N with I from 1 to N"
-            raise RecipeError(message, code="part-range", where=f"{self.number}/{self.of}")
+    source: SourceEntry  # without the fingerprint of what is read
+    generator: str
+    scenes_per_shard: int
+    scenes: str  # hash of what identifies the scenes, and of the states of their files
+    skipped: tuple[SkippedScene, ...]
+    left_out: tuple[SkippedScene, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class BuiltPart:
-    """What a part of a build built.
+class ShardReport(Record):
+    """What is in a finished shard, and what was left out of it."""
 
-    Attributes:
-        shards: numbers of its shards.
-        scenes: number of scenes in them.
-        missing: numbers of the shards of the dataset that are still missing.
-    """
-
-    shards: tuple[int, ...]
-    scenes: int
-    missing: tuple[int, ...]
+    files: tuple[FileEntry, ...]
+    totals: Totals
+    annotations: tuple[str, ...]  # of each scene its id, split and the hash of its annotation
+    skipped: tuple[SkippedScene, ...]
+    left_out: tuple[SkippedScene, ...]
+    meshes: dict[str, MeshCoverage]
+    names: dict[str, int]  # names that the class map does not list → objects
+    unknown_labels: dict[str, int] = Field(default_factory=dict)  # → rooms
 
 
 def build_dataset(
@@ -147,142 +124,130 @@ def build_dataset(
         DatasetError: if `out` is taken or cannot be written.
     """
     out = resolve_links(out)  # a linked --out stays a link; its target is replaced
-    require_place(out, force=force)
+    require_place(out, DATASET, force=force)
     build = _plan(source, class_map, strict=strict, scenes_per_shard=scenes_per_shard)
-    with growing(out, build.plan, force=force) as (folder, done):
+    plan = build.plan.model_dump_json().encode()
+    with write_folder(out, DATASET, plan=plan, force=force) as (folder, done):
         if done:
             return read_manifest(out)
-        shards = build.make(range(build.plan.shards), folder, executor, progress)
-        return _finish(build.plan, shards, out, where=source.path)
-
-
-def build_part(
-    source: Source,
-    out: AnyPath,
-    part: Part,
-    *,
-    class_map: AnyPath | None = None,
-    strict: bool = False,
-    force: bool = False,
-    scenes_per_shard: int = SCENES_PER_SHARD,
-    executor: Executor | None = None,
-    progress: _Progress | None = None,
-) -> BuiltPart:
-    """Build one part of the shards of a dataset; other processes can build the other parts.
-
-    The other arguments are those of `build_dataset`, and the same for all parts. `out` is on a file
-    system that all parts see; with `force` a finished dataset may be there, which
-    `finalise_dataset` replaces.
-
-    Returns:
-        What the part built, and which shards are still missing.
-
-    Raises:
-        BSGError: as `build_dataset`; a DatasetError also if parts of another build are there.
-    """
-    out = resolve_links(out)
-    require_place(out, force=force)
-    build = _plan(source, class_map, strict=strict, scenes_per_shard=scenes_per_shard)
-    every = range(build.plan.shards)
-    numbers = every[part.number - 1 :: part.of]
-    with growing(out, build.plan, force=force, shared=True) as (folder, done):
-        if done:
-            return BuiltPart(tuple(numbers), 0, ())
-        (folder / BUILD / f"{_PARTS_OF}{part.of}").touch()
-        shards = build.make(numbers, folder, executor, progress)
-        missing = tuple(n for n in every if not _name_manifest(folder, n).is_file())
-    return BuiltPart(tuple(numbers), sum(shard.totals.scenes for shard in shards), missing)
-
-
-def finalise_dataset(
-    out: AnyPath, *, force: bool = False, progress: _Progress | None = None
-) -> Manifest:
-    """Finish a dataset that was built in parts, and return its manifest.
-
-    The bytes equal those of `build_dataset`.
-
-    Args:
-        out: folder of the dataset, as in `build_part`.
-        force: replace a finished dataset.
-        progress: called with (shards verified, shards in all).
-
-    Raises:
-        DatasetError: if there are no parts, a shard is missing or damaged, or `out` is taken.
-        SourceError: if no scene could be read.
-    """
-    out = resolve_links(out)
-    plan = _read_plan(out)
-    with growing(out, plan, force=force) as (folder, done):
-        if done:
-            return read_manifest(out)
-        tasks = [(folder, number) for number in range(plan.shards)]
-        shards = run_all(_read_shard, tasks, progress=progress)
-        missing = [number for number, shard in enumerate(shards) if shard is None]
-        if missing:
-            message = _say_missing(folder, missing, plan.shards)
-            raise DatasetError(message, code="shards-missing", where=folder)
-        return _finish(plan, [shard for shard in shards if shard], out, where=out)
-
-
-def combine_manifests(manifests: Sequence[Manifest], *, scenes_per_shard: int) -> Manifest:
-    """Return the manifest of a dataset that holds what several hold, with all their files."""
-    sources = {source.model_dump_json(): source for one in manifests for source in one.sources}
-    return Manifest(
-        generator=f"belief-scene-graphs {version('belief-scene-graphs')}",
-        class_space=manifests[0].class_space,
-        sources=tuple(sources[key] for key in sorted(sources)),
-        scenes_per_shard=scenes_per_shard,
-        totals=Totals.sum(one.totals for one in manifests),
-        files=tuple(sorted((f for one in manifests for f in one.files), key=lambda f: f.path)),
-        skipped=tuple(skip for one in manifests for skip in one.skipped),
-        left_out=tuple(skip for one in manifests for skip in one.left_out),
-        meshes={scene: mesh for one in manifests for scene, mesh in one.meshes.items()},
-        unmapped=_add_up(entry for one in manifests for entry in one.unmapped),
-        resolved=_add_up(entry for one in manifests for entry in one.resolved),
-    )
-
-
-def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
-    """Add up the objects of equal names, most frequent first."""
-    times: Counter[str] = Counter()
-    first: dict[str, _Entry] = {}
-    for entry in entries:
-        key = entry.model_dump_json(exclude={"instances", "nearest"})
-        times[key] += entry.instances
-        first.setdefault(key, entry)
-    added = (entry.model_copy(update={"instances": times[key]}) for key, entry in first.items())
-    return tuple(sorted(added, key=lambda entry: (-entry.instances, entry.name)))
+        manifest = build.finish(build.make(folder, executor, progress), folder)
+        sweep(folder, manifest)
+        publish(folder, manifest)
+    return manifest
 
 
 @dataclass(frozen=True, slots=True)
 class _Build:
-    """A planned build, of all scenes or of those of one shard."""
+    """A planned build."""
 
     source: Source
     scenes: tuple[SceneRef, ...]
-    plan: _Share
+    plan: _Plan
+    class_map: ClassMap
     own_map: OwnMap | None
     strict: bool
 
     def make(
-        self,
-        numbers: Iterable[int],
-        folder: Path,
-        executor: Executor | None,
-        progress: _Progress | None,
-    ) -> list[_Share]:
-        """Make the shards with some numbers, and return their manifests."""
+        self, folder: Path, executor: Executor | None, progress: _Progress | None
+    ) -> list[ShardReport]:
+        """Make the shards, and return their reports."""
+        entry, size = self.plan.source.class_map, self.plan.scenes_per_shard
         if self.own_map is not None:
-            write_own_map(self.own_map, folder / self.plan.class_maps[0].folder)
-        size = self.plan.scenes_per_shard
-        empty = replace(
-            self, plan=self.plan.model_copy(update={"skipped": (), "left_out": ()}), own_map=None
-        )
+            write_own_map(self.own_map, folder / entry.folder)
         tasks = [
-            (replace(empty, scenes=self.scenes[n * size : (n + 1) * size]), folder, n)
-            for n in numbers
+            (_Shard(self.source, self.scenes[first : first + size], entry, self.strict), folder, n)
+            for n, first in enumerate(range(0, len(self.scenes), size))
         ]
         return run_all(_make_shard, tasks, executor=executor, progress=progress)
+
+    def finish(self, shards: Sequence[ShardReport], folder: Path) -> Manifest:
+        """Return the manifest of the dataset after all its shards are made."""
+        skipped = (*(one for shard in shards for one in shard.skipped), *self.plan.skipped)
+        totals = Totals.sum(shard.totals for shard in shards)
+        if not totals.scenes:
+            where = self.source.path
+            reasons = "\n  ".join(f"{one.location}: {one.reason}" for one in skipped[:_SHOWN])
+            shutil.rmtree(folder)
+            message = f"{where}: no scene could be read. The first reasons:\n  {reasons}"
+            raise SourceError(message, code="no-scene", where=where)
+        names, labels = Counter[str](), Counter[str]()
+        for shard in shards:
+            names.update(shard.names)
+            labels.update(shard.unknown_labels)
+        annotations = "".join(f"{one}\n" for shard in shards for one in shard.annotations)
+        fingerprint = hashlib.sha256(annotations.encode()).hexdigest()
+        files = [entry for shard in shards for entry in shard.files]
+        return Manifest(
+            generator=self.plan.generator,
+            class_space=self.class_map.space,
+            sources=(self.plan.source.model_copy(update={"fingerprint": fingerprint}),),
+            scenes_per_shard=self.plan.scenes_per_shard,
+            totals=totals,
+            files=tuple(sorted(files, key=lambda entry: entry.path)),
+            skipped=skipped,
+            left_out=(*(one for shard in shards for one in shard.left_out), *self.plan.left_out),
+            meshes={scene: mesh for shard in shards for scene, mesh in shard.meshes.items()},
+            unmapped=tuple(describe_unmapped(names, self.class_map)),
+            resolved=tuple(list_resolved(names, self.class_map)),
+            unknown_labels=list_unknown_labels(labels),
+        )
+
+
+def _plan(
+    source: Source, class_map: AnyPath | None, *, strict: bool, scenes_per_shard: int
+) -> _Build:
+    """Find the scenes of a source and plan the build; write nothing."""
+    chosen = _name_class_map(source) if class_map is None else os.fspath(class_map)
+    own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
+    loaded = load_class_map(chosen) if own is None else parse_own_map(own)
+    found = source.find()
+    for skip in (*found.conflicts, *found.unreadable) if strict else ():
+        where = source.path / skip.location
+        raise SourceError(f"{where}: {skip.reason}", code="scene-unreadable", where=where)
+    count_shards(len(found.scenes), scenes_per_shard=scenes_per_shard)
+    plan = _Plan(
+        source=_describe_source(source, found, loaded),
+        generator=name_generator(),
+        scenes_per_shard=scenes_per_shard,
+        scenes=hashlib.sha256(repr(found.scenes).encode("utf-8", "backslashreplace")).hexdigest(),
+        skipped=(*found.duplicates, *found.conflicts, *found.unreadable),
+        left_out=tuple(_without_root(skip, Path()) for skip in found.unused),
+    )
+    return _Build(source, found.scenes, plan, loaded, own, strict)
+
+
+def name_generator() -> str:
+    """Return the name and the version of this program, as a manifest has it."""
+    return f"belief-scene-graphs {version('belief-scene-graphs')}"
+
+
+def _name_class_map(source: Source) -> str:
+    """Return the name of the published class map for a source."""
+    return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
+
+
+def _describe_source(source: Source, found: FoundScenes, class_map: ClassMap) -> SourceEntry:
+    versions = sorted({ref.source_version for ref in found.scenes if ref.source_version})
+    return SourceEntry(
+        kind=source.kind,
+        version=", ".join(versions) or None,
+        fingerprint="",
+        class_map=ClassMapEntry.of(class_map),
+        options=source.options,
+        terms=getattr(source, "terms", None) or find_terms(source.kind),
+        nameable=None if class_map.nameable == class_map.classes else class_map.nameable,
+        is_complete=source.kind not in SOURCES or SOURCES[source.kind].is_complete,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Shard:
+    """What a worker makes one shard of."""
+
+    source: Source
+    scenes: tuple[SceneRef, ...]
+    class_map: ClassMapEntry
+    strict: bool
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; if the build is strict, refuse one that would lose anything."""
@@ -303,88 +268,63 @@ class _Build:
         return reading
 
 
-def _plan(
-    source: Source, class_map: AnyPath | None, *, strict: bool, scenes_per_shard: int
-) -> _Build:
-    """Find the scenes of a source and plan the build; write nothing."""
-    chosen = _name_class_map(source) if class_map is None else os.fspath(class_map)
-    own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
-    loaded = load_class_map(chosen) if own is None else parse_own_map(own)
-    found = source.find()
-    if strict and found.unreadable:
-        skip = found.unreadable[0]
-        where = source.path / skip.location
-        raise SourceError(f"{where}: {skip.reason}", code="scene-unreadable", where=where)
-    plan = _Share(
-        generator=f"belief-scene-graphs {version('belief-scene-graphs')}",
-        class_space=loaded.space,
-        sources=(_describe_source(source, found, loaded),),
-        scenes_per_shard=scenes_per_shard,
-        totals=Totals(),
-        files=(),
-        skipped=(*found.duplicates, *found.unreadable),
-        left_out=tuple(_without_root(skip, Path()) for skip in found.unused),
-        shards=count_shards(len(found.scenes), scenes_per_shard=scenes_per_shard),
-    )
-    return _Build(source, found.scenes, plan, own, strict)
-
-
-def _name_class_map(source: Source) -> str:
-    """Return the name of the published class map for a source."""
-    return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
-
-
-def _describe_source(source: Source, found: FoundScenes, class_map: ClassMap) -> SourceEntry:
-    versions = sorted({ref.source_version for ref in found.scenes if ref.source_version})
-    digest = hashlib.sha256()
-    for ref in found.scenes:
-        words = (ref.scene_id, ref.source_split, ref.fingerprint, ref.geometry)
-        digest.update(("\t".join(str(word) for word in words) + "\n").encode())
-    return SourceEntry(
-        kind=source.kind,
-        version=", ".join(versions) or None,
-        fingerprint=digest.hexdigest(),
-        class_map=ClassMapEntry.of(class_map),
-        options=source.options,
-        terms=getattr(source, "terms", None) or find_terms(source.kind),
-        nameable=None if class_map.nameable == class_map.classes else class_map.nameable,
-    )
-
-
-def _make_shard(build: _Build, folder: Path, number: int) -> _Share:
-    """Make one shard, unless an earlier run of the same build did; its manifest comes last."""
-    done = _read_shard(folder, number)
-    if done and not (build.strict and (done.skipped or done.left_out or done.unmapped)):
+def _make_shard(task: _Shard, folder: Path, number: int) -> ShardReport:
+    """Make one shard, unless an earlier run of the same build did; its report comes last."""
+    class_map = load_class_map(task.class_map.name_in(folder))
+    done = _read_report(folder, number)
+    if done and not (task.strict and _has_losses(done, class_map)):
         return done
-    class_map = load_class_map(build.plan.class_maps[0].name_in(folder))
     readings: list[Reading] = []
     skipped: list[SkippedScene] = []
-    for ref in build.scenes:
+    for ref in task.scenes:
         try:
-            readings.append(build.read(ref, class_map))
+            readings.append(task.read(ref, class_map))
         except SourceError as error:
-            if build.strict or isinstance(error, SourceChangedError):
+            if task.strict or isinstance(error, SourceChangedError):
                 raise
             skipped.append(SkippedScene(ref.scene_id, ref.location, str(error)))
-    graphs = [reading.graph for reading in readings]
-    names = Counter(obj.raw_category for graph in graphs for obj in graph.objects)
-    unknown = {n: times for n, times in names.items() if not class_map.classify(n).category}
-    left_out = [skip for reading in readings for skip in reading.left_out]
-    update = {
-        "files": write_shards(graphs, folder, part=number, class_space=class_map.space),
-        "totals": count_totals(graphs),
-        "skipped": tuple(_without_root(skip, build.source.path) for skip in skipped),
-        "left_out": tuple(_without_root(skip, build.source.path) for skip in left_out),
-        "meshes": {one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
-        "unmapped": tuple(describe_unmapped(unknown, class_map, near=0)),
-        "resolved": tuple(list_resolved(names, class_map)),
-    }
-    shard = build.plan.model_copy(update=update)
-    path = _name_manifest(folder, number)
+    graphs, root = [reading.graph for reading in readings], task.source.path
+    report = ShardReport(
+        files=write_shards(graphs, folder, part=number, class_space=class_map.space),
+        totals=count_totals(graphs),
+        annotations=tuple(
+            f"{one.scene_id}\t{one.source_split}\t{one.annotation_sha256}" for one in graphs
+        ),
+        skipped=tuple(_without_root(skip, root) for skip in skipped),
+        left_out=tuple(_without_root(skip, root) for one in readings for skip in one.left_out),
+        meshes={one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
+        names=_count_unlisted(graphs, class_map),
+        unknown_labels=_count_unknown_labels(graphs, task.source),
+    )
+    path = _name_report(folder, number)
     partial = path.with_name(f"{path.name}.{uuid4().hex}")  # two machines may make one shard
-    partial.write_text(shard.model_dump_json(), "utf-8")
+    partial.write_text(report.model_dump_json(), "utf-8")
     partial.replace(path)
-    return shard
+    return report
+
+
+def _has_losses(shard: ShardReport, class_map: ClassMap) -> bool:
+    names = (class_map.classify(name).category for name in shard.names)
+    return bool(shard.skipped or shard.left_out or None in names)
+
+
+def _count_unlisted(graphs: Sequence[SceneGraph], class_map: ClassMap) -> Mapping[str, int]:
+    """Return the names that a class map does not list, and their objects."""
+    names = Counter(obj.raw_category for graph in graphs for obj in graph.objects)
+    return {name: times for name, times in names.items() if class_map.lookup(name) is None}
+
+
+def _count_unknown_labels(graphs: Sequence[SceneGraph], source: Source) -> Mapping[str, int]:
+    """Return what a source calls rooms that names no kind of room that we know, and the rooms."""
+    lists = getattr(source, "lists", lambda word: False)  # of a source with a list of its own
+    return Counter(
+        room.source_label
+        for graph in graphs
+        for room in graph.rooms
+        if room.label is None
+        and room.source_label is not None
+        and not (lists(room.source_label) or is_understood(graph.source, room.source_label))
+    )
 
 
 def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
@@ -437,66 +377,16 @@ def count_totals(graphs: Sequence[SceneGraph]) -> Totals:
     )
 
 
-def _name_manifest(folder: Path, number: int) -> Path:
-    """Return the path of the manifest of a shard."""
+def _name_report(folder: Path, number: int) -> Path:
+    """Return the path of the report of a shard."""
     return folder / BUILD / f"part-{number:05d}.json"
 
 
-def _read_shard(folder: Path, number: int) -> _Share | None:
-    """Return the manifest of a finished shard; None if its files changed or it has none."""
+def _read_report(folder: Path, number: int) -> ShardReport | None:
+    """Return the report of a finished shard; None if its files changed or it has none."""
     try:
-        shard = _Share.model_validate_json(_name_manifest(folder, number).read_bytes())
+        shard = ShardReport.model_validate_json(_name_report(folder, number).read_bytes())
         sound = all(hash_file(folder / entry.path) == entry.sha256 for entry in shard.files)
     except (OSError, ValidationError):
         return None
     return shard if sound else None
-
-
-def _finish(plan: _Share, shards: Sequence[_Share], out: Path, *, where: Path) -> Manifest:
-    """Put a dataset in place after all its shards are built."""
-    folder = name_growing(out)
-    manifest = combine_manifests([*shards, plan], scenes_per_shard=plan.scenes_per_shard)
-    if not manifest.totals.scenes:
-        reasons = "\n  ".join(f"{skip.location}: {skip.reason}" for skip in manifest.skipped[:5])
-        shutil.rmtree(folder)
-        message = f"{where}: no scene could be read. The first reasons:\n  {reasons}"
-        raise SourceError(message, code="no-scene", where=where)
-    class_map = load_class_map(plan.class_maps[0].name_in(folder))
-    names = {entry.name: entry.instances for entry in manifest.unmapped}
-    unmapped = tuple(describe_unmapped(names, class_map))  # with the nearest names, for each once
-    manifest = manifest.model_copy(update={"unmapped": unmapped})
-    put_in_place(out, manifest)
-    return manifest
-
-
-def _read_plan(out: Path) -> _Share:
-    """Read the plan that the first part of a build left, where it grows or has grown."""
-    paths = [folder / PLAN for folder in (name_growing(out), out) if (folder / PLAN).is_file()]
-    if not paths:
-        if (out / MANIFEST).is_file():
-            message = f"{out}: is finished already; there is no part left to finish"
-            raise DatasetError(message, code="finished", where=out)
-        raise DatasetError(
-            f"{name_growing(out)}: holds no part of a build; build parts with "
-            "`bsg-data build --parts I/N`, and name the dataset as there",
-            code="no-parts",
-            where=out,
-        )
-    try:
-        return _Share.model_validate_json(paths[0].read_bytes())
-    except ValidationError as error:
-        message = f"{paths[0]}: is damaged; remove it and run any part again"
-        raise DatasetError(message, code="plan-damaged", where=paths[0]) from error
-
-
-def _say_missing(folder: Path, missing: Sequence[int], shards: int) -> str:
-    """Return which parts to run again, in the finest division that was used."""
-    marks = (mark.name.removeprefix(_PARTS_OF) for mark in (folder / BUILD).glob(f"{_PARTS_OF}*"))
-    of = max((int(number) for number in marks), default=1)
-    parts = sorted({number % of + 1 for number in missing})
-    named = ", ".join(f"{part}/{of}" for part in parts[:_MAX_NAMED])
-    more = f" and {len(parts) - _MAX_NAMED:,} more" if len(parts) > _MAX_NAMED else ""
-    return (
-        f"{folder}: {len(missing):,} of {shards:,} shards missing or damaged; run these again "
-        f"by --parts: {named}{more}"
-    )

@@ -1,13 +1,12 @@
-from .build import BuiltPart, Part, build_part, finalise_dataset
-from .dataset.manifest import Manifest, UnmappedEntry
+from .dataset.manifest import Manifest, SkippedScene, UnmappedEntry
 from .dataset.statistics import (
     count_classes,
     count_frequencies,
     count_sources,
     measure_coverage,
     plot_frequencies,
-    refuse_figure,
 )
+from .dataset.terms import Terms
 from .exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.hidden_share import ShareBelief
@@ -15,6 +14,7 @@ from .observation.mask_hash import hash_splits
 from .observation.masks import MASKS, Mask
 from .observation.view import View
 from .registry import Registry
+from .results import refuse_file
 from .scene.class_map import published_maps
 from .scene.class_space import ClassSpace
 from .scene.connections import Connections
@@ -24,9 +24,9 @@ from .sources.assembly import assemble
 from .sources.catalogue import SOURCES
 from .sources.hm3d import HM3DFolder
 from .sources.room_layouts import WithLayouts
-from .sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source, SourceRow, Terms
+from .sources.room_words import WithRoomLabels
+from .sources.source import FoundScenes, Reading, SceneRef, Source, SourceRow
 from .synthetic.building import BuildingSize
-from .synthetic.buildings import GeometryOptions
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [
@@ -36,20 +36,17 @@ __all__ = [
     "SOURCES",
     "Box",
     "BuildingSize",
-    "BuiltPart",
     "ClassSpace",
     "Connections",
     "EncodedScene",
     "ExportContract",
     "ExportRow",
     "FoundScenes",
-    "GeometryOptions",
     "HM3DFolder",
     "Manifest",
     "Mask",
     "MaskContract",
     "MeshCoverage",
-    "Part",
     "Reading",
     "Registry",
     "SceneRef",
@@ -62,16 +59,15 @@ __all__ = [
     "UnmappedEntry",
     "View",
     "WithLayouts",
+    "WithRoomLabels",
     "assemble",
-    "build_part",
     "count_classes",
     "count_frequencies",
     "count_sources",
-    "finalise_dataset",
     "hash_splits",
     "measure_coverage",
     "plot_frequencies",
     "published_maps",
-    "refuse_figure",
+    "refuse_file",
     "write_bytes",
 ]

@@ -19,6 +19,9 @@ AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes fo
 PLAIN_TEXT: Final[dict[Any, Any]] = {"text.usetex": False, "text.parse_math": False}
 
 
+_PARTIAL = re.compile(r"(^|/)\.([^/]+)\.partial$")
+
+
 class FigureError(BSGError):
     """Report a figure that cannot be drawn, though its file could be written."""
 
@@ -36,8 +39,7 @@ def open_beside(path: Path) -> Iterator[Path]:
     the block raises. The data are flushed before the rename, and the name before the function
     returns.
     """
-    if path.exists() and not (path.is_file() or path.is_dir()):  # a rename would replace it
-        raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")
+    refuse_device(path)
     partial = path.with_name(f".{path.name}.partial")
     try:
         try:
@@ -51,6 +53,15 @@ def open_beside(path: Path) -> Iterator[Path]:
             partial.unlink(missing_ok=True)
     except OSError as error:
         raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from error
+
+
+def name_finished(path: str) -> str:
+    """Return the path that a file will have which `open_beside` is writing, or was.
+
+    >>> name_finished("rooms/.a.parquet.partial"), name_finished("rooms/a.parquet")
+    ('rooms/a.parquet', 'rooms/a.parquet')
+    """
+    return _PARTIAL.sub(r"\1\2", path)
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -101,6 +112,18 @@ def stem_of(name: str) -> str:
     ('ceci-gcn-second', 'owner-name')
     """
     return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "-"
+
+
+def refuse_device(path: Path) -> None:
+    """Refuse to write over a device or a pipe: a rename would replace it."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")
+
+
+def list_files(folder: Path) -> list[str]:
+    """Return the sorted relative paths of all files and links below a folder."""
+    found = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
+    return sorted(path.relative_to(folder).as_posix() for path in found)
 
 
 def refuse_links(root: Path, path: Path) -> None:

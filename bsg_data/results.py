@@ -1,82 +1,231 @@
-"""Results that belong together: written aside, put in place at once, and sealed by `SHA256SUMS`.
+"""Write folders and files: stage them, flush them, put them in place; a kill leaves old or new.
 
-    while files are written   the old results, and `.bsg-unfinished` beside them
-    while files are renamed   no seal, so that no mix of old and new is taken for results
-    in the end                the new results, and their seal, written last
+    write_folder    a folder of ours alone    staged in FOLDER.partial, put in place by one rename
+    write_results   files of any folder       in FOLDER/.bsg-unfinished, a rename each, seal last
+    write_files     files of one command      in .NAME.unfinished/NAME, a rename each
 
-A folder without a seal is unfinished. `sha256sum -c SHA256SUMS` and `bsg-models verify` check it.
+What is staged stays until all is in place. So whoever finds it knows that a command was killed, and
+that the same command may replace what it finds: `is_interrupted`.
+
+The seal is `SHA256SUMS`; a folder of results without it is unfinished. `bsg-models verify` and
+`sha256sum -c SHA256SUMS` check it.
 """
 
 from __future__ import annotations
 
+import ctypes
+import os
 import re
 import shutil
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager, suppress
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import flush_file, flush_folder, hold, refuse_links, resolve_links, write_bytes
+from bsg_data.files import (
+    flush_file,
+    flush_folder,
+    hold,
+    list_files,
+    refuse_device,
+    refuse_links,
+    resolve_links,
+    write_bytes,
+)
 from bsg_data.inputs.bounded_file import hash_file
 
 SEAL = "SHA256SUMS"
 UNFINISHED = ".bsg-unfinished"
+_FORMER = ".former"  # the seal of what is being replaced: after a kill it says what has to go
+BUILD = ".build"  # of a folder that is not in its place yet, or replaced another just now
+PLAN = f"{BUILD}/plan.json"
 _DATASET = "dataset.json"  # the file by which a dataset is known
+_STAGE = ".unfinished"  # ends the name of the folder in which a single file is staged
+_ASIDE = ".{}.replaced"  # name of a folder while another takes its place
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
+
+
+@dataclass(frozen=True, slots=True)
+class FolderKind:
+    """A kind of folder with files of ours alone."""
+
+    what: str  # in words: `dataset`
+    mark: str  # the file that is written last, and makes it a finished one
+    owns: Callable[[Path], Callable[[str], bool]]  # of a folder: whether a path below it is ours
+
+
+def name_staged(folder: Path) -> Path:
+    """Return the folder in which one is staged that `write_folder` puts in place."""
+    return folder.with_name(f"{folder.name}.partial")
 
 
 @contextmanager
-def write_results(folder: Path, *, report: str, force: bool = True) -> Iterator[Path]:
-    """Yield an empty folder to write into, and put its files in place with a seal.
+def write_folder(
+    folder: Path, kind: FolderKind, *, plan: bytes, force: bool
+) -> Iterator[tuple[Path, bool]]:
+    """Lock the place of a folder, yield one to write into, and put that in its place at the end.
 
-    Files of the old seal that are not written again are removed. All other files stay.
+    What raises leaves the staged folder; a command with the same plan goes on with it.
+
+    Args:
+        folder: its place, without links.
+        kind: of folder.
+        plan: all that determines its bytes.
+        force: whether a finished one may be replaced.
+
+    Yields:
+        The folder to write into; whether the same one is in its place already.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with hold(folder):
+        if recover(folder, kind) == plan:
+            yield folder, True
+            return
+        require_place(folder, kind, force=force)
+        staged = name_staged(folder)
+        _prepare(staged, kind, plan)
+        yield staged, False
+        try:
+            flush_folder(staged)
+            if (folder / kind.mark).is_file():
+                _exchange(staged, folder)
+            else:
+                staged.rename(folder)
+            flush_folder(folder.parent)
+        except OSError as error:
+            raise DatasetError(
+                f"{folder}: cannot be put in place ({error.strerror or error}); the finished "
+                f"{kind.what} is {staged}: run the command again",
+                code="not-written",
+                where=folder,
+            ) from error
+        recover(folder, kind)
+
+
+def require_place(folder: Path, kind: FolderKind, *, force: bool) -> None:
+    """Refuse a path where no folder of a kind can be put."""
+    with suppress(FileNotFoundError):  # the working folder was removed
+        if folder in (Path.cwd(), *Path.cwd().parents):
+            raise DatasetError(
+                f"{folder}: is the working folder or contains it; run this from another folder",
+                code="working-folder",
+                where=folder,
+            )
+    for outer in folder.parents:
+        _refuse_inside(folder, outer)
+    is_free = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
+    if is_free or (folder / BUILD).exists():
+        return
+    if not (folder / kind.mark).is_file():
+        message = f"{folder}: exists and is no {kind.what}; choose another --out"
+        raise DatasetError(message, code="path-taken", where=folder)
+    if not force:
+        message = f"{folder}: is a finished {kind.what}; --force replaces it"
+        raise DatasetError(message, code="path-taken", where=folder)
+    _require_own(folder, kind)
+
+
+def _require_own(folder: Path, kind: FolderKind) -> None:
+    """Refuse a folder with a file that no command of this program wrote."""
+    is_own = kind.owns(folder)
+    foreign = [path for path in list_files(folder) if not is_own(path)]
+    if folder.is_symlink() or foreign:
+        what = "is a link" if folder.is_symlink() else f"holds {foreign[0]}, which is not ours"
+        message = f"{folder}: {what}; move it away, and run the command again"
+        raise DatasetError(message, code="foreign-file", where=folder)
+
+
+def _prepare(staged: Path, kind: FolderKind, plan: bytes) -> None:
+    """Make the folder of what is staged, unless the same plan began it."""
+    if staged.exists() or staged.is_symlink():
+        _require_own(staged, kind)
+        if _read(staged / PLAN) == plan:
+            return
+        shutil.rmtree(staged)
+    (staged / BUILD).mkdir(parents=True)
+    partial = staged / f"{PLAN}.partial"  # not flushed: after a loss of power all is made anew
+    partial.write_bytes(plan)
+    partial.replace(staged / PLAN)
+
+
+def recover(folder: Path, kind: FolderKind) -> bytes | None:
+    """Finish what a killed command began at the place of a folder; the caller holds the lock.
+
+    Returns:
+        The plan of the folder, if it was put in place by a command that did not come to its end.
+    """
+    staged, aside = name_staged(folder), folder.with_name(_ASIDE.format(folder.name))
+    if aside.is_dir() and not folder.exists():  # killed between two renames
+        (staged if (staged / kind.mark).is_file() else aside).rename(folder)
+    if not (folder / BUILD).is_dir():
+        return None
+    plan = _read(folder / PLAN)
+    for old in (staged, aside):
+        if old.is_dir() and not (old / BUILD).exists():  # what was replaced has none
+            shutil.rmtree(old)
+    for path in sorted((folder / BUILD).iterdir(), key=lambda path: path.name == "plan.json"):
+        path.unlink()
+    (folder / BUILD).rmdir()
+    return plan
+
+
+def _exchange(new: Path, old: Path) -> None:
+    """Let two folders change places: in one step on Linux, elsewhere by two renames."""
+    rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
+    if sys.platform == "linux" and rename is not None:
+        sys.audit("os.rename", str(new), str(old), -1, -1)  # as os.rename does
+        paths = os.fsencode(new), os.fsencode(old)
+        if rename(_AT_FDCWD, paths[0], _AT_FDCWD, paths[1], _RENAME_EXCHANGE) == 0:
+            return
+    old.rename(old.with_name(_ASIDE.format(old.name)))
+    new.rename(old)
+
+
+def _read(path: Path) -> bytes | None:
+    return path.read_bytes() if path.is_file() else None
+
+
+@contextmanager
+def write_results(folder: Path, *, report: str | None, force: bool = True) -> Iterator[Path]:
+    """Lock a folder, yield an empty one to write into, and put its files in place at the end.
+
+    All other files of the folder stay.
 
     Args:
         folder: of the results; one with another kind of results is refused.
-        report: name of the file that marks this kind of results.
+        report: name of the file that marks this kind of results. They get a seal, and files of the
+            old seal that are not written again are removed. None: files without a seal.
         force: whether old results are replaced.
     """
     folder = resolve_links(folder)
-    refuse_other_results(folder, report)
-    _refuse_taken(folder / report, force=force)
-    was_killed = (folder / UNFINISHED).is_dir()  # then files without a seal are its own
-    with _staging(folder) as staged:
-        before = _list_sealed(folder)
-        yield staged
-        names = list_files(staged)
-        new = {*names, SEAL} - {*before, *([SEAL] if before else [])}
-        for name in () if was_killed else sorted(new):
-            if (folder / name).is_symlink() or (folder / name).exists():
-                raise DatasetError(
-                    f"{folder / name}: belongs to no results of this command, but would be "
-                    "replaced; move it away, or choose another folder",
-                    code="path-taken",
-                    where=folder / name,
-                )
-        write_seal(staged, names)
-        put_in_place(folder, leaving=before.keys() - names)
-
-
-@contextmanager
-def write_together(folder: Path) -> Iterator[Path]:
-    """Lock a folder, yield an empty folder to write into, and put its files in place at the end."""
-    with _staging(folder) as staged:
-        yield staged
-        put_in_place(folder)
-
-
-@contextmanager
-def _staging(folder: Path) -> Iterator[Path]:
-    """Lock a folder, which is created, and yield an empty folder in it, which is removed."""
     refuse_datasets(folder)
+    was_killed = is_interrupted(folder)  # then files without a seal are its own
+    if report is not None:
+        refuse_other_results(folder, report)
+        _refuse_taken(folder / report, force=force or was_killed)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with hold(folder):
             is_new, staged = not folder.exists(), folder / UNFINISHED
+            former = _read(staged / _FORMER)
             remove_unfinished(folder)
             staged.mkdir(parents=True)
+            if former is not None:
+                (staged / _FORMER).write_bytes(former)
             try:
+                before = {} if report is None else _list_sealed(folder)
+                before |= _list_sealed(staged, _FORMER)
                 yield staged
+                names = _list_new(staged)
+                new = {*names, SEAL} - {*before, *([SEAL] if before else [])}
+                for name in () if was_killed or report is None else sorted(new):
+                    _refuse_foreign(folder / name)
+                if report is not None:
+                    write_seal(staged, names)
+                put_in_place(folder, leaving=before.keys() - names)
             finally:
                 with suppress(OSError):
                     remove_unfinished(folder)
@@ -87,14 +236,86 @@ def _staging(folder: Path) -> Iterator[Path]:
         raise DatasetError(message, code="not-written", where=folder) from error
 
 
+def _refuse_foreign(path: Path) -> None:
+    if path.is_symlink() or path.exists():
+        raise DatasetError(
+            f"{path}: belongs to no results of this command, but would be replaced; move it away, "
+            "or choose another folder",
+            code="path-taken",
+            where=path,
+        )
+
+
+@contextmanager
+def write_files(paths: Iterable[Path], *, force: bool) -> Iterator[Mapping[Path, Path]]:
+    """Lock single files, yield where to write each, and put them in place together at the end.
+
+    A link is replaced, and not followed. What is not written stays as it is.
+
+    Args:
+        paths: of the files; a missing folder is made.
+        force: whether files are replaced that are there.
+
+    Yields:
+        Path → where to write it, under the same name.
+    """
+    staged = {path: _stage_of(path) / path.name for path in dict.fromkeys(paths)}
+    force = force or is_interrupted(*staged)
+    for path in staged:
+        refuse_file(path, force=force)
+        refuse_device(path)
+    with ExitStack() as locks:
+        try:
+            for path in sorted(staged):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                locks.enter_context(hold(path))
+                _remove_stage(path)
+                _stage_of(path).mkdir()
+            try:
+                yield staged
+                written = [path for path, partial in staged.items() if partial.exists()]
+                for path in written:
+                    flush_file(staged[path])
+                for path in written:
+                    staged[path].replace(path)
+                for folder in {path.parent for path in written}:
+                    flush_folder(folder)
+            finally:
+                for path in staged:
+                    _remove_stage(path)
+        except OSError as error:
+            where = error.filename or next(iter(staged))
+            message = f"{where}: cannot be written ({error.strerror or error})"
+            raise DatasetError(message, code="not-written", where=where) from error
+
+
+def _stage_of(path: Path) -> Path:
+    """Return the folder in which a single file is staged."""
+    return path.with_name(f".{path.name}{_STAGE}")
+
+
+def _remove_stage(path: Path) -> None:
+    stage = _stage_of(path)
+    if stage.is_symlink():
+        raise DatasetError(f"{stage}: is a link; remove it", code="link", where=stage)
+    if stage.exists():
+        shutil.rmtree(stage)
+
+
+def is_interrupted(*paths: Path) -> bool:
+    """Say whether a command was killed that wrote into one of these folders, or these files."""
+    return any((path / UNFINISHED).is_dir() or _stage_of(path).is_dir() for path in paths)
+
+
 def put_in_place(folder: Path, *, leaving: Collection[str] = ()) -> None:
     """Move all files of `UNFINISHED` into the folder, the seal last, and remove others."""
     staged = folder / UNFINISHED
-    names = sorted(list_files(staged), key=lambda name: name == SEAL)
+    names = sorted(_list_new(staged), key=lambda name: name == SEAL)
     for name in names:
         refuse_links(folder, (folder / name).parent)
         flush_file(staged / name)
-    (folder / SEAL).unlink(missing_ok=True)
+    if (folder / SEAL).exists():
+        (folder / SEAL).replace(staged / _FORMER)
     flush_folder(folder)
     for name in leaving:
         (folder / name).unlink(missing_ok=True)
@@ -116,11 +337,6 @@ def remove_unfinished(folder: Path) -> None:
         shutil.rmtree(staged)
 
 
-def list_files(folder: Path) -> list[str]:
-    """Return the sorted relative paths of all files below a folder."""
-    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir())
-
-
 def refuse_datasets(path: Path) -> None:
     """Refuse to write into a dataset, because a dataset lists and hashes all its files.
 
@@ -128,9 +344,13 @@ def refuse_datasets(path: Path) -> None:
     """
     place = resolve_links(path)
     for outer in (place, *place.parents):
-        if (outer / _DATASET).is_file():
-            message = f"{path}: is in the dataset {outer}; choose another place"
-            raise DatasetError(message, code="inside-dataset", where=path)
+        _refuse_inside(path, outer)
+
+
+def _refuse_inside(path: Path, outer: Path) -> None:
+    if (outer / _DATASET).is_file():
+        message = f"{path}: is in the dataset {outer}; choose another place"
+        raise DatasetError(message, code="inside-dataset", where=path)
 
 
 def refuse_file(path: Path, *, force: bool) -> None:
@@ -165,10 +385,14 @@ def refuse_other_results(folder: Path, report: str) -> None:
         )
 
 
-def _list_sealed(folder: Path) -> dict[str, str]:
-    """Return the files that the seal of a folder lists; empty for a damaged seal."""
+def _list_new(staged: Path) -> list[str]:
+    return [name for name in list_files(staged) if name != _FORMER]
+
+
+def _list_sealed(folder: Path, name: str = SEAL) -> dict[str, str]:
+    """Return the files that a seal in a folder lists; empty for a damaged seal."""
     try:
-        return read_seal(folder) or {}
+        return _read_sums(folder / name) or {}
     except DatasetError:
         return {}
 
@@ -181,7 +405,10 @@ def write_seal(folder: Path, names: Iterable[str]) -> None:
 
 def read_seal(folder: Path) -> dict[str, str] | None:
     """Return file → sha256 of the seal of a folder; None if it has none."""
-    path = folder / SEAL
+    return _read_sums(folder / SEAL)
+
+
+def _read_sums(path: Path) -> dict[str, str] | None:
     if not path.is_file():
         return None
     sums: dict[str, str] = {}

@@ -82,7 +82,7 @@ class SourceContract:
         ids = [ref.scene_id for ref in scenes]
         assert len(ids) >= 2, "the example has two buildings or more"
         assert ids == sorted(set(ids))
-        assert len({ref.building for ref in scenes}) == len(scenes)
+        assert len({ref.key for ref in scenes}) == len(scenes)
         assert all(is_scene_id(scene_id) for scene_id in ids)
         assert source.find().scenes == scenes
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import html
 from collections.abc import Iterable
 from typing import Any
@@ -11,8 +12,8 @@ import yaml
 
 from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
+from bsg_data.dataset.terms import LICENCE_REF, Terms
 from bsg_data.files import encode_json
-from bsg_data.sources.source import LICENCE_REF, Terms
 from bsg_data.tables import escape_markdown, format_markdown, mark_code
 
 _UNKNOWN = "unknown terms: ask whoever made it"  # of a source that is no row of the catalogue
@@ -160,16 +161,21 @@ def _file_sets(manifest: Manifest) -> list[tuple[str, str, pa.Schema]]:
 def _front_matter(manifest: Manifest) -> str:
     """Return YAML that lets `datasets.load_dataset(folder, table)` find the files of a table.
 
-    What is not split is the split `train`, as is the custom there; `all` is a keyword.
+    The tables are one split: `train`, as is the custom there, until buildings are split; then
+    `full`, because `train` must hold no test buildings, and `all` is a keyword. Its cache is keyed
+    by the card and the name of the folder alone: the card has a hash of the files.
     """
     tables: dict[str, list[dict[str, str]]] = {}
     for name, pattern, _ in _file_sets(manifest):
         table, _, split = name.partition("/")
         # A split's name has no hyphen there: fold-0 is fold_0.
-        split = split.replace("-", "_") or "train"
+        split = split.replace("-", "_") or ("full" if manifest.split else "train")
         tables.setdefault(table, []).append({"split": split, "path": pattern})
     configs = [{"config_name": table, "data_files": files} for table, files in tables.items()]
-    front = {**_name_licence(manifest), "configs": configs}
+    files = "".join(entry.sha256 for entry in manifest.files)
+    sha256 = hashlib.sha256(files.encode()).hexdigest()
+    info = [{"config_name": table, "description": f"of files {sha256}"} for table in tables]
+    front = {**_name_licence(manifest), "configs": configs, "dataset_info": info}
     return f"---\n{yaml.safe_dump(front, sort_keys=False)}---\n"
 
 

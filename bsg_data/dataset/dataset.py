@@ -19,6 +19,7 @@ import pyarrow.compute as pc
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import NO_CATEGORY, OtherObjects, count_cells
 from bsg_data.dataset.manifest import (
+    SPLIT_NAME,
     FileEntry,
     Manifest,
     hash_manifest,
@@ -27,13 +28,13 @@ from bsg_data.dataset.manifest import (
 )
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import read_file, read_table
-from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surroundings
 
+NAMES = ("train", "val", "test")  # of splits; folds have others
 HELD_BYTES = 256 * 2**20  # bound of the parts in memory
 _NODE_BYTES = 170  # about what is held of a node besides its cells
 _OBJECT_BYTES = 23
@@ -87,8 +88,14 @@ class Dataset:
         return tuple(self._scenes["scene_id"].to_pylist())
 
     @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the buildings, in the order of the tables."""
+        told = self._scenes["building"].to_pylist()
+        return tuple(key or scene for key, scene in zip(told, self.scene_ids, strict=True))
+
+    @cached_property
     def _scenes(self) -> pa.Table:
-        columns = ["scene_id", "num_rooms", *SCENE_COLUMNS]
+        columns = ["scene_id", "building", "num_rooms", *SCENE_COLUMNS]
         return read_table(self.path, "scenes", columns=columns, manifest=self.manifest)
 
     @cached_property
@@ -232,6 +239,35 @@ def _open_once(path: Path, sha256: str) -> Dataset:
     manifest, found = read_hashed_manifest(path)
     # another hash: replaced meanwhile
     return Dataset(path, manifest, sha256) if found == sha256 else _open_once(path, found)
+
+
+def read_splits(
+    dataset: AnyPath, *, manifest: Manifest | None = None
+) -> dict[str, tuple[str, ...]]:
+    """Return split → scene ids, with train, val and test first.
+
+    Raises:
+        DatasetError: if the dataset has no split yet, or a split has an impossible name.
+    """
+    dataset = Path(dataset)
+    manifest = manifest or read_manifest(dataset)
+    if manifest.split is None:
+        message = f"{dataset}: is not split yet; run `bsg-data split {dataset}` first"
+        raise DatasetError(message, code="split-missing", where=dataset)
+    table = read_table(dataset, "splits", manifest=manifest).to_pydict()
+    splits: dict[str, list[str]] = {}
+    for scene, split in zip(table["scene_id"], table["split"], strict=True):
+        if not SPLIT_NAME.fullmatch(split):  # it becomes part of names of files
+            raise DatasetError(
+                f"{dataset}: {scene} is in split {split!r}; expected train, val, test or fold-N. "
+                "Split again with --force",
+                code="split-name",
+                where=manifest.files_of("splits")[0].path,
+            )
+        splits.setdefault(split, []).append(scene)
+    order = [name for name in NAMES if name in splits]
+    order += sorted(splits.keys() - {*NAMES}, key=lambda name: (len(name), name))  # fold-2, fold-10
+    return {name: tuple(splits[name]) for name in order}
 
 
 def read_cells(dataset: AnyPath) -> dict[str, Counts]:

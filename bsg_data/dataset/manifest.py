@@ -9,31 +9,32 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import Field, ValidationError
 
 from bsg_data.dataset.kept_maps import ClassMapEntry
+from bsg_data.dataset.terms import Terms
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
-from bsg_data.inputs.documents import parse_json, read_json
+from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.scene_graph import MeshCoverage
 from bsg_data.scene.spoken_names import Rule
-from bsg_data.sources.source import SkippedScene, Terms
 
-FORMAT_VERSION: Final = 3
+FORMAT_VERSION: Final = 1
 # The name of a split is part of the names of files, so no other is read from a file or written.
 SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
 MANIFEST = "dataset.json"
 CARD, CROISSANT = "README.md", "croissant.json"
 STAGED = ".staged"  # folder of what a command is about to add
-SEAL = "seal"  # key of the hashes at its end
 
 # The table of scenes has a row for each, and no file of more rows is read.
 ScenesPerShard = Annotated[int, Field(ge=1, le=MAX_ROWS)]
@@ -55,7 +56,16 @@ class FileEntry(Record):
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
 
 
-COMPARED = 10  # unmapped names of one graph that are compared with every known spelling
+@dataclass(frozen=True, slots=True)
+class SkippedScene:
+    """A scene, or what belongs to it, that was left out, with the reason."""
+
+    scene_id: str
+    location: str
+    reason: str
+
+
+_COMPARED = 10  # unmapped names, the most frequent ones, that get their nearest known names
 
 
 class UnmappedEntry(Record):
@@ -63,21 +73,14 @@ class UnmappedEntry(Record):
 
     name: str
     instances: int
-    nearest: tuple[str, ...]
+    nearest: tuple[str, ...] = ()  # of the most frequent names alone
 
 
-def describe_unmapped(
-    names: Mapping[str, int], class_map: ClassMap, *, near: int | None = None
-) -> Iterator[UnmappedEntry]:
-    """Yield the names that are not in a class map, most frequent first.
-
-    Args:
-        names: name → number of objects.
-        class_map: the map.
-        near: number of names to look up the nearest known names for; None: all.
-    """
-    for place, (name, instances) in enumerate(_rank(names)):
-        nearest = class_map.nearest(name) if near is None or place < near else ()
+def describe_unmapped(names: Mapping[str, int], class_map: ClassMap) -> Iterator[UnmappedEntry]:
+    """Yield the names that are not in a class map, with their objects, most frequent first."""
+    unknown = [(name, n) for name, n in _rank(names) if class_map.classify(name).category is None]
+    for place, (name, instances) in enumerate(unknown):
+        nearest = class_map.nearest(name) if place < _COMPARED else ()
         yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
 
 
@@ -110,6 +113,18 @@ def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[Res
             )
 
 
+class UnknownLabel(Record):
+    """What a source calls rooms, which names no kind of room that we know; and how many rooms."""
+
+    name: str
+    instances: int
+
+
+def list_unknown_labels(labels: Mapping[str, int]) -> tuple[UnknownLabel, ...]:
+    """Return labels that are not understood, with their rooms, most frequent first."""
+    return tuple(UnknownLabel(name=name, instances=n) for name, n in _rank(labels))
+
+
 class Totals(Record):
     """Sums over all scenes; `placed`: scenes with geometry; `adjacent`: pairs of rooms."""
 
@@ -139,14 +154,8 @@ class SourceEntry(Record):
     terms: Terms | None = None  # licence and citation of its data; None if unknown
     # classes that it has a word for; of the others its buildings say nothing. None: all
     nameable: tuple[str, ...] | None = None
-
-    @model_serializer(mode="wrap")
-    def _leave_out_all(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Write `nameable` only where some class is missing."""
-        said: dict[str, Any] = handler(self)
-        if self.nameable is None:
-            del said["nameable"]
-        return said
+    # whether its buildings are all there; not if they are what a robot saw: no ground truth
+    is_complete: bool = True
 
 
 def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
@@ -166,7 +175,7 @@ class Manifest(Record):
     """All content of `dataset.json`."""
 
     format: Literal["bsg"] = "bsg"
-    format_version: Literal[3] = FORMAT_VERSION
+    format_version: Literal[1] = FORMAT_VERSION
     generator: str
     class_space: ClassSpace
     sources: tuple[SourceEntry, ...] = Field(min_length=1)
@@ -178,6 +187,7 @@ class Manifest(Record):
     meshes: dict[str, MeshCoverage] = Field(default_factory=dict)
     unmapped: tuple[UnmappedEntry, ...] = ()
     resolved: tuple[ResolvedEntry, ...] = ()
+    unknown_labels: tuple[UnknownLabel, ...] = ()
     split: SplitRecipe | None = None
     pairs: PairsRecipe | None = None
 
@@ -224,6 +234,11 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
     if not path.is_file():
         raise _missing(dataset)
     data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
+    return _parse_manifest(path, data), hashlib.sha256(data).hexdigest()
+
+
+@lru_cache(maxsize=2)  # a command reads it several times, and parses it once
+def _parse_manifest(path: Path, data: bytes) -> Manifest:
     try:
         said = parse_json(data, once=False)
         found = said.get("format_version")
@@ -236,15 +251,15 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
             code="format-version",
             where=path,
         )
-    covered, _, end = data.rpartition(_OWN_HASH)
-    if end != _end_seal(covered):
+    covered, own, end = data.rpartition(_OWN_HASH)
+    if end != _end(covered + own):
         raise DatasetError(
             f"{path}: is damaged: its sha256 differs from the last one in it; take another copy of "
             "the dataset, or build it again"
         )
-    del said[SEAL]
+    del said["sha256"]
     try:
-        return Manifest.model_validate(said), hashlib.sha256(data).hexdigest()
+        return Manifest.model_validate(said)
     except ValidationError as error:
         raise DatasetError(
             f"{path}: {name_fault(error)}; another version wrote it: build the dataset again"
@@ -268,40 +283,24 @@ def _missing(dataset: Path) -> DatasetError:
     elif growing.is_dir():
         message += (
             f"; {growing} beside it belongs to a running or interrupted command: run that command "
-            "again to continue, or `bsg-data finalise` if it was built in parts"
+            "again to continue"
         )
     return DatasetError(message, code="dataset-missing", where=dataset)
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
-    """Return the bytes of `dataset.json`."""
-    return (manifest.model_dump_json(indent=1, exclude_none=False) + "\n").encode()
+    """Return the bytes of `dataset.json`; its last key is the hash of all before that hash."""
+    text = manifest.model_dump_json(indent=1, exclude_none=False).encode()
+    covered = text.removesuffix(b"\n}") + b",\n " + _OWN_HASH
+    return covered + _end(covered)
 
 
-_OWN_HASH = f'"{MANIFEST}": "'.encode()  # after it is the hash of all before it
+_OWN_HASH = b'"sha256": "'
 
 
-def _end_seal(covered: bytes) -> bytes:
-    """Return what follows `_OWN_HASH`, the end of the file."""
-    return f'{hashlib.sha256(covered).hexdigest()}"}}\n}}\n'.encode()
-
-
-def seal_manifest(text: bytes, cards: Mapping[str, bytes]) -> bytes:
-    """Return the bytes of `dataset.json` with a seal: hashes of the cards, and of all before it.
-
-    Args:
-        text: bytes from `encode_manifest`.
-        cards: name → content of the card files beside it.
-    """
-    hashes = [f'"{name}": "{hashlib.sha256(card).hexdigest()}", ' for name, card in cards.items()]
-    covered = text.removesuffix(b"\n}\n") + f',\n "{SEAL}": {{{"".join(hashes)}'.encode()
-    return covered + _OWN_HASH + _end_seal(covered)
-
-
-def read_card_hashes(dataset: Path) -> dict[str, str]:
-    """Return file → sha256 of the cards beside a manifest."""
-    hashes = read_json(dataset / MANIFEST, MANIFEST_FILE, error=DatasetError)[SEAL]
-    return {name: sha256 for name, sha256 in hashes.items() if name != MANIFEST}
+def _end(covered: bytes) -> bytes:
+    """Return the end of the file, after `_OWN_HASH`."""
+    return f'{hashlib.sha256(covered).hexdigest()}"\n}}\n'.encode()
 
 
 def hash_manifest(dataset: Path) -> str:

@@ -1,7 +1,8 @@
-"""The dataset format, version 3: one explicit Arrow schema per table.
+"""The dataset format, version 1: one explicit Arrow schema per table.
 
 The writer, the reader, `bsg-data check` and the tables of the docs all read these constants. The
-metadata of a field has its meaning and its unit.
+metadata of a field has its meaning and its unit. A column that is added is nullable: a file without
+it is read as if it were null.
 """
 
 from __future__ import annotations
@@ -45,6 +46,12 @@ _SCENE_ID = _field("scene_id", pa.string(), "the building, e.g. 00006-HkseAnWCgq
 SCENES = pa.schema(
     [
         _SCENE_ID,
+        _field(
+            "building",
+            pa.string(),
+            "key of the building: two scenes of one key are the same building",
+            null="it is scene_id",
+        ),
         _field("source", pa.string(), "kind of source, e.g. hm3d; the manifest has its terms"),
         _field("source_version", pa.string(), "its version, e.g. v0.2", null="it does not say"),
         _field("source_split", pa.string(), "the source's own split", null="it does not say"),
@@ -72,7 +79,7 @@ ROOMS = pa.schema(
         _field(
             "label",
             pa.string(),
-            "what kind of room it is, in the words of mappings/room-labels-v1.csv",
+            "what kind of room it is, in the words of mappings/room-labels-v3.csv",
             null="not known",
         ),
         _field("source_label", pa.string(), "what the source calls it", null="nothing"),

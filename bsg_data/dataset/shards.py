@@ -318,6 +318,12 @@ def read_file(
     # No threads: files are small, and Arrow may abort a process that ends while it starts one.
     with open_listed(dataset, entry, manifest=manifest, dictionaries=dictionaries) as file:
         table = file.read(columns=columns, use_threads=False)
+        absent = _list_absent(file.schema_arrow, schema_of(_table_of(entry), manifest.class_space))
+    for place, field in absent.items():
+        if columns is None or field.name in columns:
+            nulls = pa.nulls(len(table), field.type)
+            place = place if columns is None else columns.index(field.name)
+            table = table.add_column(place, field, nulls)
     if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
         for scene in table["scene_id"].to_pylist():
             if not is_scene_id(scene):  # it becomes part of names of files
@@ -348,7 +354,9 @@ def open_listed(
         message = f"{path}: is not what the manifest says; run `bsg-data check` for details"
         raise DatasetError(message, code="file-changed", where=entry.path)
     with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
-        expected = schema_of(entry.path.partition("/")[0], manifest.class_space)
+        expected = schema_of(_table_of(entry), manifest.class_space)
+        for place in reversed(_list_absent(file.schema_arrow, expected)):
+            expected = expected.remove(place)
         for name in dictionaries:
             field = expected.field(name)
             words = field.with_type(pa.dictionary(pa.int32(), field.type))
@@ -359,6 +367,16 @@ def open_listed(
             message = f"{path}: other columns than the format has ({names or 'their order'})"
             raise DatasetError(message, code="columns", where=entry.path)
         yield file
+
+
+def _list_absent(found: pa.Schema, expected: pa.Schema) -> dict[int, pa.Field]:
+    """Return the fields that a file of an earlier version lacks, by their places: they are null."""
+    names = set(found.names)
+    return {n: one for n, one in enumerate(expected) if one.nullable and one.name not in names}
+
+
+def _table_of(entry: FileEntry) -> str:
+    return entry.path.partition("/")[0]
 
 
 def schema_of(table: str, class_space: ClassSpace) -> pa.Schema:

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from bsg_data.dataset.commit import name_by_content, revise
-from bsg_data.dataset.manifest import SPLIT_NAME, STAGED, Manifest, read_manifest
+from bsg_data.dataset.commit import name_by_content, update_manifest
+from bsg_data.dataset.dataset import NAMES, Dataset
+from bsg_data.dataset.manifest import STAGED, Manifest
 from bsg_data.dataset.schema import SPLITS
 from bsg_data.dataset.shards import read_table, write_parquet
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.recipes import SplitRecipe
-
-NAMES = ("train", "val", "test")
 
 
 def assign_splits(
@@ -67,7 +66,8 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
     """
     dataset = Path(dataset)
 
-    def write(manifest: Manifest) -> Manifest:
+    def write(data: Dataset) -> Manifest:
+        manifest = data.manifest
         if manifest.split is not None and not force:
             raise DatasetError(
                 f"{dataset}: is split already; --force makes a new split and removes the old one "
@@ -82,7 +82,7 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
         )
         return write_splits(dataset, manifest, recipe, assign_splits(own, recipe, sources=sources))
 
-    return revise(dataset, write)
+    return update_manifest(dataset, write)
 
 
 def write_splits(
@@ -103,35 +103,6 @@ def write_splits(
     )
     entry = name_by_content(dataset, f"splits/{recipe.method}", {"": staged})
     return manifest.without_split().with_table("splits", entry, split=recipe)
-
-
-def read_splits(
-    dataset: AnyPath, *, manifest: Manifest | None = None
-) -> dict[str, tuple[str, ...]]:
-    """Return split → scene ids, with train, val and test first.
-
-    Raises:
-        DatasetError: if the dataset has no split yet, or a split has an impossible name.
-    """
-    dataset = Path(dataset)
-    manifest = manifest or read_manifest(dataset)
-    if manifest.split is None:
-        message = f"{dataset}: is not split yet; run `bsg-data split {dataset}` first"
-        raise DatasetError(message, code="split-missing", where=dataset)
-    table = read_table(dataset, "splits", manifest=manifest).to_pydict()
-    splits: dict[str, list[str]] = {}
-    for scene, split in zip(table["scene_id"], table["split"], strict=True):
-        if not SPLIT_NAME.fullmatch(split):  # it becomes part of names of files
-            raise DatasetError(
-                f"{dataset}: {scene} is in split {split!r}; expected train, val, test or fold-N. "
-                "Split again with --force",
-                code="split-name",
-                where=manifest.files_of("splits")[0].path,
-            )
-        splits.setdefault(split, []).append(scene)
-    order = [name for name in NAMES if name in splits]
-    order += sorted(splits.keys() - {*NAMES}, key=lambda name: (len(name), name))  # fold-2, fold-10
-    return {name: tuple(splits[name]) for name in order}
 
 
 def _shuffle(ids: list[str], seed: int) -> list[str]:

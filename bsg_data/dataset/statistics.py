@@ -18,13 +18,11 @@ from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.shards import read_table, stream_table
 from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.files import PLAIN_TEXT, AnyPath, write_figure
-from bsg_data.results import refuse_file
 from bsg_data.scene.class_map import ClassMap, Role
 
 Row = dict[str, Any]
 _ROLES = list(get_args(Role))
-_MARK = "belief-scene-graphs: frequencies"  # in the figure: marks it as written by this program
-_HEAD = 4096  # bytes in which the mark is, in PNG and SVG
+_SHOWN = 20  # left-out names
 
 
 def _stream_objects(
@@ -86,16 +84,13 @@ def count_frequencies(dataset: AnyPath) -> list[Row]:
     return sorted(rows, key=lambda row: (-row["instances"], row["class"]))
 
 
-def measure_coverage(
-    dataset: AnyPath, class_map: ClassMap | None = None, *, most: int = 20
-) -> dict[str, Any]:
+def measure_coverage(dataset: AnyPath, class_map: ClassMap | None = None) -> dict[str, Any]:
     """Measure how much of a dataset a class map covers.
 
     Args:
         dataset: folder of the dataset.
         class_map: map to look up every object in; None: the maps that the dataset was built with,
             one for each source.
-        most: number of left-out names to list.
 
     Returns:
         - `objects`: number of all objects, the sum of the next five
@@ -116,7 +111,7 @@ def measure_coverage(
     number = {role.replace("-", "_"): roles[role] for role in _ROLES}
     order = ("classified", "structure", "nameless", "unmapped", "left_out")
     things = sum(number.values()) - number["structure"]
-    most_left_out = sorted((-times, name) for name, times in left_out.items() if times)[:most]
+    most_left_out = sorted((-times, name) for name, times in left_out.items() if times)[:_SHOWN]
     return {
         "objects": sum(number.values()),
         **{role: number[role] for role in order},
@@ -177,20 +172,6 @@ def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> list
     return sorted(rows, key=lambda row: (-row["buildings"], row["source"]))
 
 
-def refuse_figure(path: AnyPath) -> None:
-    """Refuse a path for a figure in a dataset, in sealed results, or of somebody else's file."""
-    path = Path(path)
-    if path.is_dir():
-        raise BSGError(f"{path}: is a folder; name a file in it, e.g. {path / 'classes.png'}")
-    refuse_file(path, force=True)
-    if path.exists():
-        with path.open("rb") as file:
-            if _MARK.encode() not in file.read(_HEAD):
-                raise BSGError(
-                    f"{path}: exists and is no figure of this program; name another file"
-                )
-
-
 def plot_frequencies(rows: Sequence[Mapping[str, Any]], path: AnyPath, *, title: str) -> None:
     """Plot the instances and the rooms of every class as bars, into an image file.
 
@@ -218,4 +199,4 @@ def plot_frequencies(rows: Sequence[Mapping[str, Any]], path: AnyPath, *, title:
             axes.tick_params(labelsize=8)
         left.invert_yaxis()
         figure.suptitle(title, fontsize=10)
-        write_figure(figure, path, dpi=150, metadata={"Creator": _MARK})
+        write_figure(figure, path, dpi=150)

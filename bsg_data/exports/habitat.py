@@ -4,7 +4,8 @@ habitat-sim reads these numbers in the axes of its world: metres, Y up, -Z to th
 in a region if it lies within the bounds, its y is between `floor_height` and `floor_height` +
 `extrusion_height`, and (x, z) is inside `poly_loop` (habitat-sim 0.3, SemanticScene.cpp). Datasets
 are Z up: their (x, y, z) becomes (x, z, -y). This holds for meshes with any up axis, if the stage
-has the right `up` and `front`; see `find_orientation`.
+has the right `up` and `front`; see `find_orientation`. `bsg_data.sources.layout_files` reads these
+files.
 """
 
 from __future__ import annotations
@@ -15,10 +16,9 @@ from bsg_data.exports.catalogue import EncodedScene, ExportRow
 from bsg_data.files import encode_json
 from bsg_data.geometry.placement import UPRIGHT
 from bsg_data.scene.scene_graph import Box, Point, Room, SceneGraph
+from bsg_data.sources.layout_files import CONFIG_SUFFIX, NO_LABEL
 
-SUFFIX = ".semantic_config.json"
 _POINT = re.compile(r"\[\n *([^\n]+),\n *([^\n]+),\n *([^\n{}\[\]]+)\n *\]")  # as JSON, over lines
-_NO_LABEL = "room"  # habitat-sim makes a category of every label
 
 
 def find_orientation(up_axis: str) -> tuple[Point, Point]:
@@ -42,7 +42,7 @@ def encode_regions(graph: SceneGraph) -> EncodedScene:
     if graph.up_axis is not None:
         up, front = (list(axis) for axis in find_orientation(graph.up_axis))
         note = f'stages whose mesh has {graph.up_axis} up need "up": {up}, "front": {front}'
-    return EncodedScene({f"{graph.scene_id}{SUFFIX}": data}, len(regions), note)
+    return EncodedScene({f"{graph.scene_id}{CONFIG_SUFFIX}": data}, len(regions), note)
 
 
 def _region(room: Room, box: Box) -> dict[str, object]:
@@ -51,7 +51,7 @@ def _region(room: Room, box: Box) -> dict[str, object]:
     corners = room.footprint or ((a, b), (c, b), (c, d), (a, d))
     return {
         "name": f"region_{room.region_id}",
-        "label": room.label or room.source_label or _NO_LABEL,
+        "label": room.label or room.source_label or NO_LABEL,
         "poly_loop": [_turn((x, y, floor)) for x, y in corners],
         "floor_height": float(floor),
         "extrusion_height": round(float(ceiling - floor), 6),

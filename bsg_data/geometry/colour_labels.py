@@ -21,14 +21,16 @@ _ROWS = 512  # of a texture at once: a texture of noise has as many runs as texe
 class ColourLabels:
     """The label of every colour, and how many texels had which."""
 
-    def __init__(self, colours: Sequence[str], snap: int | None) -> None:
+    def __init__(self, colours: Sequence[str | None], snap: int | None) -> None:
         if len(colours) > MAX_INSTANCES:
             raise MeshError(f"{len(colours):,} instances; at most {MAX_INSTANCES:,} are told apart")
-        codes = np.array([int(colour, 16) for colour in colours], dtype=np.int64)
+        known = {place: int(one, 16) for place, one in enumerate(colours, FIRST) if one is not None}
+        self._known = np.array(list(known), dtype=np.uint16)  # labels of instances with a colour
+        codes = np.array(list(known.values()), dtype=np.int64)
         self._rgb = np.stack([codes >> 16, codes >> 8 & 255, codes & 255], axis=1)
         self._labels = np.zeros(2**24, dtype=np.uint16)
         self._labels[0] = BLACK
-        self._labels[_codes(self._rgb)] = np.arange(FIRST, FIRST + len(colours))
+        self._labels[_codes(self._rgb)] = self._known
         self._unlisted = np.zeros(2**24, dtype=bool)
         self._snap = snap
         self.texels: Ints = np.zeros(FIRST + len(colours), dtype=np.int64)  # of each label
@@ -95,8 +97,9 @@ class ColourLabels:
         rgb = np.stack([codes & 255, codes >> 8 & 255, codes >> 16], axis=1)
         _, nearest = cKDTree(self._rgb).query(rgb, p=np.inf, distance_upper_bound=self._snap + 0.5)
         exact = self._labels[codes]
-        near = nearest < len(self._rgb)
-        labels = np.where(near, nearest + FIRST, exact).astype(np.uint16)
+        near = nearest < len(self._known)
+        named = np.append(self._known, UNLISTED)[nearest]  # a texel near to none gets the last
+        labels = np.where(near, named, exact).astype(np.uint16)
         self._unlisted[codes[labels == UNLISTED]] = True
         self.snapped += int(counts[near & (exact < FIRST)].sum())
         self._count(labels, counts)

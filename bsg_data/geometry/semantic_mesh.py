@@ -54,12 +54,12 @@ class MeshSurvey:
 
 
 def survey_mesh(
-    path: Path, colours: Sequence[str], *, snap_colours: int | None = None
+    path: Path, colours: Sequence[str | None], *, snap_colours: int | None = None
 ) -> MeshSurvey:
     """Measure the instances of a mesh: a GLB, and the colours RRGGBB of its instances `[I]`.
 
-    With `snap_colours`, a texel of a JPEG texture counts as the nearest instance's if no channel
-    differs by more (0..255).
+    An instance without a colour, None, gets no surface. With `snap_colours`, a texel of a JPEG
+    texture counts as the nearest instance's if no channel differs by more (0..255).
 
     Raises:
         MeshError: if the file cannot be read, is JPEG unasked, or is another scene's.

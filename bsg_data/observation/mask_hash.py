@@ -89,7 +89,7 @@ def _pack(table: pa.Table, data: Dataset) -> tuple[npt.NDArray[np.bytes_], npt.N
     columns: list[tuple[str, str, tuple[int, ...], npt.NDArray[Any]]] = [
         ("draw", "<i4", (), table["draw"].to_numpy()),
         ("node", "<i4", (), view.nodes),
-        ("hidden_share", "<f4", (), view.told),
+        ("hidden_share", "<f4", (), view.shares_float32),
         ("visited", "u1", (), view.visited),
         ("withheld", "u1", wide, view.withheld),
         ("input", "<i4", wide, list_column(table, "input")),

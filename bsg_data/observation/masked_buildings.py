@@ -120,7 +120,7 @@ def sample_masked(
     masked = _Masked(data, scenes, buildings, recipes, streams, views)
     return MaskedBuildings(
         masked.observe(cells - hidden, hidden, vocabulary),
-        masked.tell(cells),
+        masked.list_targets(cells),
         np.full(len(scenes), draw, dtype=np.int64),
         np.concatenate([view.nodes for view in views]),
     )
@@ -180,7 +180,7 @@ def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> 
     masked = _Masked(data, scenes, buildings, recipes, streams, views)
     return MaskedBuildings(
         masked.observe(inputs, targets - inputs, vocabulary),
-        masked.tell(targets),
+        masked.list_targets(targets),
         draws,
         stored.nodes,
     )
@@ -208,33 +208,35 @@ class _Masked:
         """Row of each building's first node, and K."""
         return np.cumsum([0, *(len(view.nodes) for view in self.views)])
 
-    def tell(self, cells: Counts) -> Counts:
+    def list_targets(self, cells: Counts) -> Counts:
         """Return the true histograms of cells `[K, C]`, unknown where there is no word for them."""
         nameable = np.array([one.nameable for one in self.buildings])
-        told = stack_histograms(cells, self.starts[:-1])
+        targets = stack_histograms(cells, self.starts[:-1])
         if not nameable.all():
-            told[~nameable.repeat(np.diff(self.starts), axis=0)] = MaskedBuildings.UNKNOWN
-        return told
+            targets[~nameable.repeat(np.diff(self.starts), axis=0)] = MaskedBuildings.UNKNOWN
+        return targets
 
     def observe(self, seen: Counts, hidden: Counts, vocabulary: tuple[str, ...]) -> Observation:
         """Return what is seen of the buildings, of whose cells are seen and hidden `[K, C]`."""
         starts = self.starts
-        others = self._see_others(seen + hidden, hidden, vocabulary)
+        unclassified = self._see_unclassified(seen + hidden, hidden, vocabulary)
         connections, surroundings = zip(*map(_cut, self.buildings, self.views), strict=True)
         return Observation(
             scene_ids=tuple(self.scenes),
             starts=starts,
             inputs=stack_histograms(seen, starts[:-1]),
-            hidden_share=np.concatenate([view.told for view in self.views]),
+            hidden_share=np.concatenate([view.shares_float32 for view in self.views]),
             visited=np.concatenate([view.visited for view in self.views]),
             withheld=np.concatenate([view.withheld for view in self.views]),
             vocabulary=vocabulary,
-            others=stack_histograms(others, starts[:-1]),
+            others=stack_histograms(unclassified, starts[:-1]),
             connections=stack_connections(connections, starts[:-1].tolist()),
             surroundings=stack_surroundings(surroundings),
         )
 
-    def _see_others(self, there: Counts, hidden: Counts, vocabulary: tuple[str, ...]) -> Counts:
+    def _see_unclassified(
+        self, there: Counts, hidden: Counts, vocabulary: tuple[str, ...]
+    ) -> Counts:
         """Return the objects outside the classes that are seen, `[K, V]` cells.
 
         All such objects are masked before the vocabulary selects some, so it changes no mask.
@@ -261,6 +263,7 @@ def _cut(building: Building, view: View) -> tuple[Connections, Surroundings]:
     return building.connections.among(view.nodes), taken
 
 
-def place_others(others: OtherObjects, vocabulary: tuple[str, ...]) -> Counts:
+def place_others(unclassified: OtherObjects, vocabulary: tuple[str, ...]) -> Counts:
     """Return the objects outside the classes in the columns of a vocabulary, `[N, V]` cells."""
-    return others.place(_place_columns(others.names, vocabulary), len(vocabulary))
+    columns = _place_columns(unclassified.names, vocabulary)
+    return unclassified.place(columns, len(vocabulary))

@@ -249,8 +249,8 @@ class _Tour(Mask):
         entered = int(rng.integers(found + 1))
         if not entered and found:
             nobody = np.zeros(found, dtype=bool)
-            told = View.of_rooms(np.ones(found), classes=shape[1], entered=nobody)
-            return replace(told, nodes=nodes)
+            heard_of = View.of_rooms(np.ones(found), classes=shape[1], entered=nobody)
+            return replace(heard_of, nodes=nodes)
         outside = found - entered
         hidden = (outside + entered * fraction) / max(found, 1)
         closed = outside / (hidden * found) if hidden else 0.0
@@ -323,7 +323,8 @@ class Layout:
     Attributes:
         shape: (N, C), nodes and classes.
         connections: between rooms, as far as they are known.
-        nameable: `[C]` classes that the building's source can name; None: all.
+        nameable: `[C]` classes that the building's source can name; None: all. The others are
+            withheld at all nodes, as from a detector that does not know them.
     """
 
     shape: tuple[int, int]
@@ -338,14 +339,12 @@ def sample_view(
     scene_id: str,
     draw: int,
     connections: Connections | None = None,
-    nameable: Bools | None = None,
 ) -> View:
     """Sample how much a robot has seen of a building of `shape` (N, C), and what is withheld.
 
-    Without connections, none between rooms is known. Classes that are not `nameable` `[C]` are
-    withheld at all nodes, as from a detector that does not know them; None: all are.
+    Without connections, none between rooms is known.
     """
-    layout = Layout(shape, NO_CONNECTIONS if connections is None else connections, nameable)
+    layout = Layout(shape, NO_CONNECTIONS if connections is None else connections)
     (view,) = sample_views([layout], [recipe], MaskStreams([recipe], [scene_id], [draw]))
     return view
 
@@ -453,7 +452,7 @@ def _glimpse(
 ) -> tuple[Ints, Floats]:
     """Sample which rooms are glimpsed and what they hide; they show `limit` in all at most."""
     chosen = rng.permutation(near)[rng.random(len(near)) < plan.glimpsed]
-    hide = _as_told(rng.uniform(*plan.glimpsed_share, size=len(chosen)))
+    hide = _to_float32(rng.uniform(*plan.glimpsed_share, size=len(chosen)))
     within = np.cumsum(1 - hide) <= limit
     return chosen[within], hide[within]
 
@@ -463,9 +462,9 @@ def _spread_shares(mean: float, number: int, plan: Exploration, rng: np.random.G
     width = plan.spread * max(min(mean, 1 - mean), 0.0)
     if not width:
         return np.full(number, min(mean, 1.0))
-    return _as_told(rng.uniform(mean - width, mean + width, size=number))
+    return _to_float32(rng.uniform(mean - width, mean + width, size=number))
 
 
-def _as_told(shares: Floats) -> Floats:
-    """Return shares in the precision that they are told in: none that is less is told as 1."""
+def _to_float32(shares: Floats) -> Floats:
+    """Return shares in the precision of `View.shares_float32`: there, none below 1 becomes 1."""
     return shares.astype(np.float32).astype(np.float64)

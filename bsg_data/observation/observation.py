@@ -69,7 +69,7 @@ class Observation:
             scene_ids=(scene_id,),
             starts=np.array([0, len(cells)]),
             inputs=to_histograms(cells),
-            hidden_share=view.told,
+            hidden_share=view.shares_float32,
             visited=view.visited,
             withheld=view.withheld,
             vocabulary=vocabulary,

@@ -13,20 +13,19 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from bsg_data.arrays import Bools, Counts
-from bsg_data.dataset.commit import name_by_content, revise
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import stack_histograms, to_histograms
-from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest, hash_manifest
+from bsg_data.dataset.commit import name_by_content, update_manifest
+from bsg_data.dataset.dataset import Dataset, read_splits
+from bsg_data.dataset.histograms import stack_histograms
+from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.dataset.shards import open_listed, write_parquet
-from bsg_data.dataset.splits import read_splits
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import MASKS, Layout, sample_views
-from bsg_data.observation.view import View, hide_cells, show_often
-from bsg_data.recipes import PairsRecipe
+from bsg_data.observation.view import View, hide_cells
+from bsg_data.recipes import MaskRecipe, PairsRecipe
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 
 SCENES_PER_FILE = 64
@@ -52,23 +51,24 @@ def sample_pairs(
 
     Both are histograms `[K, C]` of the nodes that the views have, those of one after another.
     `cells` `[N, C]` are its classified objects, row 0 the null region; `draws` the numbers of the
-    D draws, by default all of the recipe; `nameable` `[C]` as for `sample_view`.
+    D draws, by default all of the recipe; `nameable` `[C]` as for `Layout`.
     """
-    numbers = range(recipe.draws) if draws is None else draws
-    mask, recipes = recipe.mask, [recipe.mask] * len(numbers)
-    streams = MaskStreams(recipes, [scene_id] * len(numbers), numbers)
-    layout = Layout(cells.shape, connections, nameable)
-    if not (MASKS[mask.strategy].varies or mask.withhold or mask.detector):
-        (view,) = sample_views([layout], [mask], MaskStreams([mask], [scene_id], [0]))
-        left, every = show_often(cells, view, streams), to_histograms(cells)
-        left[:, 0] = left.sum(axis=1)
-        shape = -1, cells.shape[1]
-        return (view,) * len(numbers), left.reshape(shape), np.tile(every, (len(numbers), 1))
-    views = sample_views([layout] * len(numbers), recipes, streams)
-    starts = np.cumsum([0, *(len(view.nodes) for view in views[:-1])])
-    targets = np.concatenate([view.cut(cells) for view in views])
-    inputs = targets - hide_cells(targets, views, streams)
-    return tuple(views), stack_histograms(inputs, starts), stack_histograms(targets, starts)
+    mask, numbers = recipe.mask, range(recipe.draws) if draws is None else draws
+    differ = MASKS[mask.strategy].varies or mask.withhold or mask.detector
+    looks = numbers if differ else numbers[:1]
+    many, again = len(looks), len(numbers) // len(looks)
+    layouts = [Layout(cells.shape, connections, nameable)] * many
+    views = sample_views(layouts, [mask] * many, _streams_of(mask, scene_id, looks))
+    there = np.concatenate([view.cut(cells) for view in views])
+    hidden = hide_cells(there, views, _streams_of(mask, scene_id, numbers))
+    starts = np.cumsum([0, *(len(view.nodes) for view in views * again)])[:-1]
+    targets = np.tile(stack_histograms(there, starts[:many]), (again, 1))
+    hidden = stack_histograms(hidden, starts)
+    return tuple(views * again), np.subtract(targets, hidden, out=hidden), targets
+
+
+def _streams_of(mask: MaskRecipe, scene_id: str, draws: range) -> MaskStreams:
+    return MaskStreams([mask] * len(draws), [scene_id] * len(draws), draws)
 
 
 def write_pairs(
@@ -97,7 +97,8 @@ def write_pairs(
     """
     dataset = Path(dataset)
 
-    def write(manifest: Manifest) -> Manifest:
+    def write(data: Dataset) -> Manifest:
+        manifest = data.manifest
         if manifest.pairs is not None and not force:
             message = f"{dataset}: has pairs already; --force replaces them"
             raise DatasetError(message, code="pairs-exist", where=dataset)
@@ -111,9 +112,8 @@ def write_pairs(
             ),
             key=lambda file: file[1][0],
         )
-        # A worker may run in another folder.
-        place, sha256 = dataset.absolute(), hash_manifest(dataset)
-        tasks = [(place, sha256, name, scenes, recipe) for name, scenes in plan]
+        place = dataset.absolute()  # a worker may run in another folder
+        tasks = [(place, data.sha256, name, scenes, recipe) for name, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
         for scene in chain.from_iterable(scenes for _, scenes in written):
             if left_out is not None:
@@ -124,7 +124,7 @@ def write_pairs(
         )
         return manifest.with_table("pairs", files, pairs=recipe)
 
-    return revise(dataset, write)
+    return update_manifest(dataset, write)
 
 
 def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:
@@ -239,7 +239,7 @@ def _scene_batches(
             pa.array(np.repeat(np.array(draws, dtype=np.int32), sizes)),
             pa.array(np.concatenate([view.nodes for view in views]).astype(np.int32)),
             pa.array(np.concatenate([view.visited for view in views])),
-            pa.array(np.concatenate([view.told for view in views])),
+            pa.array(np.concatenate([view.shares_float32 for view in views])),
             _lists(np.concatenate([view.withheld for view in views]), schema.field("withheld")),
             _lists(inputs.astype(np.uint16), schema.field("input")),
             _lists(targets.astype(np.uint16), schema.field("target")),

@@ -206,6 +206,7 @@ _ID_KEYS = {"rooms": ("id",), "objects": ("id", "room"), "looks": ("room",)}
 _SIMPLEST = TypeAdapter(
     Annotated[dict[Id, Annotated[tuple[Text, ...], FailFast()]], Field(max_length=MAX_ROBOT_ROOMS)]
 )
+_LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
 _KEYS = {
     "": tuple(_Graph.model_fields),
     "rooms": ROOM_WORDS,
@@ -272,9 +273,15 @@ def _find_partial(said: Any, path: Path) -> Any:
     # Beside its rooms, the simplest map may state these; a list is a room of this name.
     facts = {k: v for k, v in said.items() if k in _FACTS_OF_MAPS and not isinstance(v, list)}
     things = {key: value for key, value in said.items() if key not in facts}
-    if not things.keys() & set(_KEYS[""]):
+    is_spelt = all(map(_lists_words, things.values())) and not things.keys() <= _LISTS
+    if is_spelt or not things.keys() & set(_KEYS[""]):
         return _spell_out(_SIMPLEST.validate_python(things), path) | facts
     return said
+
+
+def _lists_words(said: Any) -> bool:
+    """Say whether a value is a list as of the things in a room, of any name: `source`, `rooms`."""
+    return isinstance(said, list) and all(isinstance(one, str) for one in said)
 
 
 def _spell_out(things: Mapping[str, Sequence[str]], path: Path) -> dict[str, Any]:

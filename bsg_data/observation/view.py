@@ -1,8 +1,8 @@
 """A view: how much a robot has seen of each node of a building; and what is hidden under it.
 
-A view says nothing of the objects. Under it are hidden the objects of the classes, the others, and
-parts of things. Objects without a class are hidden separately, so they do not change the mask of
-the classified objects.
+A view says nothing of the objects. Under it are hidden the classified objects, the unclassified
+ones, and parts of things. Unclassified objects are hidden separately, so they do not change the
+mask of the classified ones.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -131,12 +131,12 @@ class View:
         return (
             np.array_equal(self.nodes, other.nodes)
             and np.array_equal(self.visited, other.visited)
-            and np.array_equal(self.told, other.told)
+            and np.array_equal(self.shares_float32, other.shares_float32)
             and np.array_equal(self.withheld, other.withheld)
         )
 
     @property
-    def told(self) -> npt.NDArray[np.float32]:
+    def shares_float32(self) -> npt.NDArray[np.float32]:
         """The hidden shares `[N]` in single precision, as models read and pairs store them."""
         return self.hidden_share.astype(np.float32)
 
@@ -146,9 +146,9 @@ def _share_of_building(share: Floats) -> float:
     rooms = share[1:]
     if not len(rooms):
         return float(share[0])
-    if rooms.min() == rooms.max():
+    if len(set(rooms.tolist())) == 1:
         return float(rooms[0])  # exact; a mean of floats would not be
-    return float(rooms.mean())
+    return float(rooms.sum() / len(rooms))
 
 
 def sample_hidden(
@@ -159,30 +159,23 @@ def sample_hidden(
 
 
 def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Counts:
-    """Sample how many objects of every cell are hidden, `[K, C]`, never above `cells`.
+    """Sample how many objects of every cell are hidden, `[D · K, C]`, never above `cells`.
 
     `cells` `[K, C]` has the classified objects of the nodes of M views, one building after another,
-    row 0 of each the null region.
+    row 0 of each the null region. The D · M streams are those of D draws, one draw after another.
     """
-    withheld = np.concatenate([view.withheld for view in views])
+    draws, width = len(streams) // len(views), cells.shape[1]
     share = np.concatenate([view.hidden_share for view in views])
-    places, width = np.flatnonzero(cells), cells.shape[1]
+    places, flat = np.flatnonzero(cells), cells.reshape(-1)
     ends = places.searchsorted(np.cumsum([0, *(len(view.nodes) * width for view in views)]))
-    counts, share = cells.reshape(-1)[places], share[places // width]
-    drawn = _hide(counts, share, ends, views, streams.of("classified"))
-    hidden = np.zeros_like(cells)
-    hidden.reshape(-1)[places] = drawn
-    return np.where(withheld, cells, hidden) if withheld.any() else hidden
-
-
-def show_often(cells: Counts, view: View, streams: MaskStreams) -> Counts:
-    """Sample what is left of cells `[N, C]` in draws of one view, `[D, N, C]`; see `hide_cells`."""
-    places, left = np.flatnonzero(cells), np.tile(cells.reshape(-1), (len(streams), 1))
-    counts, share = cells.reshape(-1)[places], view.hidden_share[places // cells.shape[1]]
-    draw = _way_to_hide(counts, share, exact=view.exact)
-    left[:, places] = counts - np.array([draw(rng) for rng in streams.of("classified")])
-    left = left.reshape(-1, *cells.shape)
-    return np.where(view.withheld, 0, left) if view.withheld.any() else left
+    hidden = np.zeros((draws, flat.size), dtype=cells.dtype)
+    hidden[:, places] = _hide(
+        flat[places], share[places // width], ends, views, streams.of("classified")
+    )
+    withheld = np.concatenate([view.withheld for view in views]).reshape(-1)
+    if withheld.any():
+        hidden = np.where(withheld, flat, hidden)
+    return hidden.reshape(-1, width)
 
 
 def _hide(
@@ -192,17 +185,17 @@ def _hide(
     views: Sequence[View],
     generators: Iterable[np.random.Generator],
 ) -> Counts:
-    """Sample how many of some objects `[P]` are hidden, by the shares `[P]` of their nodes.
+    """Sample how many of some objects `[P]` are hidden in D draws, `[D, P]`.
 
-    Each view and generator is of the objects between two `ends` `[M + 1]`.
+    `share` `[P]` is that of their nodes. Each view is of the objects between two `ends` `[M + 1]`;
+    the generators are those of all views for one draw after another.
     """
-    hidden = np.zeros_like(counts)
-    for view, rng, first, last in zip(
-        views, generators, ends[:-1].tolist(), ends[1:].tolist(), strict=True
-    ):
-        draw = _way_to_hide(counts[first:last], share[first:last], exact=view.exact)
-        hidden[first:last] = draw(rng)
-    return hidden
+    ways = [
+        _way_to_hide(counts[first:last], share[first:last], exact=view.exact)
+        for view, (first, last) in zip(views, pairwise(ends.tolist()), strict=True)
+    ]
+    drawn = [way(rng) for way, rng in zip(cycle(ways), generators, strict=False)]
+    return np.concatenate(drawn).reshape(len(drawn) // len(ways), -1)
 
 
 def _way_to_hide(
@@ -214,19 +207,18 @@ def _way_to_hide(
     """
     if not exact:
         return lambda rng: rng.binomial(counts, share)
-    certain, lots = np.where(share == 1, counts, 0), list[tuple[Ints, Counts, int]]()
+    lots = list[tuple[Ints, Counts, int]]()
     for one in sorted(set(share.tolist()) - {0.0, 1.0}):
         some = np.flatnonzero((share == one) & (counts > 0))
         # Exact in decimals: 0.29 of 100 is 29, not 28.
         if number := math.floor(Decimal(repr(one)) * int(counts[some].sum())):
             lots.append((some, counts[some], number))
-
     if len(lots) == 1 and len(lots[0][0]) == len(counts):
         _, _, number = lots[0]
         return lambda rng: rng.multivariate_hypergeometric(counts, number)
 
     def draw(rng: np.random.Generator) -> Counts:
-        hidden = certain.copy()
+        hidden = np.where(share == 1, counts, 0)
         for some, colours, number in lots:
             hidden[some] = rng.multivariate_hypergeometric(colours, number)
         return hidden
@@ -239,9 +231,9 @@ def sample_unknown(
     recipe: MaskRecipe,
     *,
     classes: int,
-    others: OtherObjects | None = None,
+    unclassified: OtherObjects | None = None,
 ) -> tuple[Bools, Ints]:
-    """Sample which classes `[C]` the robot's detector does not know, and which kinds of others.
+    """Sample which classes `[C]` the robot's detector does not know, and which other kinds.
 
     The generator is that of the stream `detector`; with it the classes are the same at every call.
     """
@@ -250,13 +242,13 @@ def sample_unknown(
         return np.zeros(classes, dtype=bool), kinds
     known = rng.random()
     unknown = rng.random(classes) > known
-    if others is not None:
-        kinds = np.unique(others.kinds)
+    if unclassified is not None:
+        kinds = np.unique(unclassified.kinds)
     return unknown, kinds[rng.random(len(kinds)) > known]
 
 
 def see_others(
-    others: Sequence[OtherObjects],
+    unclassified: Sequence[OtherObjects],
     views: Sequence[View],
     recipes: Sequence[MaskRecipe],
     streams: MaskStreams,
@@ -271,10 +263,10 @@ def see_others(
     thing of its class in its room. Where the room has none, and in the null region, which is no
     room, it falls under the ordinary rule. What the robot's detector does not know is not seen.
 
-    `others` are the objects outside the classes of the buildings, `there` `[K, C]` the classified
-    ones of the robots' graphs, and `hidden` those of them that are hidden.
+    `unclassified` are the objects outside the classes of the buildings, `there` `[K, C]` the
+    classified ones of the robots' graphs, and `hidden` those of them that are hidden.
     """
-    found = [one.cut(view.nodes) for one, view in zip(others, views, strict=True)]
+    found = [one.cut(view.nodes) for one, view in zip(unclassified, views, strict=True)]
     counts = np.concatenate([one.counts for one in found])
     share = [view.hidden_share[one.rows] for view, one in zip(views, found, strict=True)]
     ends = np.cumsum([0, *(len(one.counts) for one in found)])
@@ -282,7 +274,7 @@ def see_others(
     if any(recipe.parts for recipe in recipes):
         rate = _find_rates(found, views, recipes, there=there, hidden=hidden, classes=classes)
     alone = np.where(np.isnan(rate), counts, 0)
-    gone = _hide(alone, np.concatenate(share), ends, views, streams.of("unclassified"))
+    (gone,) = _hide(alone, np.concatenate(share), ends, views, streams.of("unclassified"))
     blocks = list(pairwise(ends.tolist()))
     if not np.isnan(rate).all():
         for rng, (first, last) in zip(streams.of("parts"), blocks, strict=True):
@@ -292,9 +284,9 @@ def see_others(
     if any(recipe.detector for recipe in recipes):
         generators = streams.of("detector")
         for rng, recipe, whole, one, left in zip(
-            generators, recipes, others, found, seen, strict=True
+            generators, recipes, unclassified, found, seen, strict=True
         ):
-            _, unknown = sample_unknown(rng, recipe, classes=len(classes), others=whole)
+            _, unknown = sample_unknown(rng, recipe, classes=len(classes), unclassified=whole)
             if len(unknown):
                 left[np.isin(one.kinds, unknown)] = 0
     return [

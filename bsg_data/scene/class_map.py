@@ -14,7 +14,6 @@ from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -188,7 +187,7 @@ def is_nameless(name: str) -> bool:
 @cache
 def published_maps() -> Mapping[str, PublishedMap]:
     """Return the published maps by their names, in the order of `mappings/class_maps.csv`."""
-    data = files("bsg_mappings").joinpath("class_maps.csv").read_bytes()
+    data = read_published("class_maps.csv")
     rows = read_rows("class_maps.csv", data, ("class_map", "class_space", "source", "rules"))
     return {row[0]: PublishedMap(row[0], row[1], row[2], row[3] == "yes") for _, row in rows}
 

@@ -232,6 +232,16 @@ def is_name(text: str) -> bool:
     )
 
 
+def is_understood(source: str, source_label: str) -> bool:
+    """Say whether we know what a source calls a room, or it has no words to be understood.
+
+    >>> [is_understood("table", name) for name in ("Wohnzimmer", "kitchen 2", "other", "R7")]
+    [False, True, True, True]
+    """
+    known = read_room(source_label, source=source)
+    return known.word is not None or not is_name(source_label)
+
+
 def normalise_room(name: str) -> str:
     """Return a room's name in lower case, with spaces for `_` and `-`, without its number.
 

@@ -23,31 +23,11 @@ Point = tuple[float, float, float]
 # the data.
 ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")
 _SCENE_ID = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]{0,199}")
-# Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
-# 240101-office is a name.
-_NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
 
 
 def is_scene_id(name: object) -> bool:
     """Say whether a value can be a scene id: a file name without path or leading dot."""
     return isinstance(name, str) and _SCENE_ID.fullmatch(name) is not None
-
-
-def split_scene_id(scene_id: str) -> tuple[int | None, str]:
-    """Split a scene id into its number, None without one, and the building's own hash.
-
-    >>> split_scene_id("00006-HkseAnWCgqk"), split_scene_id("HkseAnWCgqk")
-    ((6, 'HkseAnWCgqk'), (None, 'HkseAnWCgqk'))
-    >>> split_scene_id("240101-office")
-    (None, '240101-office')
-    """
-    match = _NUMBERED.fullmatch(scene_id)
-    return (int(match[1]), match[2]) if match else (None, scene_id)
-
-
-def building_hash(scene_id: str) -> str:
-    """Return the building's own hash: the scene id without its number."""
-    return split_scene_id(scene_id)[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +128,12 @@ class SceneGraph:
     up_axis: str | None = None  # that points up in the mesh, `y` or `-z`; None without a mesh
     class_map: str = field(kw_only=True)  # the version of the class map of its names
     building_kind: str | None = None  # by the source, e.g. `home` or `office`; None if unknown
+    building: str | None = None  # key of the building by the source; None: the scene id
+
+    @property
+    def key(self) -> str:
+        """The key of the building: two scenes of one key are the same building."""
+        return self.building or self.scene_id
 
     @property
     def has_geometry(self) -> bool:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import (
     AnnotationError,
     BSGError,
@@ -17,10 +19,10 @@ from bsg_data.errors import (
     SourceError,
     find_io_error,
 )
-from bsg_data.inputs.bounded_file import PACKED, TooLargeError, hash_file, read_bytes
+from bsg_data.inputs.bounded_file import PACKED, hash_file, read_bytes
 from bsg_data.inputs.bounds import Bound
 from bsg_data.recipes import name_fault
-from bsg_data.sources.source import FoundScenes, SceneRef, SkippedScene
+from bsg_data.sources.source import FoundScenes, SceneRef
 
 _SHOWN = 120  # characters of a faulty line
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
@@ -29,9 +31,7 @@ Content = TypeVar("Content")
 Model = TypeVar("Model", bound=BaseModel)
 
 
-def find_files(
-    path: Path, suffix: str, *, bound: Bound, expected: str, is_path: bool = False
-) -> FoundScenes:
+def find_files(path: Path, suffix: str, *, expected: str, is_path: bool = False) -> FoundScenes:
     """Find scenes of one file each, packed or not: a file, or all such files below a folder.
 
     A scene has the name of its file, after the folders above it, joined by `-`, if `is_path`.
@@ -43,8 +43,9 @@ def find_files(
         place = file.relative_to(root)
         name = file.name.removesuffix(PACKED).removesuffix(suffix) or file.name
         scene_id = "-".join((*place.parts[:-1], name)) if is_path else name
-        refs.append(SceneRef(scene_id, place.as_posix(), fingerprint(file, bound)))
-    return replace(keep_one_copy(refs), unreadable=unreadable)
+        refs.append(SceneRef(scene_id, place.as_posix(), fingerprint(file)))
+    found = keep_one_copy(refs, digest=lambda ref: hash_file(root / ref.location))
+    return replace(found, unreadable=unreadable)
 
 
 def list_files(
@@ -126,36 +127,46 @@ def require_lasting(error: BSGError | OSError, path: object) -> None:
         ) from error
 
 
-def keep_one_copy(refs: Iterable[SceneRef]) -> FoundScenes:
-    """Keep one copy of every building: numbered first, newest version, then split, then path."""
+def keep_one_copy(
+    refs: Iterable[SceneRef], *, digest: Callable[[SceneRef], str] = attrgetter("fingerprint")
+) -> FoundScenes:
+    """Keep one scene of every building: numbered first, newest version, then split, then path.
+
+    Scenes with the same digest are duplicates; other scenes of the same building are conflicts.
+    """
     kept: dict[str, SceneRef] = {}
-    duplicates = []
+    duplicates: list[SkippedScene] = []
+    conflicts: list[SkippedScene] = []
     for ref in sorted(refs, key=_preference):
-        first = kept.setdefault(ref.building, ref)
+        first = kept.setdefault(ref.key, ref)
         if first is not ref:
-            same = "the same" if first.fingerprint == ref.fingerprint else "OTHER"
-            reason = f"building found before at {first.location} with {same} annotation"
-            duplicates.append(SkippedScene(ref.scene_id, ref.location, reason))
+            is_same = digest(first) == digest(ref)
+            said = "the same annotation" if is_same else "another annotation of the same building"
+            skip = SkippedScene(ref.scene_id, ref.location, f"{first.location} has {said}")
+            (duplicates if is_same else conflicts).append(skip)
     scenes = sorted(kept.values(), key=lambda ref: ref.scene_id)
-    return FoundScenes(tuple(scenes), tuple(sorted(duplicates, key=lambda skip: skip.location)))
+    return FoundScenes(
+        tuple(scenes),
+        duplicates=tuple(sorted(duplicates, key=lambda skip: skip.location)),
+        conflicts=tuple(sorted(conflicts, key=lambda skip: skip.location)),
+    )
 
 
 def _preference(ref: SceneRef) -> tuple[bool, tuple[int, ...], int, str]:
     rank = SPLITS.index(ref.source_split) if ref.source_split in SPLITS else len(SPLITS)
     version = (ref.source_version or "v0.0").removeprefix("v").split(".")
     newest = tuple(-int(number) for number in version)
-    return (ref.scene_id == ref.building, newest, rank, ref.location)
+    return (ref.scene_id == ref.key, newest, rank, ref.location)
 
 
-def fingerprint(path: Path, bound: Bound) -> str:
-    """Hash a file; a forbidden or far too large file is reported later, when it is read."""
+def fingerprint(path: Path) -> str:
+    """Return the state of a file; one that cannot be read is reported when it is."""
     try:
-        return hash_file(path, bound)
-    except TooLargeError:
-        return "too large"
+        stat = path.stat()
     except OSError as error:
         require_lasting(error, path)
-        return f"unreadable: {error.strerror}"
+        return "unreadable"
+    return f"{stat.st_size} bytes, changed at {stat.st_mtime_ns}"
 
 
 def state_of(path: Path) -> tuple[int, int]:
@@ -171,7 +182,7 @@ def state_of(path: Path) -> tuple[int, int]:
 
 def read_listed(path: Path, bound: Bound, *, expected: str) -> bytes:
     """Read a file that has the fingerprint of when it was listed; unpacked."""
-    require_fingerprint(path, fingerprint(path, bound), expected)
+    require_fingerprint(path, fingerprint(path), expected)
     return read_bytes(path, bound)
 
 
@@ -191,7 +202,7 @@ def fetch_listed(
 def require_fingerprint(path: Path | str, found: str, expected: str) -> None:
     """Refuse a file that changed after it was listed."""
     if found != expected:
-        raise _changed(path, f" ({found})" if found.startswith("unreadable") else "")
+        raise _changed(path, "")
 
 
 def _changed(where: Path | str, why: str) -> SourceChangedError:

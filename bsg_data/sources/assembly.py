@@ -62,6 +62,7 @@ def assemble(
         ),
         class_map=class_map.version,
         building_kind=building_kind,
+        building=ref.building,
     )
     return connect(graph, [(room_of[a], room_of[b]) for a, b in doors], method=method)
 

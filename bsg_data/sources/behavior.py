@@ -21,6 +21,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from bsg_data.dataset.manifest import SkippedScene
+from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import BEHAVIOR
 from bsg_data.inputs.documents import read_json
@@ -28,14 +30,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Room, SceneObject, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import (
-    FoundScenes,
-    Reading,
-    SceneRef,
-    SkippedScene,
-    SourceRow,
-    Terms,
-)
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _FILE = "combined_room_object_list.json"
 _MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all

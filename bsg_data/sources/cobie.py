@@ -1,7 +1,8 @@
 """COBie: the spreadsheet of spaces and equipment that the owner of a building gets at handover.
 
 The sheets are tables of text that refer to one another by names: a `Component` has a `TypeName` and
-a `Space`, a `Space` a `FloorName`. An empty cell and `n/a` say nothing. COBie is defined in the
+a `Space`, a `Space` a `FloorName`. An empty cell says nothing, and neither do `n/a`, `Not Found`
+and the other words that programs and people put where they have none. COBie is defined in the
 National BIM Standard – United States, version 3, chapter 4.2.
 """
 
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import COBIE, MAX_CELL, MAX_CELLS, MAX_SHEET_COLUMNS, MAX_SHEET_ROWS
 from bsg_data.scene.class_map import UNKNOWN, ClassMap
@@ -27,12 +29,23 @@ from bsg_data.scene.scene_graph import Room, SceneObject
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _Row = Mapping[str, str]  # column, in small letters → text; without columns that say nothing
 _Sheets = Mapping[str, list[_Row]]
 _SHEETS = ("facility", "floor", "space", "type", "component")
-_SILENT = frozenset({"", "n/a", "na", "#n/a"})
+# Words, without what is between them, that say nothing: `n/a`, `N.A.`, `Not Found`, `--`.
+_SILENT = frozenset(
+    {
+        *("", "na", "nan", "nil", "none", "null", "tba", "tbc", "tbd"),
+        *("notapplicable", "notavailable", "notfound", "notdefined", "notspecified"),
+        *("notassigned", "notknown", "notset", "tobedefined", "tobedetermined", "tobeconfirmed"),
+        *("unknown", "undefined", "unspecified", "unassigned", "unclassified", "unset"),
+    }
+)
+_LONGEST_SILENT = 40  # characters, with what is between the words
+_WORD = re.compile(r"[^\W_]+")
+_FORMULA = re.compile(r"#[A-Z0/]+[!?]")  # the error of a formula: `#REF!`, `#NAME?`
 _CODE = re.compile(r"[\w. -]{1,60}")  # before a colon: `13-41 11 14 21`, `SL_35_80_89`
 # In m², by the words of areas, and of lengths where a facility says those.
 _UNITS = {
@@ -73,7 +86,7 @@ class CobieSheets:
     def find(self) -> FoundScenes:
         """Find every `.xlsx`."""
         expected = "no COBie spreadsheet found; expected files named <building>.xlsx"
-        return find_files(self.path, ".xlsx", bound=COBIE, expected=expected, is_path=True)
+        return find_files(self.path, ".xlsx", expected=expected, is_path=True)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; what refers to nothing is counted in the reading's `left_out`."""
@@ -160,7 +173,7 @@ def _read_rows(sheet: Any) -> Iterator[_Row]:
         said = {
             column: text
             for column, text in zip(header, row, strict=True)
-            if column and text.casefold() not in _SILENT
+            if column and not _is_silent(text)
         }
         if said:
             yield said
@@ -171,6 +184,14 @@ def _text(value: object) -> str:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     return "" if value is None else " ".join(str(value).split())
+
+
+def _is_silent(text: str) -> bool:
+    """Return whether a cell says nothing; `n/a: n/a` of a classification does not, either."""
+    if len(text) > _LONGEST_SILENT:
+        return False
+    parts = ("".join(_WORD.findall(part)).casefold() for part in text.split(":"))
+    return bool(_FORMULA.fullmatch(text)) or all(part in _SILENT for part in parts)
 
 
 def _key(name: str) -> str:
@@ -213,18 +234,23 @@ def _list_rooms(sheets: _Sheets, notes: Counter[str]) -> list[Room]:
 
 
 def _name_room(space: _Row) -> tuple[str, str | None]:
-    """Return the first of kind, description and name that says what a room is, and its label."""
+    """Return the first of kind, description, name and tag that says what a room is, and its label.
+
+    The tag is what the sign at the door says: mostly a number.
+    """
     kind = _strip_code(space.get("category", ""))
-    words = [word for word in (kind, space.get("description", ""), space["name"]) if word]
+    said = (kind, *(space.get(column, "") for column in ("description", "name", "roomtag")))
+    words = [word for word in said if word]
     found = ((word, label_of("cobie", word)) for word in words)
     return next(((word, label) for word, label in found if label), (words[0], None))
 
 
 def _strip_code(category: str) -> str:
-    """Return the title of a category, without the code of its classification."""
+    """Return the title of a category, without the code of its classification; empty if silent."""
     code, _, title = category.partition(":")
-    is_code = _CODE.fullmatch(code) and any(letter.isdigit() for letter in code)
-    return title.strip() if is_code and title.strip() else category
+    if not (_CODE.fullmatch(code) and any(letter.isdigit() for letter in code) and title.strip()):
+        return category
+    return "" if _is_silent(title) else title.strip()
 
 
 def _rank_floors(sheets: _Sheets, spaces: Iterable[_Row]) -> dict[str, int]:
@@ -284,7 +310,8 @@ def _place_components(
 
 def _find_rooms(said: str, places: Mapping[str, int], notes: Counter[str]) -> list[int]:
     """Return the rooms that a component lists, once each; commas or semicolons part them."""
-    names = [said] if _key(said) in places else [part for part in re.split("[,;]", said) if part]
+    parts = (part for part in re.split("[,;]", said) if not _is_silent(part))
+    names = [said] if _key(said) in places else list(parts)
     known = [places[_key(name)] for name in names if _key(name) in places]
     if not names:
         notes["components name no space: they belong to the building"] += 1

@@ -10,22 +10,24 @@ class.
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bsg_data.dataset.manifest import SkippedScene
+from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import ANNOTATION, SYNTHETIC
+from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.inputs.bounds import ANNOTATION
+from bsg_data.results import BUILD
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import SceneObject, split_scene_id
+from bsg_data.scene.scene_graph import SceneObject
 from bsg_data.sources.annotation_files import (
     SPLITS,
     decode,
@@ -38,7 +40,7 @@ from bsg_data.sources.annotation_files import (
     require_lasting,
 )
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow, Terms
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
 CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"
@@ -56,11 +58,14 @@ MATTERPORT = Terms(
 )
 _SUFFIXES = (".semantic.txt", "_semantic.txt")
 SYNTHETIC_MARK = "synthetic.json"
-_ENDS = 2**16  # bytes
 HEADER = "HM3D Semantic Annotations"
-_ROW = re.compile(r'([0-9]{1,9}),([0-9A-Fa-f]{1,6}),"(.*)",(-?[0-9]{1,9})')
+_ROW = re.compile(r'([0-9]{1,9}),([^,"]*),"(.*)",(-?[0-9]{1,9})')
+_COLOUR = re.compile(r"[0-9A-F]{1,6}")
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
 _VERSION = re.compile(r"v[0-9]+\.[0-9]+")
+# Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
+# 240101-office is a name.
+_NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
 # HM3D's own numbers: 0-799 train, 800-899 val, 900-999 test.
 _FIRST_OF_NEXT = {800: "train", 900: "val", 1000: "test"}
 
@@ -116,35 +121,43 @@ class HM3DFolder:
             "the meshes"
         )
         files, unreadable = list_files(self.path, _SUFFIXES, expected=expected)
-        return replace(keep_one_copy(map(self._refer, files)), unreadable=unreadable)
+        refs = map(self._refer, files)
+        found = keep_one_copy(refs, digest=lambda ref: hash_file(self.path / ref.location))
+        return replace(found, unreadable=unreadable)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
         path = self.path / ref.location
         data = read_listed(path, ANNOTATION, expected=ref.fingerprint)
+        objects, faults = parse_annotation(data, path=path)
+        colourless = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
         graph = assemble(
-            parse_annotation(data, path=path),
+            objects,
             ref=ref,
             kind=self.kind,
             class_map=class_map,
+            sha256=hashlib.sha256(data).hexdigest(),
         )
-        if not self.meshes:
-            return Reading(graph)
-        require_fingerprint(path.with_suffix(".glb"), str(_mesh_mark(path)), str(ref.geometry))
-        mesh = _mesh_beside(path)
+        mesh = self._find_mesh(path)
+        require_fingerprint(path.with_suffix(".glb"), str(_state_of(mesh)), str(ref.geometry))
         if mesh is None:
-            return Reading(graph)
+            return Reading(graph, left_out=colourless)
         try:
             if not mesh.is_file():
                 raise MeshError(f"{mesh}: not a file, or a link that leads nowhere")
-            colours = [str(obj.colour) for obj in graph.objects]
+            colours = [obj.colour for obj in graph.objects]
             survey = survey_mesh(mesh, colours, snap_colours=self.snap_colours)
         except MeshError as error:
             require_lasting(error, mesh)
             where = mesh.relative_to(self.path).as_posix()
             skip = SkippedScene(scene_id=ref.scene_id, location=where, reason=str(error))
-            return Reading(graph, left_out=(skip,))
-        return Reading(connect_rooms(place_scene(graph, survey)), survey.coverage)
+            return Reading(graph, left_out=(*colourless, skip))
+        placed = connect_rooms(place_scene(graph, survey))
+        return Reading(placed, survey.coverage, left_out=colourless)
+
+    def _find_mesh(self, annotation: Path) -> Path | None:
+        mesh = annotation.with_suffix(".glb")
+        return mesh if self.meshes and (mesh.exists() or mesh.is_symlink()) else None
 
     def _refuse_unfinished_or_mixed(self) -> None:
         above = self._marks_above()
@@ -156,7 +169,7 @@ class HM3DFolder:
                     code="source-mixed",
                     where=mark.parent,
                 )
-            if b'"finished": true' not in read_bytes(mark, SYNTHETIC):
+            if (mark.parent / BUILD).is_dir():
                 raise SourceError(
                     f"{mark.parent}: `bsg-data synth` was stopped; run it again",
                     code="source-unfinished",
@@ -173,59 +186,62 @@ class HM3DFolder:
         return SceneRef(
             scene_id=scene_id,
             location=relative.as_posix(),
-            fingerprint=fingerprint(path, ANNOTATION),
+            fingerprint=fingerprint(path),
             source_split=_last(map(split_of_folder, folders)) or split_by_number(scene_id),
             source_version=_last(map(version_of, folders)),
-            geometry=_mesh_mark(path) if self.meshes else None,
+            geometry=_state_of(self._find_mesh(path)),
+            building=building,
         )
 
 
-def _mesh_beside(annotation: Path) -> Path | None:
-    mesh = annotation.with_suffix(".glb")
-    return mesh if mesh.exists() or mesh.is_symlink() else None
+def _state_of(mesh: Path | None) -> str | None:
+    return None if mesh is None else fingerprint(mesh)
 
 
-def _mesh_mark(annotation: Path) -> str | None:
-    """Return a fingerprint of a mesh: its size, and a hash of its beginning and its end.
+def parse_annotation(data: bytes, *, path: Path) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
+    """Parse the bytes of one `semantic.txt`.
 
-    Hashing the whole of HM3D's meshes would take minutes.
+    Returns:
+        The objects sorted by id, with their region ids; what is wrong with colours. An object whose
+        colour no mesh can have, or an earlier one has, is kept without a colour.
     """
-    mesh = _mesh_beside(annotation)
-    if mesh is None or not mesh.is_file():
-        return None if mesh is None else "mesh that is no file"
-    try:
-        with mesh.open("rb") as file:
-            digest = hashlib.sha256(file.read(_ENDS))
-            size = file.seek(0, os.SEEK_END)
-            file.seek(max(0, size - _ENDS))
-            digest.update(file.read(_ENDS))
-    except OSError as error:
-        require_lasting(error, mesh)
-        return f"unreadable mesh: {error.strerror}"
-    return f"mesh of {size} bytes, {digest.hexdigest()}"
-
-
-def parse_annotation(data: bytes, *, path: Path) -> tuple[SceneObject, ...]:
-    """Parse the bytes of one `semantic.txt` into objects sorted by id, with their region ids."""
     lines = decode(data, path=path).split("\n")  # not splitlines(): a name may hold a U+2028
     if HEADER not in lines[0]:
         raise malformed(path, 1, lines[0], expected=repr(HEADER))
     objects: dict[int, SceneObject] = {}
     colours: set[str] = set()
+    faults: list[str] = []
     for number, line in enumerate(lines[1:], start=2):
         if not line.strip():
             continue
         match = _ROW.fullmatch(line.rstrip())
         if match is None:
             raise malformed(path, number, line, expected=_EXPECTED)
-        instance_id, colour, region = int(match[1]), match[2].upper().zfill(6), int(match[4])
-        if instance_id in objects or colour in colours:
-            raise malformed(path, number, line, expected="an id and a colour of no earlier line")
+        instance_id, said, region = int(match[1]), match[2].strip().upper(), int(match[4])
+        if instance_id in objects:
+            raise malformed(path, number, line, expected="an id of no earlier line")
+        colour = said.zfill(6) if _COLOUR.fullmatch(said) and said.zfill(6) not in colours else None
+        if colour is None:
+            why = "expected a colour HEXRGB of no earlier line"
+            faults.append(f"line {number}: {why}, found {match[2][:20]!r}: kept without a colour")
+        else:
+            colours.add(colour)
         objects[instance_id] = SceneObject(0, instance_id, region, match[3], colour=colour)
-        colours.add(colour)
     if not objects:
         raise malformed(path, 1, lines[0], expected="at least one annotated instance below")
-    return tuple(objects[key] for key in sorted(objects))
+    return tuple(objects[key] for key in sorted(objects)), tuple(faults)
+
+
+def split_scene_id(scene_id: str) -> tuple[int | None, str]:
+    """Split a scene id into its number, None without one, and the building's own hash.
+
+    >>> split_scene_id("00006-HkseAnWCgqk"), split_scene_id("HkseAnWCgqk")
+    ((6, 'HkseAnWCgqk'), (None, 'HkseAnWCgqk'))
+    >>> split_scene_id("240101-office")
+    (None, '240101-office')
+    """
+    match = _NUMBERED.fullmatch(scene_id)
+    return (int(match[1]), match[2]) if match else (None, scene_id)
 
 
 def split_of_folder(folder: str) -> str | None:

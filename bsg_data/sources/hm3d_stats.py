@@ -29,7 +29,7 @@ from bsg_data.sources.annotation_files import (
     state_of,
 )
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.hm3d import MATTERPORT, split_by_number, version_of
+from bsg_data.sources.hm3d import MATTERPORT, split_by_number, split_scene_id, version_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 MEMBER = "Per_Scene_Region_Neighborhoods.csv"
@@ -56,7 +56,14 @@ class HM3DStatistics:
     def find(self) -> FoundScenes:
         """List the scenes of the zip."""
         refs = [
-            SceneRef(name, name, _digest(lines), split_by_number(name), version_of(self.path.name))
+            SceneRef(
+                scene_id=name,
+                location=name,
+                fingerprint=_digest(lines),
+                source_split=split_by_number(name),
+                source_version=version_of(self.path.name),
+                building=split_scene_id(name)[1],
+            )
             for name, lines in self._lines.items()
         ]
         if not refs:

@@ -1,11 +1,11 @@
 """Matterport3D's houses: `.house` text with levels, labelled rooms and their polygons, objects.
 
 The first line is `ASCII 1.1`; every other begins with a letter that says what it is (niessner/
-Matterport, data_organization.md): H counts the others, L levels, R regions, P panoramas, S
-surfaces, V the vertices of their polygons, C categories, O objects. I images and E segments are
-counted and not read. A portal is a P by the description and an R by the program that writes the
-files; its 15 fields tell it from both. Indices run from 0 and refer to earlier lines. Metres; z
-points up.
+Matterport, data_organization.md): H counts the others, L levels, R regions, P portals, S
+surfaces, V the vertices of their polygons, C categories, O objects. P panoramas, I images and E
+segments are not read, and so not counted. A portal is a P by the description and an R by the
+program that writes the files; its 15 fields tell it from both. Indices run from 0 and refer to
+earlier lines. Metres; z points up.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from typing import ClassVar
 import numpy as np
 
 from bsg_data.arrays import Floats
+from bsg_data.dataset.manifest import SkippedScene
+from bsg_data.dataset.terms import Terms
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounds import HOUSE
@@ -30,7 +32,7 @@ from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Room, SceneObject
 from bsg_data.sources.annotation_files import decode, find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect, place_room
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 # The letters of regions, in the words of the format's description.
 REGION_LABELS = {
@@ -75,6 +77,10 @@ _PORTAL_FIELDS = 15  # with its label as the fifth; a panorama has 13, a region 
 _LONGEST_AXIS = 1.01  # of a unit vector that was rounded
 # What H counts, in its order, and the letter of the lines that it counts; E is named #segments.
 _COUNTED = ("I", "panorama", "V", "S", "E", "O", "C", "R", "portal", "L")
+_REQUIRED = frozenset("OCRL")  # a file with other numbers of these is another house
+# What a file may lack, and what is done then.
+_FLOORS = "the floors of rooms are those of their boxes, without an area"
+_OPTIONAL = {"V": _FLOORS, "S": _FLOORS, "portal": "doors and boxes tell what else connects"}
 
 
 @dataclass(frozen=True)
@@ -92,7 +98,7 @@ class MatterportHouses:
             "no house found; expected files named <house>.house or <house>.house.gz, which "
             "Matterport3D has in its house_segmentations"
         )
-        return find_files(self.path, ".house", bound=HOUSE, expected=expected)
+        return find_files(self.path, ".house", expected=expected)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one house; what no portal joins is left to the boxes of rooms and doors.
@@ -113,7 +119,10 @@ class MatterportHouses:
         )
         index = {room.region_id: room.room_index for room in graph.rooms}
         doors = [(index[a], index[b]) for a, b in house.portals if a in index and b in index]
-        return Reading(connect(connect_rooms(graph), doors, method="door"))
+        return Reading(
+            connect(connect_rooms(graph), doors, method="door"),
+            left_out=tuple(SkippedScene(ref.scene_id, ref.location, why) for why in house.lacking),
+        )
 
 
 @dataclass(slots=True)
@@ -137,6 +146,7 @@ class House:
     categories: list[str] = field(default_factory=list)
     # region, category and axis-aligned box; `_NOWHERE` without the first two, None without a box
     objects: list[tuple[int, int, Box | None]] = field(default_factory=list)
+    lacking: list[str] = field(default_factory=list)  # sentences: lines that H counts otherwise
 
     def add(self, kind: str, line: Sequence[str]) -> None:
         """Take up the fields of one line, which may refer to earlier ones alone.
@@ -196,9 +206,16 @@ def parse_house(text: str, *, path: Path) -> House:
         raise malformed(path, header, found, expected="one header in all, a line of H")
     told = (*found.split(), *("" for _ in _COUNTED))
     for place, kind in enumerate(_COUNTED, start=3):
-        if told[place] != str(house.counted[kind]):
-            expected = f"{house.counted[kind]} lines of {kind} as field {place + 1} of H"
+        there = str(house.counted[kind])
+        if kind in _REQUIRED and told[place] != there:
+            expected = f"{there} lines of {kind} as field {place + 1} of H"
             raise malformed(path, header, found, expected=expected)
+        if kind in _OPTIONAL and told[place] != there:
+            said = f"H counts {told[place] or 'no'} {kind} lines, and {there} are there"
+            house.lacking.append(f"{said}: {_OPTIONAL[kind]}")
+            if _OPTIONAL[kind] == _FLOORS:  # a polygon without some of its lines is another
+                for region in house.regions:
+                    region.polygons.clear()
     return house
 
 

@@ -12,7 +12,9 @@ Doors, windows and walls are no objects there, and so none here.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
+import os
 import re
 import threading
 from collections import Counter
@@ -24,6 +26,7 @@ from typing import Annotated, Any, BinaryIO, ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
@@ -33,7 +36,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Room, SceneObject
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
 _MAX_METRES = 10_000.0
@@ -43,8 +46,9 @@ _OF_ROOM = re.compile(r"(?:^|\|)([0-9]{1,6})(?:\||$)")  # 4|0|0, small|4|5, Appl
 _BETWEEN = re.compile(r"[\s,]*")  # what stands between two houses of an array
 _DECODER = json.JSONDecoder()
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_local = threading.local()  # of each thread, the file that it is reading: see `_fetch`
-_NO_PLACE: tuple[object, int, Iterator[tuple[int, bytes]]] = (None, 0, iter(()))
+_BLOCK = 2**20  # characters of an array that are read at once
+_MOST_STREAMS = 100  # files that a thread keeps open; ProcTHOR-10K has three
+_Houses = Iterator[tuple[int, bytes]]  # number and text
 
 _Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES, allow_inf_nan=False)]
 _Name = Annotated[str, Field(min_length=1, max_length=200)]
@@ -92,6 +96,17 @@ class _House(_Entry):
     doors: tuple[_Door, ...] = ()
     walls: tuple[_Wall, ...] = ()
     objects: tuple[_Thing, ...] = ()
+
+
+class _Streams(threading.local):
+    """The files that a thread is reading, the one last read from at the end."""
+
+    def __init__(self) -> None:
+        # file → its state, the number of the house that was last read, and the houses after it
+        self.open: dict[Path, tuple[tuple[int, ...], int, _Houses]] = {}
+
+
+_streams = _Streams()
 
 
 @dataclass(frozen=True)
@@ -153,7 +168,8 @@ class ProcTHORHouses:
         name = f"{index:05d}-{digest[:12]}" if index < _NUMBERED else digest[:12]
         stem = file.name.split(".")[0]
         split = stem if stem in _SPLITS else None
-        return SceneRef(name, f"{file.name}:{number}", digest, source_split=split)
+        place, building = f"{file.name}:{number}", digest[:12]
+        return SceneRef(name, place, digest, source_split=split, building=building)
 
 
 def _digest(text: bytes) -> str:
@@ -179,58 +195,77 @@ def name_asset(asset: str) -> str:
     return " ".join(word for word in words if len(word) > 1).casefold()
 
 
-def _stream(file: Path) -> Iterator[tuple[int, bytes]]:
+def _stream(file: Path) -> _Houses:
     """Yield the number, from 1, of the line or of the element, and the text of every house."""
     number = 0
+    is_lines = ".jsonl" in file.name
+    unit = "line" if is_lines else "house"
 
     def refuse(said: str, **place: Any) -> SourceError:
-        after = f", after line {number}" if number else ""
+        after = f", after {unit} {number}" if number else ""
         return SourceError(f"{file}{after}{said.removeprefix(str(file))}", **place)
 
-    is_lines = ".jsonl" in file.name
     with open_stream(file, PROCTHOR_LINES if is_lines else PROCTHOR, error=refuse) as opened:
         texts = iter(lambda: opened.readline(MAX_HOUSE + 1), b"") if is_lines else _split(opened)
         try:
             for number, text in enumerate(texts, start=1):
-                if is_lines and len(text) > MAX_HOUSE:
-                    where = f"{file}, line {number}"
+                if len(text) > MAX_HOUSE:
+                    where = f"{file}, {unit} {number}"
                     message = f"{where}: a house has at most {MAX_HOUSE:,} bytes"
                     raise SourceError(message, code="house-too-large", where=where)
                 if text.strip():
                     yield number, text.strip()
         except (ValueError, RecursionError) as error:
-            message = f"{file}: no JSON ({error})"
-            raise SourceError(message, code="json-malformed", where=file) from error
+            raise refuse(f": no JSON ({error})", code="json-malformed", where=file) from error
 
 
 def _split(opened: BinaryIO) -> Iterator[bytes]:
-    """Yield the houses of an array, or one house that has more than a line."""
-    text = opened.read().decode("utf-8-sig").strip()
-    opening = text.startswith("[")
-    if opening and not text.endswith("]"):
-        raise ValueError("the array has no end; the file was cut off")
-    start, end = (1, len(text) - 1) if opening else (0, len(text))
-    while (start := _BETWEEN.match(text, start, end).end()) < end:  # type: ignore[union-attr]
-        _, stop = _DECODER.raw_decode(text, start)
-        if stop > end:  # the bracket at the end is the last house's, as in `[[]`
-            raise ValueError("the array has no end; the file was cut off")
-        yield text[start:stop].encode()
-        start = stop
+    """Yield the houses of an array, or one house that has more than a line; hold few at a time."""
+    source = io.TextIOWrapper(opened, "utf-8-sig", newline="")
+    text, more = source.read(_BLOCK).lstrip(), True
+    is_array = text.startswith("[")
+    at = int(is_array)
+    while (at := _BETWEEN.match(text, at).end()) < len(text) or more:  # type: ignore[union-attr]
+        if is_array and text.startswith("]", at):
+            break
+        try:
+            _, stop = _DECODER.raw_decode(text, at)
+        except json.JSONDecodeError as fault:
+            if not more or len(text) - at > MAX_HOUSE:
+                limit = f"expected a house of at most {MAX_HOUSE:,} bytes: "
+                raise ValueError(f"{limit if more else ''}{fault.msg}") from fault
+            stop = len(text)
+        if more and stop == len(text):  # what follows may belong to it
+            block = source.read(max(_BLOCK, stop - at))
+            text, at, more = text[at:] + block, 0, bool(block)
+        else:
+            yield text[at:stop].encode()
+            at = stop
+    rest = (text[at:] + source.read(_BLOCK)).strip()
+    if is_array and rest != "]":
+        raise ValueError(
+            "something stands after the array"
+            if rest
+            else "the array has no end; the file was cut off"
+        )
 
 
 def _fetch(file: Path, number: int) -> bytes:
     """Return the text of a house.
 
-    A compressed file has no way to a line but from its beginning. Builds read houses in their
-    order, so each thread goes on where it was, and begins again only for an earlier house.
+    A compressed file has no way to a line but from its beginning. Builds read the houses of
+    several files in turns, those of a file in their order. So each thread goes on in each file
+    where it was, and begins again only for an earlier house.
     """
-    key = (file, *state_of(file))
-    place, last, houses = getattr(_local, "place", _NO_PLACE)
-    if place != key or number <= last:
+    state = (os.getpid(), *state_of(file))  # after a fork, two would move one file's place
+    known, last, houses = _streams.open.pop(file, (None, 0, None))
+    if houses is None or known != state or number <= last:
         houses = _stream(file)
     for found, text in houses:
-        _local.place = (key, found, houses)
         if found == number:
+            _streams.open[file] = (state, found, houses)
+            if len(_streams.open) > _MOST_STREAMS:
+                del _streams.open[next(iter(_streams.open))]
             return text
     raise SourceError(f"{file.name}:{number}: is not there", code="house-missing", where=file)
 

@@ -1,151 +1,123 @@
-"""Read room layouts of DomestiGraph (Gallagher et al. 2024): labels, boxes and connections.
-
-There is one YAML file per building, `<scene id>.yaml`. It has `rooms` named `room_k`, each with
-`label`, `centroid` and `dims` in metres, Y up, and `connections` as pairs of k. Room k is the k-th
-region of the annotation by id, from 1. A layout may lack rooms.
-"""
+"""Combine a source with room layouts: labels, boxes and connections of rooms from other files."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
 from bsg_data.geometry.placement import find_storeys
-from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import LAYOUT
-from bsg_data.inputs.documents import parse_yaml
-from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.scene.scene_graph import Box, SceneGraph, building_hash, is_scene_id
-from bsg_data.sources.annotation_files import fingerprint, require_fingerprint, require_lasting
+from bsg_data.scene.scene_graph import Room, SceneGraph
+from bsg_data.sources import label_table
+from bsg_data.sources.annotation_files import (
+    fingerprint,
+    list_files,
+    require_fingerprint,
+    require_lasting,
+    state_of,
+)
 from bsg_data.sources.assembly import connect, place_room
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, Source
+from bsg_data.sources.layout_files import (
+    CONFIG_SUFFIX,
+    SUFFIXES,
+    LaidRoom,
+    LayoutError,
+    LayoutTable,
+    RoomLayout,
+    read_layout,
+    read_layout_table,
+)
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
+from bsg_data.sources.wrapper import Wrapper
 
-_LAYOUT = ", layout "  # before the hash of a layout, in what tells of a scene's geometry
-_MAX_METRES = 10_000.0
-
-
-class LayoutError(SourceError):
-    """Report a layout that is malformed or does not belong to its scene."""
-
-
-_Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES)]
-_Length = Annotated[float, Field(ge=0, le=_MAX_METRES)]
-_Number = Annotated[int, Field(ge=0, le=10**6)]
-_Name = Annotated[str, Field(pattern=r"^room_[1-9][0-9]{0,5}$")]
-
-
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Place(_Entry):
-    x: _Metres
-    y: _Metres
-    z: _Metres
+_SHOWN = 10  # region ids, or columns, in a message
+_Named = tuple[str, Path]  # how a layout names its scene, and the file where it is
+_EXPECTED = (
+    f"no room layout found; expected a folder with <scene id>.yaml or <scene id>{CONFIG_SUFFIX}, "
+    "one such file, or a table .csv or .tsv with the columns scene, region, label"
+)
 
 
-class _Size(_Entry):
-    x: _Length
-    y: _Length
-    z: _Length
-
-
-class _LayoutRoom(_Entry):
-    label: Annotated[str, Field(min_length=1, max_length=200)]
-    centroid: _Place
-    dims: _Size
-
-    @property
-    def box(self) -> Box:
-        """The box, Z up: of the layouts' axes, z points backwards."""
-        x, y, z = self.centroid.x, -self.centroid.z, self.centroid.y
-        a, b, c = self.dims.x / 2, self.dims.z / 2, self.dims.y / 2
-        return Box((x - a, y - b, z - c), (x + a, y + b, z + c))
-
-
-class _Layout(_Entry):
-    rooms: Annotated[dict[_Name, _LayoutRoom], Field(min_length=1)]
-    connections: tuple[tuple[_Number, _Number], ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class _RoomLayout:
-    """The layout of one building."""
-
-    rooms: dict[int, tuple[str, Box]]  # label and box of every room by its number k; metres, Z up
-    connections: tuple[tuple[int, int], ...]  # pairs of numbers, ascending and once each
-
-
-def read_layout(path: Path) -> _RoomLayout:
-    """Read one layout."""
-    try:
-        parsed = _Layout.model_validate(parse_yaml(read_bytes(path, LAYOUT, error=LayoutError)))
-    except ValueError as error:
-        said = name_fault(error) if isinstance(error, ValidationError) else error
-        raise LayoutError(f"{path}: {said}", code="layout-malformed", where=path) from error
-    rooms = {int(name[len("room_") :]): (one.label, one.box) for name, one in parsed.rooms.items()}
-    for one, other in parsed.connections:
-        if one == other or not {one, other} <= set(rooms):
-            raise LayoutError(
-                f"{path}: connections: expected two of its rooms, found {one} and {other}",
-                code="room-unknown",
-                where=path,
-            )
-    return _RoomLayout(rooms, tuple(sorted({(min(p), max(p)) for p in parsed.connections})))
-
-
-def lay_out(graph: SceneGraph, layout: _RoomLayout) -> SceneGraph:
+def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     """Return the scene graph with the labels and connections of a layout.
 
     Boxes come from the layout only if there is no mesh, because the origins may differ. Between
-    rooms of the layout, its connections replace those of the mesh. All other rooms and connections
-    stay as they are.
+    rooms of the layout, its connections replace those of the mesh, if it says any. All other rooms
+    and connections stay as they are.
     """
-    beyond = [number for number in layout.rooms if number > len(graph.rooms)]
-    if beyond:
-        raise LayoutError(
-            f"room_{min(beyond)} is not among the {len(graph.rooms)} rooms of {graph.scene_id}; "
-            f"the layout ({len(layout.rooms)} rooms) is of another scene or another version",
-            code="layout-foreign",
-            where=graph.scene_id,
-        )
+    places = _find_rooms(graph, layout)
     rooms, is_placed = list(graph.rooms), graph.up_axis is not None
-    for number, (label, box) in layout.rooms.items():
-        room = replace(rooms[number - 1], source_label=label, label=label_of(LAYOUTS, label))
-        rooms[number - 1] = room if is_placed else place_room(replace(room, floor_area=None), box)
-    kept = [e for e in graph.adjacency if not {e.source, e.target} <= set(layout.rooms)]
-    storeys = tuple(rooms) if is_placed else find_storeys(rooms)
-    laid_out = replace(graph, rooms=storeys, adjacency=tuple(kept))
-    return connect(laid_out, layout.connections, method="layout")
+    for number, laid in layout.rooms.items():
+        place = places[number] - 1
+        room = _label(rooms[place], laid)
+        rooms[place] = room if is_placed else _place(room, laid)
+    is_moved = not is_placed and any(laid.box for laid in layout.rooms.values())
+    laid_out = replace(graph, rooms=find_storeys(rooms) if is_moved else tuple(rooms))
+    if layout.connections is None:
+        return laid_out
+    own = {places[number] for number in layout.rooms}
+    kept = tuple(edge for edge in graph.adjacency if not {edge.source, edge.target} <= own)
+    pairs = [(places[one], places[other]) for one, other in layout.connections]
+    return connect(replace(laid_out, adjacency=kept), pairs, method="layout")
+
+
+def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
+    """Return the room index of every key that a room has in a layout."""
+    by_region = layout.by_region
+    places = {r.region_id if by_region else r.room_index: r.room_index for r in graph.rooms}
+    beyond = [number for number in layout.rooms if number not in places]
+    if not beyond:
+        return places
+    count, room = f"{len(graph.rooms)} rooms of {graph.scene_id}", min(beyond)
+    said = f"region {room} is no region id of the {count} ({_join(sorted(places))})"
+    raise LayoutError(
+        f"{said if by_region else f'room_{room} is not among the {count}'}; the layout "
+        f"({len(layout.rooms)} rooms) is of another scene or another version",
+        code="layout-foreign",
+        where=graph.scene_id,
+    )
+
+
+def _label(room: Room, laid: LaidRoom) -> Room:
+    if laid.label is None:
+        return room
+    return replace(room, source_label=laid.label, label=label_of(LAYOUTS, laid.label))
+
+
+def _place(room: Room, laid: LaidRoom) -> Room:
+    if laid.box is None:
+        return room
+    placed = place_room(replace(room, floor_area=laid.floor_area), laid.box)
+    return replace(placed, footprint=laid.footprint or placed.footprint)
+
+
+@dataclass(frozen=True, slots=True)
+class _Listing:
+    """The layouts of a folder, a file or a table."""
+
+    named: tuple[_Named, ...]
+    unread: tuple[SkippedScene, ...]  # folders and columns
+    files: Mapping[str, Path]  # by name; the first where several have one name
 
 
 @dataclass(frozen=True)
-class WithLayouts:
-    """A source combined with a folder of room layouts."""
+class WithLayouts(Wrapper):
+    """A source combined with room layouts, for some of its scenes.
 
-    source: Source  # of the scene graphs
-    folder: Path  # with `<scene id>.yaml` or `<hash>.yaml` for some of its scenes
+    A layout names its scene by the scene id or the key of the building.
+    """
 
-    def __init__(self, source: Source, folder: AnyPath) -> None:
+    layouts: Path  # a folder of files, at any depth below it; one file; or a table of labels
+
+    def __init__(self, source: Source, layouts: AnyPath) -> None:
         object.__setattr__(self, "source", source)
-        object.__setattr__(self, "folder", Path(folder))
-
-    @property
-    def kind(self) -> str:
-        """The kind of the source itself."""
-        return self.source.kind
-
-    @property
-    def path(self) -> Path:
-        """The path of the source itself."""
-        return self.source.path
+        object.__setattr__(self, "layouts", Path(layouts))
 
     @property
     def options(self) -> dict[str, int | str]:
@@ -156,58 +128,101 @@ class WithLayouts:
         """Find the scenes of the source, and the layouts that belong to no scene.
 
         Raises:
-            SourceError: as the source does, or if no layout belongs to any scene.
+            SourceError: as the source does, if there is no layout, or if none belongs to a scene.
         """
-        if not self.folder.is_dir():
-            raise SourceError(
-                f"{self.folder}: no such folder of room layouts",
-                code="source-missing",
-                where=self.folder,
-            )
         own = self.source.find()
-        files = sorted(self.folder.glob("*.yaml"))
-        scenes = tuple(self._refer(ref) for ref in own.scenes)
-        used = {path for ref in own.scenes if (path := self._layout_of(ref)) is not None}
+        vars(self).pop("_listed", None)  # once for each build
+        scenes = tuple(replace(ref, layout=self._state_of(ref)) for ref in own.scenes)
+        used = {named for ref in own.scenes if (named := self._layout_of(ref)) is not None}
         if not used:
+            like = own.scenes[0].scene_id + ("" if _is_table(self.layouts) else ".yaml")
             raise SourceError(
-                f"{self.folder}: none of its {len(files)} layouts belongs to a scene of "
-                f"{self.source.path}; expected names like {own.scenes[0].scene_id}.yaml",
+                f"{self.layouts}: none of its {len(self._listed.named)} layouts belongs to a scene "
+                f"of {self.source.path}; expected names like {like}",
                 code="layouts-foreign",
-                where=self.folder,
+                where=self.layouts,
             )
-        unused = tuple(
-            SkippedScene(path.stem, path.name, "a room layout of no scene of the source")
-            for path in files
-            if path not in used
-        )
-        return replace(own, scenes=scenes, unused=unused)
+        known = {name for ref in own.scenes for name in (ref.scene_id, ref.key)}
+        left = (named for named in self._listed.named if named not in used)
+        unused = tuple(self._skip(named, is_known=named[0] in known) for named in left)
+        return replace(own, scenes=scenes, unused=(*own.unused, *self._listed.unread, *unused))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read a scene and its layout; an unusable layout is left out, with the reason."""
-        own = replace(ref, geometry=str(ref.geometry).rpartition(_LAYOUT)[0] or ref.geometry)
-        reading = self.source.read(own, class_map)
-        where = f"{self.folder}: the layout of {ref.scene_id}"
-        require_fingerprint(where, str(self._refer(own).geometry), str(ref.geometry))
-        path = self._layout_of(ref)
-        if path is None:
+        reading = self.source.read(ref, class_map)
+        where = f"{self.layouts}: the layout of {ref.scene_id}"
+        require_fingerprint(where, str(self._state_of(ref)), str(ref.layout))
+        named = self._layout_of(ref)
+        if named is None:
             return reading
+        name, path = named
         try:
-            return replace(reading, graph=lay_out(reading.graph, read_layout(path)))
+            return replace(reading, graph=lay_out(reading.graph, _read(name, path)))
         except LayoutError as error:
             require_lasting(error, path)
-            reason = str(error).replace(f"{self.folder}/", "")
-            skip = SkippedScene(ref.scene_id, path.name, reason)
+            reason = str(error).replace(f"{self._root}/", "")
+            skip = SkippedScene(ref.scene_id, _locate(path, self._root), reason)
             return replace(reading, left_out=(*reading.left_out, skip))
 
-    def _layout_of(self, ref: SceneRef) -> Path | None:
-        if not is_scene_id(ref.scene_id):  # its name could lead out of the folder
-            return None
-        names = (ref.scene_id, building_hash(ref.scene_id))
-        paths = (self.folder / f"{name}.yaml" for name in names)
-        return next((path for path in paths if path.is_file()), None)
+    @cached_property
+    def _listed(self) -> _Listing:
+        return _list_layouts(self.layouts)
 
-    def _refer(self, ref: SceneRef) -> SceneRef:
-        path = self._layout_of(ref)
-        if path is None:
-            return ref
-        return replace(ref, geometry=f"{ref.geometry}{_LAYOUT}{fingerprint(path, LAYOUT)}")
+    @property
+    def _root(self) -> Path:
+        return self.layouts if self.layouts.is_dir() else self.layouts.parent
+
+    def _layout_of(self, ref: SceneRef) -> _Named | None:
+        files = self._listed.files
+        return next(((one, files[one]) for one in (ref.scene_id, ref.key) if one in files), None)
+
+    def _state_of(self, ref: SceneRef) -> str | None:
+        named = self._layout_of(ref)
+        return None if named is None else fingerprint(named[1])
+
+    def _skip(self, named: _Named, *, is_known: bool) -> SkippedScene:
+        """Say why a layout is not used."""
+        name, path = named
+        what = f"{len(_read(*named).rooms)} room labels" if _is_table(path) else "a room layout"
+        why = "of a scene that has another layout" if is_known else "of no scene of the source"
+        return SkippedScene(name, _locate(path, self._root), f"{what} {why}")
+
+
+def _is_table(path: Path) -> bool:
+    return path.name.casefold().endswith(label_table.SUFFIXES) and not path.is_dir()
+
+
+def _list_layouts(path: Path) -> _Listing:
+    unread: tuple[SkippedScene, ...] = ()
+    if _is_table(path):
+        table = _read_table(path)
+        named = [(scene, path) for scene in table.layouts]
+        if table.unread:
+            reason = f"columns that are not read: {_join(table.unread)}"
+            unread = (SkippedScene("all", path.name, reason),)
+    else:
+        files, unread = list_files(path, SUFFIXES, expected=_EXPECTED)
+        named = [(_name_scene(file), file) for file in files]
+    return _Listing(tuple(named), unread, dict(reversed(named)))
+
+
+def _name_scene(path: Path) -> str:
+    suffix = next(suffix for suffix in SUFFIXES if path.name.endswith(suffix))
+    return path.name.removesuffix(suffix)
+
+
+def _read(name: str, path: Path) -> RoomLayout:
+    return _read_table(path).layouts[name] if _is_table(path) else read_layout(path)
+
+
+def _read_table(path: Path) -> LayoutTable:
+    return read_layout_table(path, *state_of(path))
+
+
+def _locate(path: Path, root: Path) -> str:
+    return path.relative_to(root).as_posix()
+
+
+def _join(values: Sequence[object]) -> str:
+    more = ", …" if len(values) > _SHOWN else ""
+    return ", ".join(map(str, values[:_SHOWN])) + more

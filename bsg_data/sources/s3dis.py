@@ -16,6 +16,7 @@ from typing import ClassVar
 
 from pydantic import RootModel
 
+from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import S3DIS
 from bsg_data.inputs.documents import read_json
@@ -23,7 +24,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Room, SceneObject
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow, Terms
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _INSTANCE = re.compile(r"([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)")
 _UNLABELLED = "<UNK>_0_<UNK>_0_0"  # the first of the list, for pixels without a label

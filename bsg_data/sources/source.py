@@ -7,18 +7,15 @@ A source first finds its scenes, which is cheap, then reads them one by one. Eve
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from bsg_data.errors import SourceError
+from bsg_data.dataset.manifest import SkippedScene
+from bsg_data.dataset.terms import Terms
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph, building_hash
-
-LICENCE_REF = "LicenseRef-"  # SPDX's prefix for a licence that is not on its list
-_ADDRESS = r"https?://[^\s<>()\[\]|\"]+"
+from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,24 +24,18 @@ class SceneRef:
 
     scene_id: str  # e.g. `00006-HkseAnWCgqk`, or only the hash if the source has no number
     location: str  # path below the source's root, or the scene's name in its file
-    fingerprint: str  # hash of the annotation; a resumed build uses it to detect changes
+    # state of its file, or hash of the annotation; a resumed build uses it to detect changes
+    fingerprint: str
     source_split: str | None = None  # e.g. `train`; None if the source has none
     source_version: str | None = None  # e.g. `v0.2`; None if the source has none
-    geometry: str | None = None  # fingerprint of mesh and layout; None without them
+    geometry: str | None = None  # state of its mesh; None without one
+    layout: str | None = None  # state of its room layout; None without one
+    building: str | None = None  # key of its building; None: the scene id
 
     @property
-    def building(self) -> str:
-        """The building's own hash: the scene id without its number."""
-        return building_hash(self.scene_id)
-
-
-@dataclass(frozen=True, slots=True)
-class SkippedScene:
-    """A scene, or what belongs to it, that was left out, with the reason."""
-
-    scene_id: str
-    location: str
-    reason: str
+    def key(self) -> str:
+        """The key of its building: two scenes of one key are the same building."""
+        return self.building or self.scene_id
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +53,8 @@ class FoundScenes:
     """The scenes of a source."""
 
     scenes: tuple[SceneRef, ...]  # sorted by scene id, each building once
-    duplicates: tuple[SkippedScene, ...] = ()  # further copies of the same buildings: not read
+    duplicates: tuple[SkippedScene, ...] = ()  # further copies of the same scenes: not read
+    conflicts: tuple[SkippedScene, ...] = ()  # other scenes of the same buildings: not read
     unreadable: tuple[SkippedScene, ...] = ()  # folders that could not be read
     unused: tuple[SkippedScene, ...] = ()  # room layouts that belong to no scene
 
@@ -102,34 +94,6 @@ class Source(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Terms:
-    """Licence and citation of data derived from a source, for the cards of datasets."""
-
-    # its SPDX identifier, e.g. `Apache-2.0`; `LicenseRef-NAME` for one that SPDX does not list
-    licence: str
-    licence_url: str  # address of the text of the licence
-    homepage: str  # address of the source
-    citation: str  # how to cite the source, on one line
-    sentence: str  # what a user must know about the terms, in one sentence
-
-    def __post_init__(self) -> None:
-        line = r".*\S.*", "one line"
-        address = _ADDRESS, "an address"
-        spdx = r"[A-Za-z0-9.+-]+", f"an SPDX identifier such as MIT, or {LICENCE_REF}NAME"
-        rules = (spdx, address, address, line, line)
-        for one, (pattern, expected) in zip(fields(self), rules, strict=True):
-            value = getattr(self, one.name)
-            if not re.fullmatch(pattern, value):
-                message = f"{one.name}: expected {expected}, found {value!r}"
-                raise SourceError(message, code="terms-malformed", where=one.name)
-
-
-def is_address(text: str) -> bool:
-    """Say whether a text is a web address without characters that could end a link."""
-    return re.fullmatch(_ADDRESS, text) is not None
-
-
-@dataclass(frozen=True, slots=True)
 class SourceRow:
     """One row of the catalogue of sources; its name is the `kind` of the opened source."""
 
@@ -138,3 +102,5 @@ class SourceRow:
     # of derived data; None if only the user knows them: such a source may have `terms` of its own
     terms: Terms | None
     class_map: str = DEFAULT_CLASS_MAP  # the published map of its names; the default of a build
+    # whether a building is all there; not if it is what a robot saw: no ground truth
+    is_complete: bool = True

@@ -23,6 +23,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.geometry.placement import find_storeys
@@ -31,11 +32,12 @@ from bsg_data.inputs.bounds import LABEL_SPACE, SPARK_DSG
 from bsg_data.inputs.documents import decode, parse_json, parse_yaml
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_space import read_published
 from bsg_data.scene.scene_graph import Room, SceneObject
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SkippedScene, SourceRow
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _PREFIX, _SUFFIX = "labels-", ".csv"
 _WITH_MESH = "_with_mesh"  # Hydra writes dsg.json and, with the mesh, dsg_with_mesh.json
@@ -87,7 +89,7 @@ def _read_published(name: str) -> LabelSpace:
             code="label-space-unknown",
             where=name,
         )
-    data = files("bsg_mappings").joinpath(f"{_PREFIX}{name}{_SUFFIX}").read_bytes()
+    data = read_published(f"{_PREFIX}{name}{_SUFFIX}")
     rows = list(csv.DictReader(io.StringIO(data.decode())))
     return LabelSpace(
         name=name,
@@ -161,7 +163,7 @@ class RobotGraphs:
             "no graph found; expected Spark-DSG files named *.json or *.json.gz, such as the "
             "dsg.json that Hydra leaves in its backend folder"
         )
-        found = find_files(self.path, ".json", bound=SPARK_DSG, expected=expected, is_path=True)
+        found = find_files(self.path, ".json", expected=expected, is_path=True)
         names = {ref.scene_id for ref in found.scenes}
         seconds = [ref for ref in found.scenes if _is_second(ref.scene_id, names)]
         reason = "the graph beside it, with its mesh"
@@ -245,4 +247,5 @@ ROW = SourceRow(
     open=RobotGraphs,
     terms=None,  # a recording belongs to whoever made it
     class_map="hm3d45-v2",
+    is_complete=False,
 )

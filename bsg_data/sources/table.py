@@ -1,7 +1,10 @@
 """Read a user's own buildings from a table of objects, CSV or parquet.
 
-Each row is an object with `scene`, `room`, `category` and optional columns. An object without a
-room belongs to the building. A row without a category describes an empty room.
+Each row is an object, or `count` equal ones, with `scene`, `room`, `category` and optional columns.
+An object without a room belongs to the building. A row without a category describes an empty room.
+
+Every cell is cleaned once, by `_clean`. Then buildings, and the rooms of each, get one name for all
+spellings of it, by `_settle`.
 """
 
 from __future__ import annotations
@@ -11,16 +14,30 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import unicodedata
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, fields, replace
+from decimal import Decimal
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, BinaryIO
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+import pyarrow as pa
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
+from pydantic.dataclasses import dataclass as checked_dataclass
 
+from bsg_data.dataset.manifest import SkippedScene
+from bsg_data.dataset.terms import LICENCE_REF, Terms
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import open_stream
@@ -31,16 +48,8 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point, Room, SceneObject, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
 from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.source import (
-    LICENCE_REF,
-    FoundScenes,
-    Reading,
-    SceneRef,
-    SkippedScene,
-    SourceRow,
-    Terms,
-)
-from bsg_data.spelling import ask_if_meant
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.spelling import ask_if_meant, meant_names
 
 _SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".parquet")
 _REQUIRED = ("scene", "room", "category")
@@ -49,41 +58,65 @@ _CENTROID = ("x", "y", "z")
 _BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in _CENTROID)
 _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")
+_WHOLE = re.compile(r"-?[0-9]+(\.0+)?")  # pandas writes 3.0 for 3 where a column has gaps
 _SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
+_LONGEST = 200  # characters of a name; the longest of HM3D has 61
+_MOST = 100_000  # objects of a row
+_NAMED = 5  # things in a note; the others are counted
+_SHOWN = 20  # columns in an error or a note
+_MARKS = {  # in a header that is one column → what to do
+    ";": "save it with commas, or with tabs as .tsv",
+    "\t": "its columns are separated by tabs: name the file .tsv",
+    ",": "its columns are separated by commas: name the file .csv",
+}
+# What `pandas.read_csv` takes for missing, and pandas' missing time.
+_MISSING = {
+    *("", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN"),
+    *("<NA>", "N/A", "NA", "NULL", "NaN", "NaT", "None", "n/a", "nan", "null"),
+}
+_NO_TEXT = re.compile("[\0\udc80-\udcff]")  # a surrogate stands for a byte that is no UTF-8
+_BYTES = (pa.types.is_binary, pa.types.is_large_binary, pa.types.is_fixed_size_binary)
+_CONTROL = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029]")
 
 
-def _as_text(value: Any) -> Any:
-    """Return a cell as text: pandas gives whole numbers as floats where one is missing."""
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
-    return str(value).strip() if isinstance(value, str | int | float) else value
+def _as_name(value: Any) -> Any:
+    """Return a cell as a name: other formats than CSV have numbers in columns of names."""
+    name = str(value) if isinstance(value, str | int | float | Decimal) else value
+    if isinstance(name, str) and len(name) > _LONGEST:
+        raise ValueError(f"expected a name of at most {_LONGEST} characters, found {len(name):,}")
+    if isinstance(name, str) and _CONTROL.search(name):
+        raise ValueError(f"expected a name on one line, without control characters; found {name!r}")
+    return name
 
 
-def _as_names(value: Any) -> Any:
-    names = value.split(";") if isinstance(value, str) else value
-    names = names if isinstance(names, list) else [_as_text(names)]
-    return sorted(filter(None, (_as_text(name) for name in names if name is not None)))
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list | tuple) else [value]
 
 
-# The longest name of HM3D has 61 characters.
-_Name = Annotated[str, BeforeValidator(_as_text), Field(max_length=200)]
+def _sorted(names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(sorted(names))
+
+
+_Name = Annotated[str, BeforeValidator(_as_name)]
+_Names = Annotated[tuple[_Name, ...], BeforeValidator(_as_list), AfterValidator(_sorted)]
 _Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
 
 
-class _TableRow(BaseModel):
-    """One row of a table: an object, or a room alone."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
+@checked_dataclass(frozen=True, slots=True)  # a model would take four times the memory
+class _TableRow:
+    """One row of a table: an object, equal objects, or a room alone."""
 
     scene: _Name  # the name of its building
     room: _Name = ""  # the name of its room; empty for an object of the building
     category: _Name = ""  # the name of the object; empty for a room alone
+    # how many such objects there are; None: one
+    count: Annotated[int, Field(ge=0, le=_MOST)] | None = None
     room_label: _Name | None = None  # what the room is, e.g. `kitchen`.
     # the level of the room, counted as one likes
     floor: Annotated[int, Field(ge=-1000, le=1000)] | None = None
     floor_area: Annotated[float, Field(gt=0, le=1e7)] | None = None  # of the room, square metres
     # names of rooms that connect to the room
-    connected: Annotated[tuple[_Name, ...], BeforeValidator(_as_names)] = ()
+    connected: _Names = ()
     # where the object is, and its box; metres, Z up
     x: _Metres | None = None
     y: _Metres | None = None
@@ -97,19 +130,17 @@ class _TableRow(BaseModel):
 
     @model_validator(mode="after")
     def _fits_together(self) -> _TableRow:
-        given = self.model_fields_set
         if not is_scene_id(self.scene):
             raise ValueError(f"scene: expected a name that a file can have, found {self.scene!r}")
         if not self.room and not self.category:
             raise ValueError("category: expected an object, or a room in the column room")
-        if not self.room and given & {*_FACTS, "connected"}:
+        facts = (self.connected or None, self.room_label, self.floor, self.floor_area)
+        if not self.room and any(fact is not None for fact in facts):
             raise ValueError("room: expected the room that the row describes, found none")
+        if self.count and not self.category:
+            raise ValueError(f"count: expected none without a category, found {self.count}")
         for group in (_CENTROID, _BOX):
-            if 0 < len(given.intersection(group)) < len(group):
-                absent = next(name for name in group if name not in given)
-                raise ValueError(f"{absent}: expected a number, as in the rest of {group}")
-            if not self.category and given.intersection(group):
-                raise ValueError(f"category: expected the object that is at {group[0]}")
+            self._check_place(group)
         box = self.box or Box((-math.inf,) * 3, (math.inf,) * 3)
         for axis, low, high in zip(_CENTROID, box.minimum, box.maximum, strict=True):
             if low > high:
@@ -118,6 +149,17 @@ class _TableRow(BaseModel):
             if value is not None and not low - _SLACK <= value <= high + _SLACK:
                 raise ValueError(f"{axis}: expected {low} to {high}, its box; found {value}")
         return self
+
+    def _check_place(self, group: tuple[str, ...]) -> None:
+        absent = [name for name in group if getattr(self, name) is None]
+        if len(absent) == len(group):
+            return
+        if absent:
+            raise ValueError(f"{absent[0]}: expected a number, as in the rest of {group}")
+        if not self.category:
+            raise ValueError(f"category: expected the object that is at {group[0]}")
+        if self.count not in (None, 1):
+            raise ValueError(f"count: expected 1, as the object has a place; found {self.count}")
 
     @property
     def centroid(self) -> Point | None:
@@ -135,7 +177,7 @@ class _TableRow(BaseModel):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What the row says, in an order of its own."""
+        """What the row says of one object, in an order of its own."""
         box = (*self.box.minimum, *self.box.maximum) if self.box else ()
         point = () if self.x is None else (self.x, self.y, self.z)
         return (
@@ -144,9 +186,12 @@ class _TableRow(BaseModel):
         )
 
 
-_OPTIONAL = tuple(name for name in _TableRow.model_fields if name not in _REQUIRED)
+_FIELDS = tuple(field.name for field in fields(_TableRow))
+_OPTIONAL = tuple(name for name in _FIELDS if name not in _REQUIRED)
+_ROW = TypeAdapter(_TableRow)
 _Facts = dict[str, dict[str, Any]]  # room → what some row says of it, a column of `_FACTS` each
 _Scene = tuple[list[_TableRow], _Facts]  # the rows by their keys
+_Placed = tuple[_TableRow, str]  # a row and its place in the file
 
 
 @dataclass(frozen=True)
@@ -154,16 +199,39 @@ class ObjectTable:
     """A table of objects, CSV (`.csv`, `.tsv`, gzip too) or parquet."""
 
     path: Path
+    _: KW_ONLY
     licence: str | None = None  # SPDX identifier
     licence_url: str | None = None  # SPDX's own page if it is not given
     homepage: str | None = None
     citation: str | None = None
+    # the column of the file that is read as one of `_TableRow`; None: the one of this name
+    scene: str | None = None
+    room: str | None = None
+    category: str | None = None
+    count: str | None = None
+    room_label: str | None = None
+    floor: str | None = None
+    floor_area: str | None = None
+    connected: str | None = None
+    x: str | None = None
+    y: str | None = None
+    z: str | None = None
+    box_min_x: str | None = None
+    box_min_y: str | None = None
+    box_min_z: str | None = None
+    box_max_x: str | None = None
+    box_max_y: str | None = None
+    box_max_z: str | None = None
 
     kind = "table"
-    options: ClassVar[dict[str, int | str]] = {}
 
     def __post_init__(self) -> None:
         _ = self.terms  # refuse what would spoil a card before anything is built
+
+    @property
+    def options(self) -> dict[str, int | str]:
+        """The names of columns that the user gave."""
+        return {name: column for name in _FIELDS if (column := getattr(self, name)) is not None}
 
     @property
     def terms(self) -> Terms | None:
@@ -187,15 +255,12 @@ class ObjectTable:
         raise SourceError(message, code="terms-missing", where=self.path)
 
     def find(self) -> FoundScenes:
-        """Find the scenes of the table; columns that are not read are listed as left out."""
-        scenes, unread = self._read()
+        """Find the scenes of the table; what is not read as it stands is listed as left out."""
+        scenes, notes = self._read()
         found = keep_one_copy(SceneRef(name, name, _digest(one)) for name, one in scenes.items())
-        if not unread:
-            return found
-        asked = {column: ask_if_meant(column, _OPTIONAL) for column in unread}
-        named = [f"{column} ({hint})" if hint else column for column, hint in asked.items()]
-        skip = SkippedScene("all", self.path.name, f"columns that are not read: {', '.join(named)}")
-        return replace(found, unused=(skip,))
+        return replace(
+            found, unused=tuple(SkippedScene("all", self.path.name, note) for note in notes)
+        )
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
@@ -203,9 +268,10 @@ class ObjectTable:
         regions = number_rooms(facts)
         placed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         placed.sort(key=lambda pair: (pair[0], pair[1].key))
+        each = (pair for pair in placed for _ in range(pair[1].count or 1))
         objects = [
             SceneObject(0, number, region, row.category, centroid=row.centroid, box=row.box)
-            for number, (region, row) in enumerate(placed, start=1)
+            for number, (region, row) in enumerate(each, start=1)
         ]
         graph = assemble(
             objects,
@@ -218,38 +284,45 @@ class ObjectTable:
         return Reading(graph)
 
     def _read(self) -> tuple[Mapping[str, _Scene], Sequence[str]]:
-        return _read_table(self.path, *state_of(self.path))
+        return _read_table(self.path, *state_of(self.path), tuple(self.options.items()))
 
 
 @lru_cache(maxsize=1)
-def _read_table(path: Path, size: int, changed: int) -> tuple[Mapping[str, _Scene], Sequence[str]]:
-    """Read the scenes and the columns that are not read, once for each state of the file."""
+def _read_table(
+    path: Path, size: int, changed: int, named: tuple[tuple[str, str], ...]
+) -> tuple[Mapping[str, _Scene], Sequence[str]]:
+    """Read the scenes, and notes of what differs from the file, once for each state of it."""
     name = path.name.casefold()
     if not name.endswith(_SUFFIXES):
         expected = f"a file that ends in {', '.join(_SUFFIXES)}"
         raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
-    lines = _read_parquet(path) if name.endswith(".parquet") else _read_csv(path)
-    columns = [str(column).strip() for column in next(lines, ("", []))[1]]
-    _require_columns(path, columns)
-    scenes: dict[str, list[tuple[_TableRow, str]]] = {}
-    for count, (line, cells) in enumerate(lines):
-        if count >= MAX_OBJECT_ROWS:
-            message = f"{path}: over {MAX_OBJECT_ROWS:,} rows; split it into several tables"
-            raise SourceError(message, code="table-too-long", where=path)
-        row = _parse_row(f"{path}, {line}", columns, cells)
-        scenes.setdefault(row.scene, []).append((row, line))
-    if not scenes:
-        message = f"{path}: no row; expected an object a row"
-        raise SourceError(message, code="source-empty", where=path)
-    unread = [column for column in columns if column not in _TableRow.model_fields]
-    found = {}
-    for scene, rows in scenes.items():
+    wanted = {_fold(name) for name in (*_FIELDS, *dict(named).values())}
+    lines = _read_parquet(path, wanted) if name.endswith(".parquet") else _read_csv(path)
+    header = [str(column).strip() for column in next(lines, ("", []))[1]]
+    places = _find_columns(path, header, dict(named))
+    notes: Counter[str] = Counter()
+    spelt = _read_rows(path, lines, header, places, notes)
+    names = _settle({spelling: len(rows) for spelling, rows in spelt.items()})
+    scenes: dict[str, list[_Placed]] = {}
+    for spelling, scene in names.items():
+        scenes.setdefault(scene, []).extend(spelt.pop(spelling))
+    found: dict[str, _Scene] = {}
+    several: list[str] = []  # rooms
+    for scene in sorted(scenes):
+        rows, rooms = _settle_rooms(scenes.pop(scene))
+        several += (f"{said} in {scene}" for said in _list_several(rooms))
         facts = _gather_facts(rows, f"{path}: scene {scene}")
         found[scene] = (sorted((row for row, _ in rows), key=lambda row: row.key), facts)
-    return found, unread
+    said = [
+        _note_unread(_list_unread(header, places), places),
+        _note("buildings of several spellings, each read as one", _list_several(names)),
+        _note("rooms of several spellings, each read as one", several),
+        *(f"{what}: {times:,}" for what, times in sorted(notes.items())),
+    ]
+    return found, [note for note in said if note]
 
 
-def _read_csv(path: Path) -> Iterator[tuple[str, list[Any]]]:
+def _read_csv(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
     """Yield the header, then the place and the fields of every line that is not empty.
 
     The csv module knows the line of a fault, also where a field has several; pandas does not.
@@ -263,35 +336,168 @@ def _read_csv(path: Path) -> Iterator[tuple[str, list[Any]]]:
     separator = "\t" if ".tsv" in path.name.casefold() else ","
     try:
         with open_stream(path, TABLE, error=refuse) as opened:
-            text = io.TextIOWrapper(opened, encoding="utf-8-sig", newline="")
-            lines = iter(lambda: text.readline(MAX_LINE), "")
+            lines = _read_lines(path, opened)
             for fields in (reader := csv.reader(lines, strict=True, delimiter=separator)):
                 number = reader.line_num
                 if any(field.strip() for field in fields):
                     yield f"line {number}", fields
-    except (UnicodeDecodeError, csv.Error) as error:
+    except csv.Error as error:
         said = f": no text in columns ({error})"
         raise refuse(said, code="csv-malformed", where=path) from error
 
 
-def _read_parquet(path: Path) -> Iterator[tuple[str, list[Any]]]:
+def _read_lines(path: Path, file: BinaryIO) -> Iterator[str]:
+    """Yield the lines of UTF-8 text; the error names the first that is none."""
+    text = io.TextIOWrapper(file, encoding="utf-8-sig", errors="surrogateescape", newline="")
+    for number, line in enumerate(iter(lambda: text.readline(MAX_LINE), ""), start=1):
+        if fault := _NO_TEXT.search(line):
+            where = f"{path}, line {number}"
+            around = line[max(fault.start() - 20, 0) : fault.end() + 20].strip()
+            found = around.encode("utf-8", "surrogateescape")
+            raise SourceError(
+                f"{where}: expected UTF-8 text, found {found!r}; save the table as UTF-8 (Excel: "
+                "CSV UTF-8)",
+                code="csv-malformed",
+                where=where,
+            )
+        yield line
+
+
+def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Sequence[Any]]]:
     """Yield the names of the columns, then the place and the values of every row."""
     with open_parquet_file(path, most=MAX_OBJECT_ROWS) as file, refusing_damage(path):
+        leaves = [file.schema.column(at) for at in range(len(file.schema))]
+    words = [
+        leaf.path
+        for leaf in leaves
+        if leaf.physical_type == "BYTE_ARRAY" and _fold(leaf.path.split(".")[0]) in wanted
+    ]
+    # As dictionaries, a word that repeats is one object, however long it is.
+    opened = open_parquet_file(path, most=MAX_OBJECT_ROWS, dictionaries=words)
+    with opened as file, refusing_damage(path):
         names = file.schema_arrow.names
         yield "", names
-        known = [name for name in names if name in _TableRow.model_fields]
-        rows = chain.from_iterable(b.to_pylist() for b in file.iter_batches(columns=known))
+        known = [name for name in names if _fold(name) in wanted]
+        rows = chain.from_iterable(_list_rows(b, names) for b in file.iter_batches(columns=known))
         for number, row in enumerate(rows, start=1):
-            yield f"row {number}", [row.get(name) for name in names]
+            yield f"row {number}", row
 
 
-def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> _TableRow:
-    if len(cells) != len(columns):
-        message = f"{where}: expected {len(columns)} fields, as the header; found {len(cells)}"
-        raise SourceError(message, code="row-ragged", where=where)
-    given = {name: cell for name, cell in zip(columns, cells, strict=True) if not _is_empty(cell)}
+def _list_rows(batch: pa.RecordBatch, names: Sequence[str]) -> Iterator[Sequence[Any]]:
+    """Yield the rows of a batch, with a None for every column that it leaves out."""
+    columns = {name: _list_values(batch.column(name)) for name in batch.schema.names}
+    blank = [None] * batch.num_rows
+    return zip(*(columns.get(name, blank) for name in names), strict=True)
+
+
+def _list_values(column: pa.Array) -> list[Any]:
+    """Return the values of a column; `to_pylist` would make a text anew for every row."""
+    kind, listed = column.type, column
+    if pa.types.is_dictionary(kind):
+        words = _list_values(column.dictionary)
+        return [None if at is None else words[at] for at in column.indices.to_pylist()]
+    if pa.types.is_list(kind):
+        items = iter(_list_values(column.flatten()))
+        return [list(islice(items, size or 0)) for size in column.value_lengths().to_pylist()]
+    if any(is_bytes(kind) for is_bytes in _BYTES):  # so some programs write text
+        listed = column.cast(pa.binary()).cast(pa.string())
+    values: list[Any] = listed.to_pylist()
+    return values
+
+
+def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
+    """Return field → place of its column, spelt as asked, else in other letters or spaces."""
+    exact, alike = _index(header), _index(map(_fold, header))
+    places: dict[str, int] = {}
+    for field in _FIELDS:
+        asked = named.get(field, field).strip()
+        found = exact.get(asked) or alike.get(_fold(asked), [])
+        if len(found) > 1:
+            spellings = {header[at] for at in found} - {asked}
+            shown = f", as {_list_some(sorted(spellings), _SHOWN)}" if spellings else ""
+            message = f"{path}: the column {asked!r} twice{shown}"
+            raise SourceError(message, code="column-twice", where=path)
+        if found:
+            places[field] = found[0]
+    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(places)]
+    for field in (*named, *_REQUIRED, *chain.from_iterable(groups)):
+        if field not in places:
+            raise _lack_column(path, field, named.get(field, field), header, places)
+    return places
+
+
+def _index(names: Iterable[str]) -> dict[str, list[int]]:
+    places: dict[str, list[int]] = {}
+    for place, name in enumerate(names):
+        places.setdefault(name, []).append(place)
+    return places
+
+
+def _lack_column(
+    path: Path, field: str, asked: str, header: Sequence[str], places: Mapping[str, int]
+) -> SourceError:
+    near = meant_names(asked, _list_unread(header, places)[:_SHOWN], most=1)
+    hint = f"did you mean {near[0]}? Then give the option {field}={near[0]}" if near else ""
+    if len(header) == 1:
+        hint = next((said for mark, said in _MARKS.items() if mark in header[0]), hint)
+    return SourceError(
+        f"{path}: no column {asked!r}{hint and f'; {hint}'}. Expected a header with "
+        f"{', '.join(_REQUIRED)}, and any of {', '.join(_OPTIONAL)}; found "
+        f"{_list_some(header, _SHOWN) or 'none'}",
+        code="column-missing",
+        where=path,
+    )
+
+
+def _list_unread(header: Sequence[str], places: Mapping[str, int]) -> list[str]:
+    read = set(places.values())
+    return [column for place, column in enumerate(header) if place not in read]
+
+
+def _read_rows(
+    path: Path,
+    lines: Iterable[tuple[str, Sequence[Any]]],
+    header: Sequence[str],
+    places: Mapping[str, int],
+    notes: Counter[str],
+) -> dict[str, list[_Placed]]:
+    """Return the rows of every spelling of a building; count cells and rows that say nothing."""
+    spelt: dict[str, list[_Placed]] = {}
+    objects = 0
+    for line, cells in lines:
+        where = f"{path}, {line}"
+        if len(cells) != len(header):
+            message = f"{where}: expected {len(header)} fields, as the header; found {len(cells)}"
+            raise SourceError(message, code="row-ragged", where=where)
+        if all(str(cells[at]).strip() == header[at] for at in places.values()):  # tables joined
+            notes["rows that repeat the header, left out"] += 1
+            continue
+        said = {field: _clean(cells[at], notes, field) for field, at in places.items()}
+        given = {field: value for field, value in said.items() if value is not None}
+        if not given:  # spreadsheets have empty rows at their ends
+            continue
+        row = _parse_row(where, given)
+        objects += row.count or 1
+        if objects > MAX_OBJECT_ROWS:
+            message = (
+                f"{path}: over {MAX_OBJECT_ROWS:,} rows or objects; split it into several tables"
+            )
+            raise SourceError(message, code="table-too-long", where=path)
+        if row.count == 0 and not row.room:
+            notes["rows of no object and no room (count is 0), left out"] += 1
+            continue
+        if row.count == 0:
+            row = replace(row, category="", count=None)
+        spelt.setdefault(row.scene, []).append((row, line))
+    if not spelt:
+        message = f"{path}: no row; expected an object a row"
+        raise SourceError(message, code="source-empty", where=path)
+    return spelt
+
+
+def _parse_row(where: str, given: Mapping[str, Any]) -> _TableRow:
     try:
-        return _TableRow.model_validate({"scene": "", **given})
+        return _ROW.validate_python({"scene": "", **given})
     except ValidationError as error:
         fault = name_fault(error)
         whole = fault.removeprefix("the whole file: ")  # of a rule for the row
@@ -299,31 +505,100 @@ def _parse_row(where: str, columns: Sequence[str], cells: Sequence[Any]) -> _Tab
         raise SourceError(message, code="row-malformed", where=where) from error
 
 
-def _is_empty(cell: Any) -> bool:
-    return cell is None or cell in ("", []) or not str(cell).strip() or cell != cell
+def _clean(cell: Any, notes: Counter[str], field: str = "") -> Any:
+    """Return what a cell says; None if nothing. All kinds of files come through here."""
+    if isinstance(cell, str) and field == "connected":
+        cell = cell.split(";")
+    if isinstance(cell, list):
+        return [said for one in cell if (said := _clean(one, notes)) is not None] or None
+    if isinstance(cell, str):
+        text, note = _clean_short(cell) if len(cell) <= _LONGEST else _clean_text(cell)
+        if note:
+            notes[note] += 1
+        return text
+    return None if cell is None or cell != cell else cell
 
 
-def _require_columns(path: Path, columns: Sequence[str]) -> None:
-    twice = [column for number, column in enumerate(columns) if column in columns[:number]]
-    if twice:
-        raise SourceError(f"{path}: the column {twice[0]!r} twice", code="column-twice", where=path)
-    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(columns)]
-    wanted = [*_REQUIRED, *(name for group in groups for name in group)]
-    missing = next((name for name in wanted if name not in columns), None)
-    if missing:
-        hint = ask_if_meant(missing, columns)
-        if len(columns) == 1 and ";" in columns[0]:
-            hint = "save it with commas, or with tabs as .tsv"
-        raise SourceError(
-            f"{path}: no column {missing!r}{hint and f'; {hint}'}. Expected "
-            f"{', '.join(_REQUIRED)}, in small letters, and any of {', '.join(_OPTIONAL)}; found "
-            f"{', '.join(columns) or 'none'}",
-            code="column-missing",
-            where=path,
-        )
+def _clean_text(text: str) -> tuple[str | None, str]:
+    """Return a text trimmed and in one Unicode form, None if it is missing; and what to note."""
+    plain = text.strip()
+    if plain in _MISSING:
+        return None, plain and f"cells that say {plain}, read as empty"
+    composed = unicodedata.normalize("NFC", plain)
+    return composed, "" if composed == plain else "cells in another Unicode form, read as NFC"
 
 
-def _gather_facts(rows: Sequence[tuple[_TableRow, str]], where: str) -> _Facts:
+_clean_short = lru_cache(maxsize=2**16)(_clean_text)  # the same text is one object in all rows
+
+
+def _settle(times: Mapping[str, int]) -> dict[str, str]:
+    """Return spelling → name, which is its most frequent spelling; whole numbers lose a `.0`.
+
+    >>> _settle({"Hall": 1, "hall": 2, "bath": 1}), _settle({"3.0": 1, "12.0": 1})
+    ({'Hall': 'hall', 'hall': 'hall', 'bath': 'bath'}, {'3.0': '3', '12.0': '12'})
+    """
+    is_whole = all(map(_WHOLE.fullmatch, times))
+    keys = {one: one.partition(".")[0] if is_whole else _fold(one) for one in times}
+    names: dict[str, str] = {}
+    for spelling in sorted(times, key=lambda one: (-times[one], one)):
+        names.setdefault(keys[spelling], keys[spelling] if is_whole else spelling)
+    return {spelling: names[key] for spelling, key in keys.items()}
+
+
+def _fold(name: str) -> str:
+    """Return the form by which names are compared: without case, spare spaces, unseen signs."""
+    if not name.isascii():
+        seen = "".join(c for c in name if unicodedata.category(c) != "Cf")
+        name = unicodedata.normalize("NFC", seen.casefold())
+    return " ".join(name.casefold().split())
+
+
+def _settle_rooms(rows: Sequence[_Placed]) -> tuple[Sequence[_Placed], dict[str, str]]:
+    """Return the rows of a building with one name for every room, and the names."""
+    times = Counter(row.room for row, _ in rows if row.room)
+    for row, _ in rows:
+        times.update(row.connected)
+    names = _settle(times)
+    if all(spelling == name for spelling, name in names.items()):
+        return rows, names
+    return [(_rename(row, names), line) for row, line in rows], names
+
+
+def _rename(row: _TableRow, names: Mapping[str, str]) -> _TableRow:
+    connected = tuple(names[other] for other in row.connected)
+    return replace(row, room=names.get(row.room, ""), connected=connected)
+
+
+def _list_several(names: Mapping[str, str]) -> list[str]:
+    """Return the names that are no numbers and have several spellings, each with these."""
+    spellings: dict[str, list[str]] = {}
+    for spelling, name in sorted(names.items()):
+        if not _WHOLE.fullmatch(name):
+            spellings.setdefault(name, []).append(spelling)
+    several = {name: spelt for name, spelt in spellings.items() if len(spelt) > 1}
+    return [f"{name} ({_list_some(spelt, _NAMED)})" for name, spelt in sorted(several.items())]
+
+
+def _note_unread(unread: Sequence[str], places: Container[str]) -> str:
+    free = [field for field in _OPTIONAL if field not in places]
+    hints = [ask_if_meant(column, free) for column in unread[:_SHOWN]]
+    shown = [
+        f"{column} ({hint})" if hint else column
+        for column, hint in zip(unread, hints, strict=False)
+    ]
+    return _note("columns that are not read", [*shown, *unread[_SHOWN:]], most=_SHOWN)
+
+
+def _note(what: str, things: Sequence[str], *, most: int = _NAMED) -> str:
+    return f"{what}: {_list_some(things, most)}" if things else ""
+
+
+def _list_some(things: Sequence[str], most: int) -> str:
+    shown = ", ".join(thing[:_LONGEST] or "(no name)" for thing in things[:most])
+    return shown if len(things) <= most else f"{shown} and {len(things) - most:,} more"
+
+
+def _gather_facts(rows: Sequence[_Placed], where: str) -> _Facts:
     """Return what the rows of a scene say of its rooms; refuse rows that disagree."""
     facts: _Facts = {row.room: {} for row, _ in rows if row.room}
     for row, line in rows:
@@ -331,13 +606,14 @@ def _gather_facts(rows: Sequence[tuple[_TableRow, str]], where: str) -> _Facts:
         said = {name: value for name in _FACTS if (value := getattr(row, name)) is not None}
         for name, value in said.items():
             known = facts[row.room].setdefault(name, value)
-            if value != known:
+            if value != known and _fold(str(value)) != _fold(str(known)):
                 raise SourceError(
                     f"{place}, column {name}: expected {known!r} for room {row.room!r}, as an "
                     f"earlier one says; found {value!r}",
                     code="rows-disagree",
                     where=place,
                 )
+            facts[row.room][name] = min(value, known)  # in whatever order the rows stand
         for other in row.connected:
             if other not in facts or other == row.room:
                 raise SourceError(
@@ -399,9 +675,13 @@ def _describe_rooms(
 
 
 def _digest(scene: _Scene) -> str:
-    """Hash what the rows of a scene say, in whatever order they stand."""
-    said = sorted(repr(row.key) for row in scene[0])
-    return hashlib.sha256("\n".join(said).encode("utf-8", "surrogatepass")).hexdigest()
+    """Hash what the rows of a scene say, in whatever order they stand; n objects are n rows."""
+    digest, line_feed = hashlib.sha256(), ""
+    for said, times in sorted((repr(row.key), row.count or 1) for row in scene[0]):
+        for _ in range(times):
+            digest.update(f"{line_feed}{said}".encode("utf-8", "surrogatepass"))
+            line_feed = "\n"
+    return digest.hexdigest()
 
 
 ROW = SourceRow(summary="a table of your own objects, CSV or parquet", open=ObjectTable, terms=None)

@@ -1,1 +1,1 @@
-"""Make synthetic buildings in the file layout of HM3D, with and without meshes."""
+"""Make synthetic buildings in the file layout of HM3D, with room layouts."""

@@ -96,15 +96,14 @@ class BuildingSize:
         """A name for this size."""
         return f"{self.rooms or 'any'}-rooms-{self.objects or 'any'}-objects"
 
-    def require_possible(self, rates: SyntheticRates, *, meshes: bool) -> None:
-        """Refuse an impossible size, or, with meshes, a size too large for a mesh."""
-        max_rooms, max_objects = (100, 10_000) if meshes else (MAX_ROOMS, MAX_OBJECTS)
+    def require_possible(self, rates: SyntheticRates) -> None:
+        """Refuse an impossible size."""
         rooms = len(rates.rooms) - 1 if self.rooms is None else self.rooms
         objects = max(rooms, 1) if self.objects is None else self.objects  # no room is empty
-        if not (1 <= rooms <= max_rooms and rooms <= objects <= max_objects):
+        if not (1 <= rooms <= MAX_ROOMS and rooms <= objects <= MAX_OBJECTS):
             raise SyntheticError(
-                f"buildings of {self.name}: expected 1 to {max_rooms:,} rooms, and one object a "
-                f"room ({rooms:,}) to {max_objects:,}{' with a mesh' * meshes}",
+                f"buildings of {self.name}: expected 1 to {MAX_ROOMS:,} rooms, and one object a "
+                f"room ({rooms:,}) to {MAX_OBJECTS:,}",
                 code="size-range",
                 where=self.name,
             )
@@ -139,7 +138,7 @@ def synthesise(
             code="number-range",
             where=number,
         )
-    size.require_possible(rates, meshes=False)
+    size.require_possible(rates)
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
     types = draw_room_types(rates, rng, rooms=size.rooms)
     regions = _draw_regions(rates, len(types), rng)

@@ -13,11 +13,12 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
+from bsg_data.scene.scene_graph import Box
+
 WALL = 0.12  # between the rooms on its two sides
 HEIGHT = 2.6  # from a floor to the ceiling above it
 STOREY = 2.9  # from a floor to the next
 DOORWAY = 0.9
-DOOR_HEIGHT = 2.0
 _HALL = 1.5
 _TO_HALL = 0.9  # probabilities of doorways
 _TO_NEIGHBOUR = 0.12
@@ -57,7 +58,7 @@ class Rectangle:
 class _Doorway:
     """An opening in the wall of two rooms."""
 
-    rooms: tuple[int, int]  # places of the two in the plan, ascending
+    rooms: tuple[int, int]  # places of the two in the plan
     axis: int  # the axis that the wall runs along, 0 or 1
     span: tuple[float, float]  # where the opening starts and ends on that axis
 
@@ -79,6 +80,11 @@ class FloorPlan:
     doorways: tuple[_Doorway, ...]  # within storeys
     stairs: tuple[Stairs, ...]  # between storeys
 
+    def box(self, room: int) -> Box:
+        """Return the box of a room, from its floor to its ceiling."""
+        rectangle, floor = self.rooms[room], self.storeys[room] * STOREY
+        return Box((*rectangle.low, floor), (*rectangle.high, floor + HEIGHT))
+
     def connections(self) -> list[tuple[int, int, str]]:
         """Return (room, room, `door` or `stairs`), sorted."""
         doors = [(min(door.rooms), max(door.rooms), "door") for door in self.doorways]
@@ -87,7 +93,11 @@ class FloorPlan:
 
 
 def draw_floor_plan(
-    rooms: int, *, with_stairs: Collection[int], rng: np.random.Generator
+    rooms: int,
+    *,
+    with_stairs: Collection[int],
+    hallways: Collection[int] = (),
+    rng: np.random.Generator,
 ) -> FloorPlan:
     """Sample the plan of a building.
 
@@ -95,13 +105,17 @@ def draw_floor_plan(
         rooms: how many.
         with_stairs: the rooms that the annotation lists stairs in. Without any the building has
             one storey; otherwise stairs are put there if they can be.
+        hallways: the rooms of which each storey takes one as its hall, if it has some.
         rng: where chance comes from.
     """
     order = [int(room) for room in rng.permutation(rooms)]
     storeys = 1
     if with_stairs and rooms > 1:
         storeys = 3 if rooms > 17 and len(with_stairs) > 1 and rng.random() < 0.4 else 2
-    groups = [sorted(part.tolist()) for part in np.array_split(np.array(order), storeys)]
+    groups = [
+        sorted(part.tolist(), key=lambda room: (room not in hallways, room))
+        for part in np.array_split(np.array(order), storeys)
+    ]
     area = max(sum(rng.lognormal(2.5, 0.25) for _ in group) for group in groups)
     width = float(np.sqrt(area * rng.uniform(1.2, 1.9)))
     whole = Rectangle((0.0, 0.0), (_snap(width), _snap(max(area / width, 3.5))))

@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from safetensors.numpy import load, save
 from bsg_data.arrays import Bools, Floats
 from bsg_data.files import write_bytes
 from bsg_data.scene.class_map import normalise_name
+from bsg_data.scene.class_space import read_published
 from bsg_data.scene.spoken_names import singulars
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
@@ -244,7 +244,7 @@ def write_nouns(table: NounTable, path: Path) -> None:
 @cache
 def read_nouns() -> NounTable:
     """Read the table that is shipped; a process reads it once."""
-    kept = load(files("bsg_mappings").joinpath(NOUNS).read_bytes())
+    kept = load(read_published(NOUNS))
     words, counted = (
         tuple(kept[name].tobytes().decode().split("\n")) for name in ("words", "counted")
     )

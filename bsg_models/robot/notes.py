@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from bsg_data.dataset.manifest import COMPARED, describe_unmapped, list_resolved
+from bsg_data.dataset.manifest import describe_unmapped, list_resolved
 from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import list_unmapped, note_room_types
@@ -51,7 +51,7 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
 def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
     """Yield which names are not in the class map, and which were read by a rule."""
     unmapped, kept, kinds = [], [], []
-    for name in describe_unmapped(list_unmapped(graph), class_map, near=COMPARED):
+    for name in describe_unmapped(list_unmapped(graph), class_map):
         said = f"{name.name[:SHOWN]!r}"
         if thing := find_everyday(name.name):
             kept.append(said if name.name == thing.name else f"{said} ({thing.name})")

@@ -21,7 +21,7 @@ from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.dataset.manifest import COMPARED, UnmappedEntry, describe_unmapped
+from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.observation import reports
@@ -259,7 +259,7 @@ class SeenBuilding:
     def unmapped(self) -> tuple[UnmappedEntry, ...]:
         """Seen objects whose name no class map knows; models do not read them."""
         class_map = self._models[0].class_map
-        return tuple(describe_unmapped(list_unmapped(self._graph), class_map, near=COMPARED))
+        return tuple(describe_unmapped(list_unmapped(self._graph), class_map))
 
     @_alone
     def copy(self) -> SeenBuilding:

@@ -12,11 +12,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
-from bsg_data.files import hold
+from bsg_data.files import hold, list_files
 from bsg_data.results import (
     SEAL,
     UNFINISHED,
-    list_files,
     put_in_place,
     read_seal,
     refuse_datasets,

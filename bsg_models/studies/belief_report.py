@@ -14,13 +14,20 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
 from bsg_data.observation.partial_graph import PartialGraph, reclassify
 from bsg_data.recipes import MaskRecipe
-from bsg_data.results import UNFINISHED, refuse_datasets, refuse_file, refuse_other_results
+from bsg_data.results import (
+    UNFINISHED,
+    is_interrupted,
+    refuse_datasets,
+    refuse_file,
+    refuse_other_results,
+    write_files,
+)
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
 from bsg_models.belief.graph_file import GraphFile
 from bsg_models.belief.hydra import annotate_hydra
-from bsg_models.belief.tables import NODES
+from bsg_models.belief.tables import NODES, TABLES
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.robot.notes import note_graph
@@ -90,8 +97,13 @@ def report_beliefs(
     paths += [file.path.absolute() for file in request.graphs]
     if len(set(paths)) < len(paths):
         raise RecipeError("one file is named twice", code="output-twice")
+    singles = [path for row, path in results if row.name != TABLES.name]
+    force = request.force or is_interrupted(*(path for _, path in results))
     for row, path in results:
-        _refuse_replacing(row, path, force=request.force)
+        if row.name == TABLES.name:
+            _refuse_replacing(path, force=force)
+        else:
+            refuse_file(path, force=force)
     wanted = _choose_scenes(request)
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
@@ -115,12 +127,14 @@ def report_beliefs(
                 progress(number, total)
 
     beliefs = believe_all()
-    if streamed is not None:
-        write_beliefs(beliefs, streamed[1], streamed[0])
-    deque(beliefs, maxlen=0)
-    for row, path in results:
-        if (row, path) != streamed:
-            _write(row, path, request, views)
+    with write_files(singles, force=force) as staged:
+        if streamed is not None:
+            row, path = streamed
+            write_beliefs(beliefs, staged.get(path, path), row)
+        deque(beliefs, maxlen=0)
+        for row, path in results:
+            if (row, path) != streamed:
+                _write(row, staged.get(path, path), request, views)
     graphs = tuple(view.belief for view in views)
     notes = tuple(
         (*file.notes, *note_graph(belief.partial, predictor))
@@ -197,11 +211,8 @@ def _describe_rooms(
         )
 
 
-def _refuse_replacing(row: FormatRow, path: Path, *, force: bool) -> None:
-    """Refuse to replace files without --force, and files that belong to other results."""
-    if row.name != "tables":
-        refuse_file(path, force=force)
-        return
+def _refuse_replacing(path: Path, *, force: bool) -> None:
+    """Refuse to replace tables without --force, and files that belong to other results."""
     refuse_datasets(path)
     refuse_other_results(path, NODES)
     refuse_run(path)

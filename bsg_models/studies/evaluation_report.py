@@ -19,7 +19,13 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
-from bsg_data.results import refuse_datasets, refuse_file, write_results
+from bsg_data.results import (
+    is_interrupted,
+    refuse_datasets,
+    refuse_file,
+    write_files,
+    write_results,
+)
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
@@ -62,18 +68,22 @@ def report_evaluation(
         MismatchError: if a run predicts the classes of another class map.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    into = request.write_predictions
-    if request.html is not None:
-        refuse_file(request.html, force=request.force)
+    into, folder = request.write_predictions, request.folder
+    pages = [] if request.html is None else [request.html]
+    force = request.force or is_interrupted(folder, *pages)
     if into is not None:
         refuse_datasets(into)
-    folder = request.folder
     refuse_run(folder)
-    with write_results(folder, report=REPORT, force=request.force) as staged:
+    with (
+        write_files(pages, force=force) as staged_pages,
+        write_results(folder, report=REPORT, force=force) as staged,
+    ):
         with ExitStack() as open_files:
             comparison = compare_runs(
                 request,
-                write=_begin_entries(request, into, staged, open_files) if into else None,
+                write=_begin_entries(request, into, staged, open_files, force=force)
+                if into
+                else None,
                 progress=progress,
             )
         summary = encode_comparison(comparison)
@@ -92,8 +102,8 @@ def report_evaluation(
         }
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
-        if request.html is not None:
-            _write_page(request.html, comparison, request, figures)
+        for page in pages:
+            _write_page(staged_pages[page], comparison, request, figures)
     figures = {what: folder / path.name for what, path in figures.items()}
     return EvaluationReport(
         comparison, summary, folder / REPORT, folder / CLASSES, figures, tuple(notes)
@@ -101,7 +111,7 @@ def report_evaluation(
 
 
 def _begin_entries(
-    request: EvaluationRequest, into: Path, staged: Path, open_files: ExitStack
+    request: EvaluationRequest, into: Path, staged: Path, open_files: ExitStack, *, force: bool
 ) -> Callable[[str, int | None], PredictionWriter]:
     """Return a function that opens the writer of a run's predictions for a fold."""
     is_part = resolve_links(into) == resolve_links(request.folder)  # of the results
@@ -109,7 +119,7 @@ def _begin_entries(
     def begin(name: str, fold: int | None) -> PredictionWriter:
         data, folder = Dataset.open(request.dataset), staged if is_part else into
         writer = open_entry(folder, name, data, split=request.split, fold=fold)
-        refuse_file(writer.path, force=request.force)
+        refuse_file(writer.path, force=force)
         return open_files.enter_context(writer)
 
     return begin

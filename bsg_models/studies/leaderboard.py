@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from pydantic import field_validator
 
-from bsg_data.dataset.commit import growing, name_growing, put_in_place
+from bsg_data.dataset import commit
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import MANIFEST, Manifest, read_manifest
 from bsg_data.dataset.splits import split_dataset
@@ -35,7 +35,7 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
-from bsg_data.results import refuse_datasets
+from bsg_data.results import name_staged, refuse_datasets, write_folder
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import ConfigError, TrainingError
 from bsg_models.evaluation.bootstrap import Bootstrap
@@ -241,7 +241,7 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
         mask=MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed),
         draws=recipe.draws,
     )
-    for path in (copy, name_growing(copy)):
+    for path in (copy, name_staged(copy)):
         refuse_links(copy.parents[1], path)
     if not (copy / MANIFEST).is_file():
         _copy_dataset(source, copy, manifest)
@@ -257,7 +257,8 @@ def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask
 def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
     """Copy a dataset without its split and pairs."""
     bare = manifest.without_split()
-    with growing(copy, bare, force=False) as (folder, is_done):
+    plan = bare.model_dump_json().encode()
+    with write_folder(copy, commit.DATASET, plan=plan, force=False) as (folder, is_done):
         if is_done:
             return
         for entry in bare.files:
@@ -271,7 +272,7 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
                 )
         for class_map in manifest.class_maps:
             class_map.copy_map(source, folder)
-        put_in_place(copy, bare)
+        commit.publish(folder, bare)
 
 
 def _make_run(

@@ -20,8 +20,8 @@ import torch
 from torch import nn
 
 from bsg_data.errors import RecipeError
-from bsg_data.files import AnyPath, encode_json, write_bytes
-from bsg_data.results import refuse_file
+from bsg_data.files import AnyPath, encode_json
+from bsg_data.results import is_interrupted, refuse_file, write_files
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
@@ -73,7 +73,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     if path.suffix != ".onnx":
         raise RecipeError(f"{path}: expected the name of an ONNX file, such as universal.onnx")
     for one in (path, beside):
-        refuse_file(one, force=force)
+        refuse_file(one, force=force or is_interrupted(path, beside))
     checkpoint = load_checkpoint(found.path)
     network = restore_model(found.path, checkpoint)
     if not isinstance(network, CountNetwork) or "adjacent" in network.inputs.edges:
@@ -112,8 +112,9 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
         {key: encode_json(value) for key, value in said.items()}
         | {"checkpoint": header.model_dump_json()}
     )
-    program.save(path)
-    write_bytes(beside, (encode_json(said, indent=1) + "\n").encode())
+    with write_files([path, beside], force=force) as staged:
+        program.save(staged[path])
+        staged[beside].write_text(encode_json(said, indent=1) + "\n", "utf-8")
     return beside
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from bsg_cli.data.build import build, finalise, merge
+from bsg_cli.data.build import build, merge
 from bsg_cli.data.export import export
 from bsg_cli.data.info import check, info
 from bsg_cli.data.map import class_maps
@@ -29,5 +29,5 @@ def main() -> None:
 
 
 # in working order
-for command in (synth, build, finalise, split, pairs, check, info, class_maps, merge, export):
+for command in (synth, build, split, pairs, check, info, class_maps, merge, export):
     main.add_command(command)

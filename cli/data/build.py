@@ -1,8 +1,7 @@
-"""`bsg-data build`, `finalise` and `merge`: make a dataset of a source, its parts, or datasets."""
+"""`bsg-data build` and `merge`: make a dataset of a source, or of datasets."""
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +27,6 @@ from bsg_cli.terminal import (
 from bsg_data import extend
 from bsg_data.errors import BSGError
 from bsg_data.sources.catalogue import SOURCES, parse_options
-
-
-def _read_part(value: str) -> tuple[int, int]:
-    """Return the number of a part of a build and of how many, `I/N`."""
-    found = re.fullmatch(r"(\d+)/(\d+)", value, re.ASCII)
-    if found is None or not 1 <= int(found[1]) <= int(found[2]):
-        raise click.BadParameter(f"{value!r}: expected I/N with I from 1 to N, such as 3/10")
-    return int(found[1]), int(found[2])
 
 
 @click.command("build", cls=Command)
@@ -64,7 +55,13 @@ def _read_part(value: str) -> tuple[int, int]:
 @click.option(
     "--room-layouts",
     type=PATH,
-    help="Folder of DomestiGraph YAML: labels, boxes and connections of rooms.",
+    help="Labels, boxes and connections of rooms: DomestiGraph's YAML or habitat's JSON, a folder or "
+    "a file, or a table scene,region,label.",
+)
+@click.option(
+    "--room-labels",
+    type=PATH,
+    help="CSV source_label,label: what words for rooms mean that we do not know.",
 )
 @out_option("Dataset to write.", required=True)
 @click.option(
@@ -74,14 +71,6 @@ def _read_part(value: str) -> tuple[int, int]:
 )
 @workers_option
 @click.option(
-    "--parts",
-    "part",
-    type=_read_part,
-    metavar="I/N",
-    help="Build only part I of N, in any order, on any machine that sees --out; run "
-    "`bsg-data finalise` at the end.",
-)
-@click.option(
     "--strict",
     is_flag=True,
     help="Fail on malformed scenes, meshes and layouts, and on unmapped names.",
@@ -90,8 +79,8 @@ def _read_part(value: str) -> tuple[int, int]:
 def build(
     out: Path,
     workers: int,
-    part: tuple[int, int] | None,
     room_layouts: Path | None,
+    room_labels: Path | None,
     class_map: str | None,
     strict: bool,
     force: bool,
@@ -104,13 +93,14 @@ def build(
     \b
     Example:
       bsg-data build --hm3d buildings --out dataset
-      bsg-data build --hm3d buildings --out dataset --parts 3/10
       bsg-data build --hm3d buildings --no-meshes --room-layouts layouts --out dataset
     """
     name, path, options = _choose_source(**chosen)
     source = bsg_data.open_source(name, path, **options)
     if room_layouts is not None:
         source = extend.WithLayouts(source, room_layouts)
+    if room_labels is not None:
+        source = extend.WithRoomLabels(source, room_labels)
     left = 0  # shards that this command saw done before it was stopped
     try:
         with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
@@ -122,10 +112,6 @@ def build(
 
             how: dict[str, Any] = {"class_map": class_map, "strict": strict, "force": force}
             how |= {"executor": executor, "progress": note}
-            if part is not None:
-                built = extend.build_part(source, out, extend.Part(*part), **how)
-                _print_part(built, part, out)
-                return
             manifest = bsg_data.build_dataset(source, out, **how)
     except (BSGError, KeyboardInterrupt):
         if left:
@@ -134,17 +120,6 @@ def build(
             )
         raise
     _print_built(manifest, format_losses(manifest), out)
-
-
-def _print_part(built: extend.BuiltPart, part: tuple[int, int], out: Path) -> None:
-    """Print what a part built and how many shards are still missing."""
-    number, of = part
-    shards, left = len(built.shards), len(built.missing)
-    made = f"{shards:,} shard{'s' * (shards != 1)}, {built.scenes:,} scenes"
-    print_text(f"part {number} of {of}: {made}")
-    missing = f"{left:,} shard{'s are' if left > 1 else ' is'} still missing"
-    then = missing if left else "all shards are built"
-    print_text(f"{then}; after the last part run: bsg-data finalise {out}")
 
 
 def _print_built(manifest: extend.Manifest, more: str, out: Path) -> None:
@@ -165,11 +140,7 @@ def _choose_source(
         )
     name, path = sources[0]
     own = _split_words(words)
-    if not meshes:
-        if name != "hm3d":
-            raise click.UsageError(f"--no-meshes is for --hm3d; the source {name} reads none")
-        own["meshes"] = "no"
-    return name, path, parse_options(name, own)
+    return name, path, parse_options(name, own if meshes else {**own, "meshes": "no"})
 
 
 def _split_words(words: tuple[str, ...]) -> dict[str, str]:
@@ -184,24 +155,6 @@ def _split_words(words: tuple[str, ...]) -> dict[str, str]:
             raise click.UsageError(f"--option {name} is there twice; give it once")
         options[name] = value
     return options
-
-
-@click.command("finalise", cls=Command)
-@click.argument("dataset", type=PATH, metavar="DATASET")
-@force_option
-def finalise(dataset: Path, force: bool) -> None:
-    """Finish a dataset that `bsg-data build --parts` built.
-
-    Every file is compared with the report of its part. If a file is missing or damaged, the error
-    names the part to run again. The bytes equal those of a build without parts.
-
-    \b
-    Example:
-      bsg-data finalise dataset
-    """
-    with progress_bar("finalise", unit="shard") as report:
-        manifest = extend.finalise_dataset(dataset, force=force, progress=report)
-    _print_built(manifest, format_losses(manifest), dataset)
 
 
 @click.command("merge", cls=Command)

@@ -19,8 +19,9 @@ from bsg_data.tables import format_text
 @click.command("info", cls=Command)
 @dataset_argument
 @click.option("--figure", type=PATH, help="Also draw the frequencies as an image.")
+@click.option("--force", is_flag=True, help="Replace the image.")
 @json_option
-def info(dataset: Path, figure: Path | None, as_json: bool) -> None:
+def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None:
     """Describe a dataset, with the frequency of every class.
 
     \b
@@ -29,7 +30,7 @@ def info(dataset: Path, figure: Path | None, as_json: bool) -> None:
     """
     manifest = bsg_data.read_manifest(dataset)
     if figure is not None:
-        extend.refuse_figure(figure)
+        extend.refuse_file(figure, force=force)
     classes = extend.count_frequencies(dataset)
     sizes = bsg_data.read_splits(dataset, manifest=manifest) if manifest.split else {}
     splits = {name: len(ids) for name, ids in sizes.items()}

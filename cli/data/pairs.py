@@ -70,6 +70,12 @@ def pairs(
             f"{buildings} no pairs, because a class has more than 65,535 objects there; the first "
             f"is {left_out[0]}"
         )
+    recorded = [source.kind for source in manifest.sources if not source.is_complete]
+    if recorded:
+        print_note(
+            f"the buildings of {', '.join(recorded)} are what a robot saw: what it did not see "
+            "counts as not there. Do not train on these pairs, and do not measure models by them"
+        )
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
     if extend.MASKS[recipe.mask.strategy].reads_connections:
         bare = bsg_data.Dataset.open(dataset).count_unconnected()

@@ -8,9 +8,8 @@ import click
 
 import bsg_data
 from bsg_cli.choices import MOST_SCENES
-from bsg_cli.options import force_option, out_option, seed_option, workers_option
-from bsg_cli.terminal import Command, print_text, progress_bar, worker_pool
-from bsg_data import extend
+from bsg_cli.options import force_option, out_option, seed_option
+from bsg_cli.terminal import Command, print_text, progress_bar
 
 
 @click.command("synth", cls=Command)
@@ -22,36 +21,19 @@ from bsg_data import extend
     show_default=True,
     help="Number of buildings.",
 )
-@click.option(
-    "--geometry",
-    is_flag=True,
-    help="Also write meshes, and their true geometry in <hash>.truth.json.",
-)
 @seed_option()
-@workers_option
 @force_option
-def synth(out: Path, scenes: int, geometry: bool, seed: int, workers: int, force: bool) -> None:
-    """Write synthetic buildings in the file layout of HM3D.
+def synth(out: Path, scenes: int, seed: int, force: bool) -> None:
+    """Write synthetic buildings as HM3D has them, and a room layout of each.
 
     \b
     Example:
       bsg-data synth --out buildings --scenes 20 --seed 0
-      bsg-data synth --out places --scenes 5 --geometry
+      bsg-data build --hm3d buildings --room-layouts buildings/layouts --out dataset
     """
-    # Without meshes, one process is faster.
-    with (
-        worker_pool(workers if geometry else 1) as executor,
-        progress_bar("synth", unit="scene") as report,
-    ):
-        writing = bsg_data.write_synthetic(
-            out,
-            scenes=scenes,
-            seed=seed,
-            geometry=extend.GeometryOptions() if geometry else None,
-            force=force,
-            executor=executor,
-        )
+    with progress_bar("synth", unit="scene") as report:
+        writing = bsg_data.write_synthetic(out, scenes=scenes, seed=seed, force=force)
         for done, _ in enumerate(writing, 1):
             report(done, scenes)
-    print_text(f"{scenes:,} synthetic buildings{' with meshes' * geometry} in {out}")
-    print_text(f"next: bsg-data build --hm3d {out} --out dataset")
+    print_text(f"{scenes:,} synthetic buildings in {out}")
+    print_text(f"next: bsg-data build --hm3d {out} --room-layouts {out / 'layouts'} --out dataset")

@@ -1,4 +1,4 @@
-"""Format the totals of a dataset, and what its build left out."""
+"""Format the totals of a dataset, and what its build left out or did not understand."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 from bsg_data import extend
 from bsg_data.tables import format_text
+
+_SHOWN = 20  # rows of each table
 
 
 def format_totals(manifest: extend.Manifest) -> str:
@@ -53,8 +55,8 @@ def format_sources(dataset: Path) -> str:
     return format_text(rows, header=("source", *shown.values()), numeric=("classes",))
 
 
-def format_losses(manifest: extend.Manifest, *, most: int = 20) -> str:
-    """Return tables of skipped scenes, left-out geometry, unmapped names and resolved names."""
+def format_losses(manifest: extend.Manifest) -> str:
+    """Return tables of what a build left out, did not understand, or resolved by rules."""
     left = manifest.left_out
     lines = [
         f"skipped scenes: {len(manifest.skipped):,}, unmapped objects: {manifest.totals.unmapped:,}"
@@ -66,20 +68,24 @@ def format_losses(manifest: extend.Manifest, *, most: int = 20) -> str:
             lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
     for entries, what in ((manifest.skipped, "skipped scene"), (left, "left out")):
         if entries:
-            rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:most]]
+            rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:_SHOWN]]
             lines.append(format_text(rows, header=(what, "location", "reason")))
     if manifest.unmapped:
-        names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:most]]
+        names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:_SHOWN]]
         lines.append(format_text(names, header=("unmapped name", "instances", "nearest")))
+    if manifest.unknown_labels:
+        rooms = [(one.name, f"{one.instances:,}") for one in manifest.unknown_labels[:_SHOWN]]
+        lines.append(format_text(rooms, header=("kind of room not known", "rooms")))
+        lines.append("name them with --room-labels FILE (source_label,label)")
     if manifest.resolved:
         known = [
             (r.name, r.instances, r.rule, r.category, r.class_name or "none")
-            for r in manifest.resolved[:most]
+            for r in manifest.resolved[:_SHOWN]
         ]
         header = ("name resolved by rule", "instances", "rule", "category", "class")
         lines.append(format_text(known, header=header))
-    counts = (len(manifest.skipped), len(left), len(manifest.unmapped), len(manifest.resolved))
-    if max(counts) > most:
+    told = (manifest.skipped, left, manifest.unmapped, manifest.unknown_labels, manifest.resolved)
+    if max(map(len, told)) > _SHOWN:
         lines.append("… dataset.json has the full lists")
     return "\n".join(lines)
 

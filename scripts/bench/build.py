@@ -16,12 +16,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import trimesh
+from painted_meshes import Painting, write_painted
 from timing import Speed, time_both
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.manifest import Totals
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
+from bsg_data.synthetic.buildings import write_synthetic
 
 TEXTS, MESHES, BUILDINGS, WORKERS = 145, 2, 512, 2
 
@@ -33,8 +34,7 @@ def measure(hm3d: Path | None) -> Iterator[Speed]:
         if hm3d is None:
             list(write_synthetic(place / "texts", scenes=TEXTS, seed=0))
         yield measure_texts(hm3d or place / "texts", place / "dataset")
-        full = GeometryOptions(size="full")
-        list(write_synthetic(place / "meshes", scenes=MESHES, seed=0, geometry=full))
+        write_painted(place / "meshes", scenes=MESHES, seed=0, painting=Painting(size="full"))
         yield measure_meshes(place / "meshes", place / "dataset")
         yield measure_workers(place)
 
@@ -68,8 +68,8 @@ def measure_meshes(raw: Path, out: Path) -> Speed:
 def measure_workers(place: Path) -> Speed:
     """Return what a build takes with two workers beside one."""
     raw = place / "many"
+    list(write_synthetic(raw, scenes=BUILDINGS, seed=0))
     with ProcessPoolExecutor(WORKERS) as pool:
-        list(write_synthetic(raw, scenes=BUILDINGS, seed=0, executor=pool))
         build(raw, place / "started", pool)
         both, one = time_both(
             lambda: build(raw, place / "both", pool),

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from painted_meshes import Painting, write_painted
 from timing import Speed, time_both
 
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.sources.hm3d import parse_annotation
-from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 SCENE = 1  # of seed 0: 22 rooms, about 1,000 objects, 2.8 million triangles
 
@@ -20,9 +20,9 @@ SCENE = 1  # of seed 0: 22 rooms, about 1,000 objects, 2.8 million triangles
 def measure(hm3d: Path | None) -> Iterator[Speed]:
     """Yield what a survey takes beside reading the mesh and its pixels."""
     with tempfile.TemporaryDirectory() as folder:
-        full = GeometryOptions(size="full")
-        *_, text = write_synthetic(Path(folder, "full"), scenes=SCENE + 1, seed=0, geometry=full)
-        objects = parse_annotation(text.read_bytes(), path=text)
+        full = Painting(size="full")
+        *_, text = write_painted(Path(folder, "full"), scenes=SCENE + 1, seed=0, painting=full)
+        objects, _ = parse_annotation(text.read_bytes(), path=text)
         mesh, colours = text.with_suffix(".glb"), [str(one.colour) for one in objects]
         triangles = sum(len(part.faces) for part in trimesh.load_scene(mesh).geometry.values())
         assert survey_mesh(mesh, colours).coverage.faces == triangles

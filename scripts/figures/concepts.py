@@ -31,7 +31,7 @@ from bsg_data import (
     read_scene_graphs,
     write_synthetic,
 )
-from bsg_data.extend import BuildingSize, ClassSpace, GeometryOptions, ShareBelief
+from bsg_data.extend import BuildingSize, ClassSpace, ShareBelief, WithLayouts
 from bsg_data.observation.reports import hide_of_room
 from bsg_models import Predictor, SeenBuilding, open_graph
 
@@ -70,8 +70,9 @@ def draw_pipeline() -> Figure:
 
 
 def draw_masks() -> Figure:
-    """Draw what two masks leave of one building: from above, a dot for each object."""
+    """Draw what two masks leave of one building: a dot for each object, anywhere in its room."""
     graph, space = _make_building()
+    spots = _scatter_objects(graph)
     panels = [("what is there", None)]
     panels += [
         (f"what {name} leaves", MaskRecipe(strategy=name)) for name in ("uniform", "explore")
@@ -89,16 +90,24 @@ def draw_masks() -> Figure:
                 told = f"{known.hidden_share:.0%} hidden"
                 box = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85}
                 axes.text(*outline.mean(axis=0), told, ha="center", va="center", size=8, bbox=box)
-        for obj in graph.objects:
-            if obj.centroid is None or obj.class_index is None:
-                continue
-            is_seen = seen is None or str(obj.instance_id) in seen
-            face, edge = (BLUE, BLUE) if is_seen else ("none", ORANGE)
-            axes.plot(*obj.centroid[:2], "o", ms=3.5, mfc=face, mec=edge, mew=0.8)
+        for name, spot in spots.items():
+            face, edge = (BLUE, BLUE) if seen is None or name in seen else ("none", ORANGE)
+            axes.plot(*spot, "o", ms=3.5, mfc=face, mec=edge, mew=0.8)
         axes.set_title(title, size=11)
         axes.set_aspect("equal")
         axes.axis("off")
     return figure
+
+
+def _scatter_objects(graph: SceneGraph) -> dict[str, Floats]:
+    """Return a random place (x, y) in its room for every object of a class, by its name."""
+    rng, spots = np.random.default_rng(0), {}
+    for room in graph.rooms:
+        low, high = np.reshape(room.footprint or (), (-1, 2))[[0, 2]]
+        for obj in graph.objects:
+            if obj.room_index == room.room_index and obj.class_index is not None:
+                spots[str(obj.instance_id)] = low + rng.uniform(0.05, 0.95, 2) * (high - low)
+    return spots
 
 
 def draw_counts() -> Figure:
@@ -188,9 +197,8 @@ def _make_building() -> tuple[SceneGraph, ClassSpace]:
     """Return a synthetic building with places, and its class space."""
     with tempfile.TemporaryDirectory() as name:
         folder, dataset = Path(name, "buildings"), Path(name, "dataset")
-        size = BuildingSize(rooms=6)
-        list(write_synthetic(folder, scenes=1, seed=4, size=size, geometry=GeometryOptions()))
-        build_dataset(open_source("hm3d", folder), dataset)
+        list(write_synthetic(folder, scenes=1, seed=4, size=BuildingSize(rooms=6)))
+        build_dataset(WithLayouts(open_source("hm3d", folder), folder / "layouts"), dataset)
         return next(read_scene_graphs(dataset)), read_manifest(dataset).class_space
 
 

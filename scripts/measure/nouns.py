@@ -28,9 +28,8 @@ from lexicon import Lexicon, list_words, read_lexicon
 from scipy.optimize import minimize, minimize_scalar
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.dataset import Dataset, read_splits
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.dataset.splits import read_splits
 from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless, load_class_map

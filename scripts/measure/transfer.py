@@ -19,7 +19,7 @@ import networkx as nx
 from folds import FoldModel, measure, tally_likelihood
 from results import ResultsTable, format_estimate, write_figures
 
-from bsg_data.dataset.commit import revise
+from bsg_data.dataset.commit import update_manifest
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import MANIFEST
 from bsg_data.dataset.splits import assign_splits, write_splits
@@ -64,7 +64,9 @@ def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> d
         if Dataset.open(copy).manifest.pairs is None:
             recipe = SplitRecipe(method="folds", ratios=None, folds=folds)
             dealt = {scene: f"fold-{chosen[scene]}" for scene in Dataset.open(copy).scene_ids}
-            revise(copy, lambda old, a=copy, b=recipe, c=dealt: write_splits(a, old, b, c))
+            update_manifest(
+                copy, lambda old, b=recipe, c=dealt: write_splits(old.path, old.manifest, b, c)
+            )
             write_pairs(copy, PairsRecipe(mask=MaskRecipe(seed=seed), draws=5), force=True)
         opened[name] = Dataset.open(copy)
     return opened

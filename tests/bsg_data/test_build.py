@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import resource
 import shutil
@@ -14,9 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import BEDROOM, KITCHEN, REPOSITORY, annotation_text, write_scene
+from conftest import BATHROOM, BEDROOM, KITCHEN, REPOSITORY, annotation_text, write_scene
+from dsg_files import robot_graph
+from painted_meshes import write_painted
+from refusals import refuses
 
-from bsg_data.build import Part, build_dataset, build_part, finalise_dataset
+from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
@@ -31,11 +35,11 @@ from bsg_data.errors import (
 )
 from bsg_data.merge import merge_datasets
 from bsg_data.scene.class_map import ClassMap, load_class_map
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef
 from bsg_data.sources.table import ObjectTable
-from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:
@@ -60,7 +64,7 @@ def test_totals_and_losses_of_the_twelve(hm3d_folder: Path, tmp_path: Path) -> N
     assert [(u.name, u.instances) for u in manifest.unmapped] == [("zzqx thing", bedrooms)]
     assert manifest.skipped[0].scene_id == "00042-broken00000"
     assert "line 1: expected 'HM3D Semantic Annotations'" in manifest.skipped[0].reason
-    assert "found before" in manifest.skipped[1].reason
+    assert "another annotation of the same building" in manifest.skipped[1].reason
     assert check_dataset(tmp_path / "out") == ()
 
 
@@ -168,7 +172,7 @@ def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) 
     before = all_bytes(tmp_path / "out")
     with pytest.raises(DatasetError, match="--force replaces it"):
         build_dataset(source, tmp_path / "out")
-    with pytest.raises(DatasetError, match="is inside the dataset"):
+    with pytest.raises(DatasetError, match="is in the dataset"):
         build_dataset(source, tmp_path / "out" / "deeper")
     with pytest.raises(SourceError):
         build_dataset(HM3DFolder(tmp_path / "none"), tmp_path / "out", force=True)
@@ -202,6 +206,59 @@ def test_a_scene_whose_id_leads_out_of_a_folder_is_left_out(
     assert manifest.totals.scenes == 11
     with pytest.raises(SourceError, match="must be usable as a file name"):
         build_dataset(Hostile(hm3d_folder), tmp_path / "strict", strict=True)
+
+
+@pytest.mark.parametrize("kind", ["table", "spark-dsg"])
+def test_two_scenes_whose_names_differ_in_digits_are_two_buildings(
+    tmp_path: Path, kind: str
+) -> None:
+    names = ["00001-flat", "00002-flat"]
+    root = tmp_path / "source"
+    root.mkdir()
+    if kind == "table":
+        rows = [f"{name},kitchen,{thing}\n" for name in names for thing in ("stove", "sink")]
+        (root / "objects.csv").write_text("".join(["scene,room,category\n", *rows]))
+        root /= "objects.csv"
+    else:
+        for name in names:
+            (root / name).mkdir()
+            (root / name / "dsg.json").write_text(json.dumps(robot_graph()))
+    manifest = build_dataset(open_source(kind, root), tmp_path / "out")
+    assert manifest.totals.scenes == 2
+    assert manifest.skipped == ()
+    assert check_dataset(tmp_path / "out") == ()
+
+
+def test_two_annotations_of_one_building_are_said_and_an_error_under_strict(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    copy = next(hm3d_folder.rglob("*00.semantic.txt"))
+    other = write_scene(hm3d_folder, "00000-abcdefghi00", copy.read_bytes(), split="minival")
+    known = tmp_path / "known.csv"
+    names = ["stove", *{name for room in (KITCHEN, BEDROOM, BATHROOM) for name in room}]
+    rows = "".join(f"{name},{name},\n" for name in dict.fromkeys(filter(None, names)))
+    known.write_text(f"raw_category,category,class\n{rows}book,book,\ncup,cup,\n")
+    source = HM3DFolder(hm3d_folder)
+    manifest = build_dataset(source, tmp_path / "same", class_map=known, strict=True)
+    assert "has the same annotation" in manifest.skipped[0].reason
+    other.write_text(annotation_text({0: KITCHEN}))
+    manifest = build_dataset(source, tmp_path / "other", class_map=known)
+    assert "has another annotation of the same building" in manifest.skipped[0].reason
+    with refuses(SourceError, "scene-unreadable", other):
+        build_dataset(source, tmp_path / "strict", class_map=known, strict=True)
+
+
+def test_labels_of_rooms_that_nobody_knows_are_reported(tmp_path: Path) -> None:
+    """Other words for no kind of room, and numbers, are nothing to be known."""
+    rooms = ["Wohnzimmer", "Wohnzimmer 2", "Dachboden", "kitchen", "R7", "other"]
+    rows = [f"flat,{room},chair\n" for room in rooms]
+    (tmp_path / "objects.csv").write_text("".join(["scene,room,category\n", *rows]))
+    manifest = build_dataset(ObjectTable(tmp_path / "objects.csv"), tmp_path / "out")
+    assert {one.name: one.instances for one in manifest.unknown_labels} == {
+        "Dachboden": 1,
+        "Wohnzimmer": 1,
+        "Wohnzimmer 2": 1,
+    }
 
 
 def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:
@@ -269,7 +326,7 @@ def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def _with_meshes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("meshes") / "places"
-    list(write_synthetic(out, scenes=5, seed=1, geometry=GeometryOptions()))
+    write_painted(out, scenes=5, seed=1)
     mesh = sorted(out.rglob("*.semantic.glb"))[1]
     mesh.write_bytes(mesh.read_bytes()[:-100])
     return out
@@ -363,7 +420,7 @@ def test_a_scene_that_is_not_what_was_listed_stops_the_build(
     assert all_bytes(out) == all_bytes(tmp_path / "whole")
 
 
-@pytest.mark.parametrize("fails_at", [5, 16])  # the listing reads twelve
+@pytest.mark.parametrize("fails_at", [0, 5])
 def test_an_error_of_the_disk_stops_the_build_which_goes_on_later(
     hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails_at: int
 ) -> None:
@@ -418,91 +475,24 @@ def test_a_table_that_is_written_anew_stops_the_build(tmp_path: Path) -> None:
             build_dataset(ObjectTable(table), tmp_path / "out", scenes_per_shard=1, progress=strike)
 
 
-# In parts
-
-
-def build(folder: Path, out: Path, number: int, of: int, *, force: bool = False) -> tuple[int, ...]:
-    part = Part(number, of)
-    return build_part(HM3DFolder(folder), out, part, scenes_per_shard=2, force=force).missing
-
-
-@pytest.fixture
-def whole(hm3d_folder: Path, tmp_path: Path) -> dict[str, bytes]:
-    """The bytes of the twelve buildings, built at once, with something left out."""
-    write_scene(hm3d_folder, "00042-broken00000", b"not an annotation")
-    write_scene(hm3d_folder, "00005-abcdefghi05", annotation_text({0: KITCHEN}), split="minival")
-    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "whole", scenes_per_shard=2)
-    return all_bytes(tmp_path / "whole")
-
-
-def test_parts_in_any_order_give_the_bytes_of_one_build(
-    hm3d_folder: Path, tmp_path: Path, whole: dict[str, bytes]
-) -> None:
-    out = tmp_path / "out"
-    missing = [build(hm3d_folder, out, number, 3) for number in (3, 1, 3, 2)]
-    assert [len(left) for left in missing] == [5, 2, 2, 0]
-    assert not out.exists()
-    seen = []
-    finalise_dataset(out, progress=lambda done, total: seen.append((done, total)))
-    assert seen[-1] == (7, 7)
-    assert all_bytes(out) == whole
-    assert check_dataset(out) == ()
-    assert not list(tmp_path.glob("*.partial"))
-
-
-def test_parts_at_once_do_not_lock_each_other_out(
-    hm3d_folder: Path, tmp_path: Path, whole: dict[str, bytes]
-) -> None:
-    """Seven parts begin at the same moment, and each of them twice."""
-    out = tmp_path / "out"
-    with ThreadPoolExecutor(14) as pool:
-        futures = [pool.submit(build, hm3d_folder, out, n % 7 + 1, 7) for n in range(14)]
-        assert () in [future.result() for future in futures]
-    finalise_dataset(out)
-    assert all_bytes(out) == whole
-
-
-def test_what_is_missing_or_damaged_is_named_by_its_part(
-    hm3d_folder: Path, tmp_path: Path, whole: dict[str, bytes]
-) -> None:
-    out, growing = tmp_path / "out", tmp_path / "out.partial"
-    with pytest.raises(DatasetError, match=r"holds no part of a build; .*--parts I/N"):
-        finalise_dataset(out)
-    for number in (1, 2, 4):
-        build(hm3d_folder, out, number, 4)
-    (growing / "objects" / "part-00001.parquet").write_bytes(b"PAR1")
-    with pytest.raises(DatasetError, match=r"3 of 7 shards missing.*--parts: 2/4, 3/4$"):
-        finalise_dataset(out)
-    assert not out.exists()
-    for number in (2, 3):
-        build(hm3d_folder, out, number, 4)
-    finalise_dataset(out)
-    assert all_bytes(out) == whole
-    with pytest.raises(DatasetError, match="is a finished dataset; --force replaces it"):
-        build(hm3d_folder, out, 1, 4)
-
-
-def test_parts_of_another_build_are_refused_and_kept(hm3d_folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    build(hm3d_folder, out, 1, 2)
-    before = all_bytes(tmp_path / "out.partial")
-    write_scene(hm3d_folder, "00000-abcdefghi00", annotation_text({0: [*KITCHEN, "bed"]}))
-    with pytest.raises(DatasetError, match=r"or the source changed since\); remove it"):
-        build(hm3d_folder, out, 2, 2)
-    with pytest.raises(DatasetError, match="holds parts of another build"):
-        build_dataset(HM3DFolder(hm3d_folder), out)
-    assert all_bytes(tmp_path / "out.partial") == before
-
-
-def test_force_replaces_a_dataset_when_the_parts_are_finished(
+def test_parts_that_are_built_apart_merge_to_the_tables_of_one_build(
     hm3d_folder: Path, tmp_path: Path
 ) -> None:
-    out = tmp_path / "out"
-    build_dataset(HM3DFolder(hm3d_folder), out)
-    build(hm3d_folder, out, 1, 1, force=True)
-    with pytest.raises(DatasetError, match="--force replaces it"):
-        finalise_dataset(out)
-    assert finalise_dataset(out, force=True).scenes_per_shard == 2
+    """Each job of a queue builds a dataset of its own; nothing else is shared."""
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "whole")
+    for number, scene in enumerate(sorted(hm3d_folder.glob("*/*"))):
+        place = tmp_path / f"part-{number % 3}" / scene.parent.name / scene.name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.symlink_to(scene)
+    parts = [tmp_path / f"dataset-{number}" for number in range(3)]
+    for number, part in enumerate(parts):
+        build_dataset(HM3DFolder(tmp_path / f"part-{number}"), part)
+    merge_datasets(parts, tmp_path / "merged")
+    for table in ("scenes", "rooms", "objects", "edges"):
+        name = f"{table}/part-00000.parquet"
+        found, expected = (tmp_path / out / name for out in ("merged", "whole"))
+        assert found.read_bytes() == expected.read_bytes()
+    assert check_dataset(tmp_path / "merged") == ()
 
 
 def test_a_class_map_of_ones_own_is_found_without_its_file(
@@ -511,9 +501,15 @@ def test_a_class_map_of_ones_own_is_found_without_its_file(
     own = tmp_path / "own.csv"
     rows = "raw_category,category,class\nstove,stove,stove\nbed,bed,bed\n"
     own.write_text(rows, "utf-8")
-    words = {"class_map": str(own), "scenes_per_shard": 2}
-    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "whole", **words)  # type: ignore[arg-type]
-    build_part(HM3DFolder(hm3d_folder), tmp_path / "out", Part(1, 1), **words)  # type: ignore[arg-type]
-    own.unlink()
-    finalise_dataset(tmp_path / "out")
-    assert all_bytes(tmp_path / "out") == all_bytes(tmp_path / "whole")
+    stopped: Executor = StoppingExecutor(3)
+    with pytest.raises(KeyboardInterrupt):
+        build_dataset(
+            HM3DFolder(hm3d_folder),
+            tmp_path / "out",
+            class_map=own,
+            scenes_per_shard=2,
+            executor=stopped,
+        )
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", class_map=own, scenes_per_shard=2)
+    own.rename(tmp_path / "gone.csv")
+    assert check_dataset(tmp_path / "out") == ()

@@ -9,8 +9,9 @@ from conftest import BEDROOM, KITCHEN, annotation_text, write_scene
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.dataset import read_splits
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.dataset.statistics import count_sources
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.merge import merge_datasets

@@ -31,9 +31,9 @@ from one_building import read_pairs
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.dataset import Dataset, read_splits
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.merge import merge_datasets
 from bsg_data.observation.pairs import write_pairs

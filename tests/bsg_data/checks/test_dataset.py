@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +13,19 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from conftest import commit_manifest, describe_file
+from painted_meshes import write_painted
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.table import ObjectTable
-from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
+from bsg_data.synthetic.buildings import write_synthetic
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 OBJECTS, ROOMS = "objects/part-00000.parquet", "rooms/part-00000.parquet"
@@ -70,7 +73,7 @@ def setting(column: str, value: object, row: int = 0) -> Change:
     [
         (SCENES, setting("num_rooms", 99), "num_rooms in row 0: expected 2, found 99"),
         (SCENES, setting("scene_id", "00001-abcdefghi01"), "is there twice"),
-        (SCENES, setting("scene_id", "99999-abcdefghi01"), "has two scene ids"),
+        (SCENES, setting("building", "abcdefghi01"), "has two scene ids"),
         (SCENES, setting("scene_id", "../secret"), "cannot be part of a file name"),
         (SCENES, lambda f: f.iloc[::-1], "is not sorted by scene_id"),
         (SCENES, setting("class_map", "other"), "its class map is none of the manifest"),
@@ -135,10 +138,24 @@ def test_files_that_changed_vanished_or_appeared_are_named(dataset: Path) -> Non
 
 def test_a_file_of_other_columns_or_rows_is_named(dataset: Path) -> None:
     table = pq.read_table(dataset / SCENES)
-    pq.write_table(table.drop_columns(["up_axis"]), dataset / SCENES)
+    pq.write_table(table.drop_columns(["class_map"]), dataset / SCENES)
     list_again(dataset, SCENES, rows=len(table))
     list_again(dataset, ROOMS, rows=1)
     assert [fault.where for fault in check_dataset(dataset)] == [SCENES, ROOMS]
+
+
+def test_a_column_that_was_added_later_is_null_in_an_older_file(dataset: Path) -> None:
+    """`building` stands for one: the reader, the scene graphs and the check do without it."""
+    before = list(read_scene_graphs(dataset))
+    table = pq.read_table(dataset / SCENES)
+    pq.write_table(table.drop_columns(["building", "up_axis"]), dataset / SCENES)
+    list_again(dataset, SCENES, rows=len(table))
+    assert check_dataset(dataset) == ()
+    assert list(read_scene_graphs(dataset)) == [
+        replace(one, building=None) if place < 5 else one for place, one in enumerate(before)
+    ]
+    data = Dataset.open(dataset)
+    assert data.keys[:5] == data.scene_ids[:5]
 
 
 def test_a_class_map_that_is_not_the_published_one_is_named(dataset: Path) -> None:
@@ -153,7 +170,7 @@ def test_a_class_map_that_is_not_the_published_one_is_named(dataset: Path) -> No
 @pytest.fixture(scope="module")
 def _placed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("placed")
-    list(write_synthetic(folder / "places", scenes=2, seed=2, geometry=GeometryOptions()))
+    write_painted(folder / "places", scenes=2, seed=2)
     build_dataset(HM3DFolder(folder / "places"), folder / "dataset")
     return folder / "dataset"
 
@@ -274,12 +291,13 @@ def test_the_truth_is_the_same_however_little_of_it_is_held(
 
 @pytest.mark.parametrize(
     ("value", "expected"),
-    [("first", "is there twice"), ("building", "has two scene ids"), ("0-A", "is not sorted by")],
+    [("first", "is there twice"), ("key", "has two scene ids"), ("0-A", "is not sorted by")],
 )
 def test_scenes_of_another_part_are_known(in_parts: Path, value: str, expected: str) -> None:
-    first = Dataset.open(in_parts).scene_ids[0]
-    name = {"first": first, "building": "99999" + first[5:]}.get(value, value)
-    edit(in_parts, "scenes/part-00003.parquet", setting("scene_id", name))
+    data = Dataset.open(in_parts)
+    column = "building" if value == "key" else "scene_id"
+    name = {"first": data.scene_ids[0], "key": data.keys[0]}.get(value, value)
+    edit(in_parts, "scenes/part-00003.parquet", setting(column, name))
     found = find_faults(in_parts)
     assert any(expected in line for line in found), found
 

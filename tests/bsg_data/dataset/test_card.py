@@ -13,6 +13,7 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.card import write_card
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.table import ObjectTable
 from bsg_data.synthetic.buildings import write_synthetic
 
 
@@ -50,10 +51,33 @@ def test_hugging_face_loads_every_configuration(
         loaded = datasets.load_dataset(
             str(dataset), name, streaming=streaming, cache_dir=str(tmp_path / "cache")
         )
-        expected = {"train", "val", "test"} if name == "pairs" else {"train"}
+        expected = {"train", "val", "test"} if name == "pairs" else {"full"}
         assert set(loaded) == expected
         rows = sum(sum(1 for _ in split) for split in loaded.values())
         assert rows == sum(entry.rows for entry in manifest.files_of(name))
+
+
+@pytest.mark.filterwarnings("ignore")  # of what `datasets` uses
+def test_another_dataset_in_a_folder_of_the_same_name_is_not_taken_for_the_first(
+    tmp_path: Path,
+) -> None:
+    """Its cache is keyed by the card and the name of the folder; also after `build --force`."""
+    import datasets
+
+    found = []
+    for where, thing in (("one", "bed"), ("two", "pillow"), ("two", "lamp")):
+        table = tmp_path / where / "objects.csv"
+        table.parent.mkdir(exist_ok=True)
+        table.write_text(f"scene,room,category\nflat,bedroom,{thing}\n")
+        build_dataset(ObjectTable(table), table.parent / "dataset", force=True)
+        rows = datasets.load_dataset(
+            str(table.parent / "dataset"),
+            "objects",
+            split="train",
+            cache_dir=str(tmp_path / "cache"),
+        )
+        found.append([row["raw_category"] for row in rows])
+    assert found == [["bed"], ["pillow"], ["lamp"]]
 
 
 def test_the_card_says_what_the_manifest_says(dataset: Path) -> None:

@@ -14,11 +14,12 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.commit import is_own, revise
+from bsg_data.dataset.commit import is_own, update_manifest
+from bsg_data.dataset.dataset import read_splits
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.schema import SPLITS
 from bsg_data.dataset.shards import write_parquet
-from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
@@ -146,7 +147,7 @@ def test_no_split_is_read_whose_name_could_lead_anywhere(dataset: Path, name: st
 
 def test_a_change_needs_a_dataset(tmp_path: Path) -> None:
     with refuses(DatasetError, "dataset-missing", tmp_path / "none"):
-        revise(tmp_path / "none", lambda manifest: manifest)
+        update_manifest(tmp_path / "none", lambda data: data.manifest)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -8,12 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.dataset import read_splits
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.splits import (
-    assign_splits,
-    read_splits,
-    split_dataset,
-)
+from bsg_data.dataset.splits import assign_splits, split_dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.recipes import SplitRecipe
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY
+from painted_meshes import Painting, write_painted
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.shards import read_scene_graphs
@@ -17,7 +18,6 @@ from bsg_data.exports.habitat import encode_regions, find_orientation
 from bsg_data.geometry.placement import STAIRS, UPRIGHT
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
 
 EXAMPLE = REPOSITORY.parent / "shared" / "sources" / "habitat_semantic_config_example.json"
 CUBE = Box((0, 0, 0), (1, 1, 1))
@@ -102,8 +102,7 @@ def test_keys_types_and_rule_are_those_of_habitat_sim_s_own_example() -> None:
 
 
 def test_regions_of_built_meshes_are_where_the_truth_says(tmp_path: Path) -> None:
-    options = GeometryOptions(up_axis="z")
-    list(write_synthetic(tmp_path / "places", scenes=2, seed=5, geometry=options))
+    write_painted(tmp_path / "places", scenes=2, seed=5, painting=Painting(up_axis="z"))
     build_dataset(HM3DFolder(tmp_path / "places"), tmp_path / "dataset")
     done = export_dataset(tmp_path / "dataset", tmp_path / "out", to="habitat")
     graphs = list(read_scene_graphs(tmp_path / "dataset"))

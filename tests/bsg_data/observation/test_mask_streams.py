@@ -24,7 +24,6 @@ def seed(recipe: MaskRecipe, scene: str, draw: int, stream: str) -> np.random.Se
 def test_many_draws_are_seeded_as_numpy_seeds_each(
     number: int, draws: list[tuple[str, int]]
 ) -> None:
-    """By NumPy's own seeds, of as few draws as it makes them of, and of more."""
     recipe, (scenes, numbers) = MaskRecipe(seed=number), zip(*draws, strict=True)
     streams = MaskStreams([recipe] * len(draws), scenes, numbers)
     for stream in STREAMS:
@@ -34,6 +33,13 @@ def test_many_draws_are_seeded_as_numpy_seeds_each(
             assert rng.random(4).tolist() == expected
             alone = mask_generator(recipe, scene_id=scene, draw=draw, stream=stream)
             assert alone.random(4).tolist() == expected
+
+
+def test_draws_that_numpy_counts_are_seeded_as_those_of_python() -> None:
+    """By a user who masks a building `for draw in np.arange(5)`."""
+    recipes, scenes = [MaskRecipe()] * 5, ["home"] * 5
+    theirs, ours = (MaskStreams(recipes, scenes, d).of("rooms") for d in (np.arange(5), range(5)))
+    assert [rng.random() for rng in theirs] == [rng.random() for rng in ours]
 
 
 def test_recipes_of_short_and_long_seeds_are_drawn_together() -> None:

@@ -190,15 +190,15 @@ def test_mixed_is_each_of_the_others_as_often() -> None:
     found = np.zeros(10)
     connections = ROW.take(slice(0, 8))
     for draw in range(1000):
-        told = sample_view((10, 2), recipe, scene_id="s", draw=draw, connections=connections)
+        view = sample_view((10, 2), recipe, scene_id="s", draw=draw, connections=connections)
         rng = mask_generator(recipe, scene_id="s", draw=draw, stream="rooms")
         if rng.random() < 0.6:
-            found[len(told.nodes) - 1] += 1
+            found[len(view.nodes) - 1] += 1
             continue
         number = int(rng.integers(5))
         one = MASKS[STRATEGIES[number]].look((10, 2), recipe, connections=connections, rng=rng)
-        assert told.agrees(one)
-        assert told.exact == (STRATEGIES[number] == "uniform")
+        assert view.agrees(one)
+        assert view.exact == (STRATEGIES[number] == "uniform")
         numbers[number] += 1
     assert stats.chisquare(numbers).pvalue > 1e-3
     assert stats.binomtest(int(found.sum()), 1000, 0.6).pvalue > 1e-3

@@ -191,7 +191,7 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(
         np.testing.assert_array_equal(left.histograms(), to_histograms(own - hidden))
         arrays = left.observation(withheld=list_withheld(recipe, left, draw=2))
         np.testing.assert_array_equal(arrays.visited, view.visited)
-        np.testing.assert_array_equal(arrays.hidden_share, view.told)
+        np.testing.assert_array_equal(arrays.hidden_share, view.shares_float32)
         np.testing.assert_array_equal(arrays.withheld, view.withheld)
         real = {str(obj.instance_id): obj for obj in graph.objects}
         assert all(real[obj.name].raw_category == obj.raw_category for obj in left.objects)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from bsg_data.arrays import Counts
 from bsg_data.dataset.histograms import OtherObjects
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import sample_view
-from bsg_data.observation.view import View, sample_hidden, see_others
+from bsg_data.observation.view import View, hide_cells, sample_hidden, see_others
 from bsg_data.recipes import MaskRecipe
 
 NOBODY = np.zeros(4, dtype=bool)
@@ -39,7 +41,7 @@ def test_a_room_that_is_searched_shows_everything() -> None:
 
 def test_views_agree_in_single_precision() -> None:
     one = View.of_rooms(np.array([0.1, 0.7]), classes=2)
-    stored = View(one.visited, one.told.astype(np.float64), one.withheld, one.nodes)
+    stored = View(one.visited, one.shares_float32.astype(np.float64), one.withheld, one.nodes)
     assert stored.hidden_share.tolist() != one.hidden_share.tolist()
     assert one.agrees(stored)
     assert not one.agrees(one.search(np.array([False, True, False])))
@@ -88,13 +90,13 @@ def test_parts_are_seen_only_with_a_whole() -> None:
 
 def test_the_share_of_hidden_parts_is_that_of_the_others() -> None:
     for strategy in ("uniform", "explore"):
-        gone, told = np.zeros(4), np.zeros(4)
+        gone, expected = np.zeros(4), np.zeros(4)
         for draw in range(1500):
             recipe = MaskRecipe(strategy=strategy, parts=True)
             gone += hide(recipe, draw)[1][:, 0]
             view = sample_view(CURTAINS.shape, recipe, scene_id="s", draw=draw)
-            told += view.hidden_share * RODS[:, 0]
-        np.testing.assert_allclose(gone, told, rtol=0.08)
+            expected += view.hidden_share * RODS[:, 0]
+        np.testing.assert_allclose(gone, expected, rtol=0.08)
 
 
 def test_parts_of_a_withheld_class_are_hidden() -> None:
@@ -116,3 +118,26 @@ def test_a_share_loses_its_exact_number() -> None:
     assert hidden[4].tolist() == [2, 2]
     assert hidden[2:4].sum() == 29, "exact in decimals: in floats 0.29 of 100 is less than 29"
     assert (hidden <= CELLS).all()
+
+
+def test_draws_of_several_views_are_each_as_if_alone() -> None:
+    """Three draws of a view with exact shares, one without, and one with a class withheld."""
+    recipe, scenes = MaskRecipe(), ["a", "b", "c"]
+    exact = View.of_rooms(SHARES, classes=2, exact=True)
+    views = [exact, replace(exact, exact=False), exact.withhold(np.array([True, False]))]
+    streams = MaskStreams([recipe] * 9, scenes * 3, [draw for draw in range(3) for _ in scenes])
+    together = hide_cells(np.concatenate([CELLS, CELLS + 1, CELLS]), views, streams)
+    alone = [
+        sample_hidden(cells, view, recipe, scene_id=scene, draw=draw)
+        for draw in range(3)
+        for cells, view, scene in zip((CELLS, CELLS + 1, CELLS), views, scenes, strict=True)
+    ]
+    assert together.tolist() == np.concatenate(alone).tolist()
+    assert len({one.tobytes() for one in alone}) == 9
+
+
+def test_of_no_objects_none_is_hidden() -> None:
+    for exact in (True, False):
+        view = View.of_rooms(SHARES, classes=2, exact=exact)
+        streams = MaskStreams([MaskRecipe()] * 2, ["s"] * 2, range(2))
+        assert hide_cells(np.zeros_like(CELLS), [view], streams).tolist() == [[0, 0]] * 10

@@ -1,10 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from bsg_data.scene.connections import GIVEN, Connections, stack_connections
-from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject, split_scene_id
+from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
 
 def test_nodes_are_the_building_then_rooms_then_objects() -> None:
@@ -23,23 +22,6 @@ def test_nodes_are_the_building_then_rooms_then_objects() -> None:
     placed = SceneObject(1, 1, 2, "bed", box=box)
     graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (placed,), class_map="m")
     assert (bare.has_geometry, graph.has_geometry) == (False, True)
-
-
-@pytest.mark.parametrize(
-    ("scene_id", "number", "building"),
-    [
-        ("00006-HkseAnWCgqk", 6, "HkseAnWCgqk"),
-        ("HkseAnWCgqk", None, "HkseAnWCgqk"),
-        ("6-HkseAnWCgqk", None, "6-HkseAnWCgqk"),
-        ("00006-", None, "00006-"),
-        ("240101-office", None, "240101-office"),
-        ("1234567-HkseAnWCgqk", 1234567, "HkseAnWCgqk"),
-    ],
-)
-def test_a_number_has_five_digits_and_a_hash_behind_it(
-    scene_id: str, number: int | None, building: str
-) -> None:
-    assert split_scene_id(scene_id) == (number, building)
 
 
 def test_connections_of_buildings_are_numbered_one_after_another() -> None:

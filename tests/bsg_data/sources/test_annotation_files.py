@@ -1,7 +1,8 @@
-"""Files of annotations: walked without loops, told apart by a hash."""
+"""Files of annotations: walked without loops, read as they were listed, one for each building."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from refusals import refuses
@@ -34,24 +35,24 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
 def test_a_fingerprint_tells_files_apart(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1")
     (tmp_path / "b").write_text("2")
-    marks = [fingerprint(tmp_path / name, Bound("", 9)) for name in ("a", "b")]
-    assert len(set(marks)) == 2
+    os.utime(tmp_path / "b", ns=(0, 0))
+    assert fingerprint(tmp_path / "a") != fingerprint(tmp_path / "b")
     with refuses(SourceChangedError, "source-changed", tmp_path / "c"):
-        fingerprint(tmp_path / "c", Bound("", 9))
-    assert fingerprint(tmp_path / "a", Bound("", 0)) == "too large"
+        fingerprint(tmp_path / "c")
 
 
 def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
     path, bound = tmp_path / "a", Bound("", 9)
     path.write_text("1")
-    known = fingerprint(path, bound)
+    known = fingerprint(path)
     assert read_listed(path, bound, expected=known) == b"1"
     for content in ("2", "far too large"):
         path.write_text(content)
+        os.utime(path, ns=(0, len(content)))
         with refuses(SourceChangedError, "source-changed", path):
             read_listed(path, bound, expected=known)
     with refuses(SourceError, "file-too-large", path):
-        read_listed(path, bound, expected=fingerprint(path, bound))
+        read_listed(path, bound, expected=fingerprint(path))
     path.unlink()
     with refuses(SourceChangedError, "source-changed", path):
         read_listed(path, bound, expected=known)
@@ -64,15 +65,20 @@ def test_the_line_that_is_no_text_is_named() -> None:
 
 def test_a_numbered_copy_then_the_newest_then_the_split_is_kept() -> None:
     copies = [
-        SceneRef("a", "hash/alone", "f", "train", "v0.9"),
-        SceneRef("00001-a", "minival", "f", "minival", "v0.10"),
-        SceneRef("00001-a", "val", "f", "val", "v0.10"),
-        SceneRef("00001-a", "older", "g", "train", "v0.2"),
+        SceneRef("a", "hash/alone", "f", "train", "v0.9", building="a"),
+        SceneRef("00001-a", "minival", "f", "minival", "v0.10", building="a"),
+        SceneRef("00001-a", "val", "f", "val", "v0.10", building="a"),
+        SceneRef("00001-a", "older", "g", "train", "v0.2", building="a"),
     ]
     kept = keep_one_copy(copies)
     assert [ref.location for ref in kept.scenes] == ["val"]
-    assert [(skip.location, skip.reason.split()[-2]) for skip in kept.duplicates] == [
-        ("hash/alone", "same"),
-        ("minival", "same"),
-        ("older", "OTHER"),
-    ]
+    assert [skip.location for skip in kept.duplicates] == ["hash/alone", "minival"]
+    assert [skip.location for skip in kept.conflicts] == ["older"]
+
+
+def test_scenes_of_other_names_are_other_buildings_unless_the_source_knows_better() -> None:
+    """Five digits before a hyphen number HM3D's buildings; elsewhere they are part of a name."""
+    names = ["00001-flat", "00002-flat"]
+    kept = keep_one_copy(SceneRef(name, name, name) for name in names)
+    assert [ref.scene_id for ref in kept.scenes] == names
+    assert (kept.duplicates, kept.conflicts) == ((), ())

@@ -110,6 +110,77 @@ def test_what_refers_to_nothing_is_counted(tmp_path: Path) -> None:
     ]
 
 
+def list_rooms(path: Path, *rows: Sequence[Any]) -> list[tuple[str, str | None]]:
+    """Return word and label of spaces with name, category, description and tag, as Revit has."""
+    header = ["Name", "Category", "FloorName", "Description", "RoomTag"]
+    space = [header, *([name, kind, "n/a", said, tag] for name, kind, said, tag in rows)]
+    rooms = read(write_book(path, {"Space": space})).graph.rooms
+    return [(room.source_label, room.label) for room in rooms]
+
+
+def test_the_tag_of_a_room_is_the_last_to_say_what_it_is(tmp_path: Path) -> None:
+    other = "13-11 11: Restroom"
+    assert list_rooms(
+        tmp_path / "b.xlsx",
+        ["1", "Not Found", "n/a", "Corridor 1"],
+        ["2", other, "n/a", "Corridor 2"],
+        ["3", None, "Kitchen", "Corridor 3"],
+        ["Office", None, None, "Corridor 4"],
+        ["5", "13-99: Not Found", "Hatch of Zorg", "Corridor 5"],
+        ["6", None, None, "T-6"],
+    ) == [
+        ("Corridor 1", "corridor"),
+        ("Restroom", "toilet"),
+        ("Kitchen", "kitchen"),
+        ("Office", "office"),
+        ("Corridor 5", "corridor"),
+        ("6", None),
+    ]
+
+
+@pytest.mark.parametrize(
+    "word",
+    [
+        *("Not Found", "NOT_FOUND", "n/a", "N/A", "N.A.", "#N/A", "#REF!", "TBD", "tbc", "none"),
+        *("unknown", "Not applicable", "not available", "Undefined", "n/a : n/a", "<unknown>"),
+        *("-", "--", "?"),
+    ],
+)
+def test_a_word_that_says_nothing_is_an_empty_cell_in_every_column(
+    tmp_path: Path, word: str
+) -> None:
+    def reading(nothing: str | None) -> Reading:
+        sheets = {
+            "Facility": [["Name", "Category", "AreaUnits"], ["F", nothing, nothing]],
+            "Floor": [["Name", "Elevation"], ["G", nothing], [nothing, 3]],
+            "Space": [
+                ["Name", "Category", "FloorName", "Description", "RoomTag", "NetArea", "GrossArea"],
+                ["1", nothing, nothing, nothing, "Kitchen", nothing, 9],
+                [nothing, "13-11: Office", "G", "Office", nothing, 1, 1],
+            ],
+            "Type": [["Name", "Description", "Category"], ["t", nothing, "23-40: Chair"]],
+            "Component": [
+                ["Name", "TypeName", "Space", "Description"],
+                ["c", "t", nothing, "Chair"],
+                ["d", nothing, "1", "Mirror"],
+            ],
+        }
+        return read(write_book(tmp_path / "b.xlsx", sheets))
+
+    said, empty = reading(word), reading(None)
+    assert (said.graph.rooms, said.graph.objects) == (empty.graph.rooms, empty.graph.objects)
+    assert said.left_out == empty.left_out
+    assert said.graph.building_kind == empty.graph.building_kind
+    (kitchen,) = said.graph.rooms
+    assert (kitchen.source_label, kitchen.floor_area) == ("Kitchen", 9)
+
+
+def test_words_that_say_something_are_kept(tmp_path: Path) -> None:
+    names = ["Nail bar", "None of yours", "Unknown soldier's chapel", "-1", "0", "Tba-lab 3", "Ref"]
+    rooms = list_rooms(tmp_path / "b.xlsx", *([name, None, None, None] for name in names))
+    assert [word for word, _ in rooms] == names
+
+
 @pytest.mark.parametrize(
     ("unit", "area"),
     [

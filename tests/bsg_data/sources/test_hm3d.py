@@ -12,10 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refusals import refuses
 
+from bsg_data.build import build_dataset
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Room, SceneObject
-from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation
+from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation, split_scene_id
 from bsg_data.sources.hm3d_stats import HEADER as COLUMNS
 from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics
 from bsg_data.synthetic.buildings import write_synthetic
@@ -95,7 +96,7 @@ def test_synthetic_buildings_are_never_taken_for_real_ones(tmp_path: Path) -> No
     stream = write_synthetic(tmp_path / "half", scenes=2, seed=0)
     next(stream)
     with refuses(SourceError, "source-unfinished"):
-        HM3DFolder(tmp_path / "half").find()
+        HM3DFolder(tmp_path / "half.partial").find()
     stream.close()  # which ends its lock
     assert len(list(write_synthetic(tmp_path / "half", scenes=2, seed=0))) == 2
 
@@ -121,20 +122,20 @@ def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
 
 def test_byte_order_mark_carriage_returns_and_odd_separators_in_names() -> None:
     data = b'\xef\xbb\xbfHM3D Semantic Annotations\r\n1,F3A,"a\xe2\x80\xa8b",0\r\n'
-    assert parse_annotation(data, path=FILE) == (SceneObject(0, 1, 0, "a\u2028b", colour="000F3A"),)
+    (found,), faults = parse_annotation(data, path=FILE)
+    assert found == SceneObject(0, 1, 0, "a\u2028b", colour="000F3A")
+    assert faults == ()
 
 
 @pytest.mark.parametrize(
     "line",
     [
         '1,AB,"chair"',
-        '1,1234567,"chair",1',
         '1,AB,"chair,1',
         '1,AB,"chair",1.5',
         '1,AB,"chair",٣',
         '12345678901,AB,"chair",1',
         '7,AC,"chair",1',
-        '8,0000ff,"chair",1',
         b'8,AC,"ch\xe4ir",1',
     ],
 )
@@ -142,6 +143,24 @@ def test_a_malformed_line_is_named(line: str | bytes) -> None:
     data = line if isinstance(line, bytes) else line.encode()
     with refuses(AnnotationError, "line-malformed", "scene.semantic.txt, line 3"):
         parse_annotation(f'{HEADER}\n7,FF,"table",0\n'.encode() + data, path=FILE)
+
+
+@pytest.mark.parametrize("colour", ["0O3FA2", "1234567", "", "0000ff", "red", "#AB"])
+def test_an_object_whose_colour_cannot_be_is_kept_without_one(colour: str, tmp_path: Path) -> None:
+    """No mesh can have it, or another object has it; the building stays, and the report says it."""
+    text = f'{HEADER}\n7,FF,"table",0\n8,{colour},"radiator",1\n9,AB,"bed",1\n'
+    write_scene(tmp_path / "source", "00001-AbCdEfGhIjK", text)
+    source = HM3DFolder(tmp_path / "source")
+    (ref,) = source.find().scenes
+    reading = source.read(ref, load_class_map())
+    assert [obj.colour for obj in reading.graph.objects] == ["0000FF", None, "0000AB"]
+    assert len(reading.graph.rooms) == 2
+    (left,) = reading.left_out
+    assert left.reason.startswith("line 3: expected a colour HEXRGB of no earlier line")
+    with pytest.raises(SourceError, match="kept without a colour"):
+        build_dataset(source, tmp_path / "strict", strict=True)
+    manifest = build_dataset(source, tmp_path / "out")
+    assert (manifest.totals.objects, len(manifest.left_out)) == (3, 1)
 
 
 @pytest.mark.parametrize("data", [b"", b'1,AB,"chair",1\n', HEADER.encode()])
@@ -162,9 +181,26 @@ names = st.text(st.characters(exclude_characters="\n\r", exclude_categories=["Cs
 )
 def test_any_names_come_back_exactly(rows: list[tuple[int, str, int]]) -> None:
     lines = [f'{i},{k:X},"{name}",{region}' for k, (i, name, region) in enumerate(rows)]
-    found = parse_annotation("\n".join([HEADER, *lines]).encode(), path=FILE)
+    found, _ = parse_annotation("\n".join([HEADER, *lines]).encode(), path=FILE)
     assert {(f.instance_id, f.raw_category, f.room_index) for f in found} == set(rows)
     assert [f.instance_id for f in found] == sorted(i for i, _, _ in rows)
+
+
+@pytest.mark.parametrize(
+    ("scene_id", "number", "building"),
+    [
+        ("00006-HkseAnWCgqk", 6, "HkseAnWCgqk"),
+        ("HkseAnWCgqk", None, "HkseAnWCgqk"),
+        ("6-HkseAnWCgqk", None, "6-HkseAnWCgqk"),
+        ("00006-", None, "00006-"),
+        ("240101-office", None, "240101-office"),
+        ("1234567-HkseAnWCgqk", 1234567, "HkseAnWCgqk"),
+    ],
+)
+def test_a_number_has_five_digits_and_a_hash_behind_it(
+    scene_id: str, number: int | None, building: str
+) -> None:
+    assert split_scene_id(scene_id) == (number, building)
 
 
 def write_zip(path: Path, *rows: str) -> Path:

@@ -19,6 +19,7 @@ from bsg_data.sources.mp3d import REGION_LABELS, MatterportHouses, parse_house
 from bsg_data.testing import SourceContract
 
 SAMPLES = REPOSITORY.parent / "shared" / "sources"
+TRIMMED = REPOSITORY.parent / "shared" / "cases" / "01-mp3d-house-trimmed" / "flat.house"
 ROW = SOURCES["mp3d"]
 PATH = Path("house.house")
 
@@ -136,13 +137,82 @@ def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> Non
         ("V  9", "V  9 5  F  0 0 0"),
         ("O  0", "O  0 0 1  1 1 0.25  1 0 0  0 1 0  0.5 x 0.25"),
         ("O  0", "O  0 0 1  1 1 0.25  9 0 0  0 1 0  1 1 1"),
-        ("O  1", "-"),
         ("E  0", "X  0"),
     ],
 )
 def test_a_malformed_line_is_named(line: str, other: str) -> None:
     with refuses(AnnotationError, "line-malformed"):
         parse_house(change(line, other), path=PATH)
+
+
+def without(*kinds: str) -> str:
+    """Return the house without its lines of some kinds, which H still counts."""
+    lines = (line for line in HOUSE.split("\n") if not line.startswith(kinds))
+    return "\n".join(lines)
+
+
+def test_what_is_not_read_may_be_missing(tmp_path: Path) -> None:
+    whole = read(write_house(tmp_path / "whole" / "a.house"))
+    path = write_house(tmp_path / "trimmed" / "a.house", without("P  00eb", "I", "E"))
+    source = MatterportHouses(path)
+    (ref,) = source.find().scenes
+    reading = source.read(ref, load_class_map(ROW.class_map))
+    assert reading.left_out == ()
+    assert (reading.graph.rooms, reading.graph.objects) == (whole.rooms, whole.objects)
+    assert reading.graph.adjacency == whole.adjacency
+
+
+@pytest.mark.parametrize("place", [8, 9, 10, 12], ids=["O", "C", "R", "L"])
+def test_another_number_of_what_makes_a_house_is_refused(place: int) -> None:
+    header = HOUSE.split("\n")[1].split()
+    header[place] = "7"
+    with refuses(AnnotationError, "line-malformed", f"{PATH}, line 2"):
+        parse_house(change("H", " ".join(header)), path=PATH)
+
+
+@pytest.mark.parametrize(
+    ("text", "reasons"),
+    [
+        (without("V  5"), ["H counts 10 V lines, and 9 are there"]),
+        (
+            without("V", "S"),
+            ["H counts 10 V lines, and 0 are there", "H counts 2 S lines, and 0 are there"],
+        ),
+        (without("V", "S  1"), ["H counts 10 V lines, and 0", "H counts 2 S lines, and 1"]),
+    ],
+)
+def test_a_polygon_without_some_lines_is_not_used_and_reported(
+    tmp_path: Path, text: str, reasons: list[str]
+) -> None:
+    source = MatterportHouses(write_house(tmp_path / "a.house", text))
+    (ref,) = source.find().scenes
+    reading = source.read(ref, load_class_map(ROW.class_map))
+    said = [skip.reason for skip in reading.left_out]
+    assert [a.startswith(b) for a, b in zip(said, reasons, strict=True)] == [True] * len(reasons)
+    kitchen = reading.graph.rooms[0]
+    assert kitchen.footprint is not None
+    assert set(kitchen.footprint) == {(0, 0), (4, 0), (4, 4), (0, 4)}, "that of the box"
+    assert kitchen.floor_area is None
+
+
+def test_a_portal_that_is_missing_is_reported(tmp_path: Path) -> None:
+    source = MatterportHouses(write_house(tmp_path / "a.house", without("P  0 0 1")))
+    (ref,) = source.find().scenes
+    reading = source.read(ref, load_class_map(ROW.class_map))
+    assert [(skip.scene_id, skip.location, skip.reason) for skip in reading.left_out] == [
+        (
+            "a",
+            "a.house",
+            "H counts 1 portal lines, and 0 are there: doors and boxes tell what else connects",
+        )
+    ]
+
+
+@pytest.mark.skipif(not TRIMMED.is_file(), reason="needs ../shared/cases")
+def test_a_house_that_somebody_trimmed() -> None:
+    graph = read(TRIMMED)
+    assert [room.label for room in graph.rooms] == ["kitchen"]
+    assert [obj.category for obj in graph.objects] == ["chair", "sink"]
 
 
 @pytest.mark.skipif(not list(SAMPLES.glob("*.house.gz")), reason="no samples here")

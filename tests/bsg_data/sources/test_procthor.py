@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import gzip
 import json
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ from conftest import SHARED
 from refusals import refuses
 
 from bsg_data.errors import SourceChangedError, SourceError
+from bsg_data.inputs import bounded_file
 from bsg_data.inputs.bounds import MAX_HOUSE
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
@@ -127,7 +130,7 @@ def test_the_same_house_is_taken_once_and_its_number_is_that_in_its_file(tmp_pat
     assert [ref.source_split for ref in found.scenes] == ["train", "train"]
     (double,) = found.duplicates
     assert double.location == "val.jsonl.gz:1"
-    assert "found before at train.jsonl.gz:2" in double.reason
+    assert "train.jsonl.gz:2" in double.reason
 
 
 def test_an_array_has_the_houses_of_a_file_of_lines(tmp_path: Path) -> None:
@@ -141,6 +144,74 @@ def test_an_array_has_the_houses_of_a_file_of_lines(tmp_path: Path) -> None:
         found = [graph.objects for graph in read_all(tmp_path / name)]
         assert found == [graph.objects for graph in by_line][: len(found)]
         assert len(found) == (1 if name == "one.json" else 2)
+
+
+def many(count: int, *, beds: int = 1) -> list[Any]:
+    return [house(objects=[thing(f"4|{n}", "Bed_1")] * beds) for n in range(count)]
+
+
+@pytest.mark.parametrize("name", ["jsonl", "jsonl.gz", "json", "json.gz"])
+def test_every_file_of_a_folder_is_read_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Scenes are ordered by their number in their file: three files are read in turns."""
+    houses, size = many(900), 0
+    for number in range(3):
+        part = houses[number::3]
+        path = tmp_path / f"{number}.{name}"
+        text = json.dumps(part, indent=1).encode()
+        if name.startswith("jsonl"):
+            write_lines(path, *part)
+        else:
+            path.write_bytes(gzip.compress(text) if name.endswith(".gz") else text)
+        unpack = gzip.decompress if name.endswith(".gz") else bytes
+        size += len(unpack(path.read_bytes()))
+    source = ProcTHORHouses(tmp_path)
+    scenes = source.find().scenes
+    assert len(scenes) == 900
+    taken = []
+
+    class Counted(bounded_file._Counted):
+        def readinto(self, buffer: memoryview) -> int:
+            taken.append(super().readinto(buffer))
+            return taken[-1]
+
+    monkeypatch.setattr(bounded_file, "_Counted", Counted)
+    found = {source.read(ref, load_class_map()).graph.objects[0].instance_id for ref in scenes}
+    assert found == {1}
+    assert 0 < sum(taken) <= size, "no byte is unpacked twice"
+
+
+def test_an_array_is_read_house_by_house(tmp_path: Path) -> None:
+    """The houses of an array are found in blocks, at any edge, and none holds the whole file."""
+    houses = many(60, beds=300)
+    path = tmp_path / "h.json"
+    path.write_text("\ufeff \r\n" + json.dumps(houses, indent=2).replace("\n", "\r\n"), "utf-8")
+    assert path.stat().st_size > 3 * 2**20
+    lines = write_lines(tmp_path / "h.jsonl", *houses)
+    assert [graph.objects for graph in read_all(path)] == [g.objects for g in read_all(lines)]
+
+
+def _count_objects(source: ProcTHORHouses, scenes: Any) -> list[int]:
+    return [len(source.read(ref, load_class_map()).graph.objects) for ref in scenes]
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork here")
+def test_workers_do_not_move_the_place_of_one_another(tmp_path: Path) -> None:
+    """A process that was forked shares the place in every file that was open before."""
+    source = ProcTHORHouses(write_lines(tmp_path / "h.jsonl", *many(40, beds=300)))
+    first, *scenes = source.find().scenes
+    assert _count_objects(source, [first]) == [300]
+    with ProcessPoolExecutor(2, multiprocessing.get_context("fork")) as executor:
+        tasks = [executor.submit(_count_objects, source, scenes) for _ in range(4)]
+        assert [task.result() for task in tasks] == [[300] * 39] * 4
+
+
+def test_more_files_than_stay_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bsg_data.sources.procthor._MOST_STREAMS", 2)
+    for number, one in enumerate(many(4)):
+        write_lines(tmp_path / f"{number}.jsonl.gz", one, house(objects=[]))
+    assert sorted(len(graph.objects) for graph in read_all(tmp_path)) == [0, 1, 1, 1, 1]
 
 
 def test_houses_are_read_in_any_order(tmp_path: Path) -> None:
@@ -187,6 +258,11 @@ def test_a_malformed_house_is_left_out_by_name(
         ("plain.jsonl.gz", b"{}\n", "file-unreadable"),
         ("cut.jsonl.gz", gzip.compress(b'{"a": 1}\n' * 4000, mtime=0)[:-20], "file-unreadable"),
         ("open.json", b"[[]", "json-malformed"),
+        ("open.json", b"[{}, ", "json-malformed"),
+        ("after.json", b"[{}] {}", "json-malformed"),
+        ("half.json", b'[{}, {"a": 1', "json-malformed"),
+        ("wrong.json", b"[{}, {'a': 1}" + b", {}" * MAX_HOUSE + b"]", "json-malformed"),
+        ("long.json", b'[{}, "' + b"1" * MAX_HOUSE + b'"]', "house-too-large"),
         ("bad.json", b'[{"rooms": \xff}]', "json-malformed"),
         ("empty.jsonl", b"\n\n", "source-empty"),
         ("long.jsonl", b"1" * (MAX_HOUSE + 1), "house-too-large"),

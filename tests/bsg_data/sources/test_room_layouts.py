@@ -1,24 +1,37 @@
-"""Room layouts: one by hand, every malformed one, and real ones joined to their scenes."""
+"""Room layouts of three kinds: by hand, every malformed one, and exported ones that come back."""
 
 from __future__ import annotations
 
+import json
 import zipfile
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from conftest import REPOSITORY
+from painted_meshes import Painting, write_painted
 from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
+from bsg_data.exports.habitat import encode_regions
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import Box
+from bsg_data.scene.room_label import label_of
+from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
+from bsg_data.sources.layout_files import LayoutError, read_layout
 from bsg_data.sources.room_layouts import WithLayouts
-from bsg_data.synthetic.buildings import GeometryOptions, write_synthetic
+from bsg_data.sources.source import FoundScenes, Source
+from bsg_data.sources.table import ObjectTable
 
+SHARED = REPOSITORY.parent / "shared"
+EXAMPLE = SHARED / "sources" / "habitat_semantic_config_example.json"
+CASE = SHARED / "cases" / "12-hm3d-room-labels"
+SCENE = "00001-abcdefghi01"  # with the regions 0, 3 and 10
 LAYOUT = """\
 rooms:
   room_1:
@@ -33,6 +46,21 @@ connections:
 - [1, 2]
 - [2, 1]
 """
+
+
+def read_one(source: Source, scene_id: str = SCENE) -> tuple[SceneGraph, list[str]]:
+    """Return a scene graph, and why what belongs to it was left out."""
+    (ref,) = (ref for ref in source.find().scenes if ref.scene_id == scene_id)
+    reading = source.read(ref, load_class_map())
+    return reading.graph, [skip.reason for skip in reading.left_out]
+
+
+def labels_of(graph: SceneGraph) -> list[str | None]:
+    return [room.label for room in graph.rooms]
+
+
+def reasons_of(found: FoundScenes) -> list[tuple[str, str, str]]:
+    return [(skip.scene_id, skip.location, skip.reason) for skip in found.unused]
 
 
 @pytest.fixture
@@ -79,6 +107,9 @@ def test_a_layout_joins_its_scene(hm3d_folder: Path, layouts: Path, tmp_path: Pa
         (LAYOUT.replace("room_2", "room_1", 1), "the key 'room_1' twice"),
         (LAYOUT.replace("x: 2.0", "x: 1.7e308", 1), "rooms.room_1.dims.x"),
         (LAYOUT.replace("[2, 1]", "[2, 2]"), "found 2 and 2"),
+        ("rooms: {room_2: {centroid: {x: 1, y: 1, z: 1}}}", "room_2: has half a box: centroid"),
+        ("rooms: {room_2: {label: hall, dims: {x: 1, y: 1, z: 1}}}", "half a box: dims without"),
+        ("rooms: {room_2: {}}", "rooms.room_2: expected a label, or centroid and dims"),
     ],
 )
 def test_a_malformed_layout_is_left_out_with_the_reason(
@@ -99,12 +130,16 @@ def test_a_malformed_layout_is_left_out_with_the_reason(
 
 def test_layouts_of_no_scene_are_reported(hm3d_folder: Path, layouts: Path, tmp_path: Path) -> None:
     (layouts / "00777-zzzzzzzzzzz.yaml").write_text(LAYOUT)
-    manifest = build_dataset(WithLayouts(HM3DFolder(hm3d_folder), layouts), tmp_path / "out")
+    source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
+    before, manifest = source.find(), build_dataset(source, tmp_path / "out")
     assert [skip.location for skip in manifest.left_out] == ["00777-zzzzzzzzzzz.yaml"]
     (layouts / "00001-abcdefghi01.yaml").write_text(LAYOUT.replace("kitchen", "cellar"))
-    again = build_dataset(WithLayouts(HM3DFolder(hm3d_folder), layouts), tmp_path / "again")
-    assert again.sources[0].fingerprint != manifest.sources[0].fingerprint
+    (layouts / "00777-zzzzzzzzzzz.yaml").rename(layouts / "00002-abcdefghi02.yaml")
+    after = source.find()  # which lists the layouts anew
+    assert after.scenes != before.scenes, "a resumed build sees that a layout changed"
+    assert (len(before.unused), after.unused) == (1, ())
     (layouts / "00001-abcdefghi01.yaml").unlink()
+    (layouts / "00002-abcdefghi02.yaml").rename(layouts / "00777-zzzzzzzzzzz.yaml")
     with refuses(SourceError, "layouts-foreign", layouts):
         WithLayouts(HM3DFolder(hm3d_folder), layouts).find()
     with refuses(SourceError, "source-missing", tmp_path / "none"):
@@ -113,7 +148,7 @@ def test_layouts_of_no_scene_are_reported(hm3d_folder: Path, layouts: Path, tmp_
 
 def test_a_building_that_a_mesh_placed_takes_labels_and_connections_alone(tmp_path: Path) -> None:
     places, folder = tmp_path / "places", tmp_path / "layouts"
-    (path,) = write_synthetic(places, scenes=1, seed=0, geometry=GeometryOptions())
+    (path,) = write_painted(places, scenes=1, seed=0)
     folder.mkdir()
     (folder / f"{path.parent.name}.yaml").write_text(LAYOUT)
     mesh, both = HM3DFolder(places), WithLayouts(HM3DFolder(places), folder)
@@ -142,8 +177,288 @@ def test_a_scene_id_does_not_lead_out_of_the_folder_of_layouts(tmp_path: Path) -
     source = WithLayouts(HM3DStatistics(tmp_path / "s.zip"), tmp_path / "layouts")
     hostile, plain = source.find().scenes
     assert hostile.scene_id == "../secret"
-    assert "layout" not in str(hostile.geometry)
-    assert "layout" in str(plain.geometry)
+    assert hostile.layout is None
+    assert plain.layout is not None
     manifest = build_dataset(source, tmp_path / "out")
     assert [skip.scene_id for skip in manifest.skipped] == ["../secret"]
     assert manifest.totals.adjacent == 1
+
+
+def test_labels_come_without_boxes_and_boxes_without_labels(
+    hm3d_folder: Path, layouts: Path
+) -> None:
+    text = "rooms: {room_1: {label: kitchen}, room_3: {label: bedroom}}"
+    (layouts / f"{SCENE}.yaml").write_text(text)
+    graph, left_out = read_one(WithLayouts(HM3DFolder(hm3d_folder), layouts))
+    assert labels_of(graph) == ["kitchen", None, "bedroom"]
+    assert not graph.has_geometry
+    assert (graph.adjacency, left_out) == ((), [])
+    text = "rooms: {room_2: {centroid: {x: 0, y: 1, z: 0}, dims: {x: 2, y: 2, z: 2}}}"
+    (layouts / f"{SCENE}.yaml").write_text(text)
+    graph, _ = read_one(WithLayouts(HM3DFolder(hm3d_folder), layouts))
+    assert graph.rooms[1].box == Box((-1, -1, 0), (1, 1, 2))
+    assert (labels_of(graph), graph.rooms[1].floor_index) == ([None, None, None], 0)
+
+
+def test_labels_alone_leave_levels_terms_and_connections_as_the_source_says(tmp_path: Path) -> None:
+    box = "box_min_x,box_min_y,box_min_z,box_max_x,box_max_y,box_max_z"
+    rows = ["a,1,stove,0,2,0,0,0,1,1,1", "a,2,bed,3,,0,0,0,1,1,1"]  # one height, two levels
+    (tmp_path / "o.csv").write_text(
+        "\n".join([f"scene,room,category,floor,connected,{box}", *rows])
+    )
+    (tmp_path / "a.yaml").write_text("rooms: {room_1: {label: kitchen}, room_2: {label: bedroom}}")
+    terms = {"licence": "CC-BY-4.0", "homepage": "https://example.org", "citation": "Doe"}
+    own = ObjectTable(tmp_path / "o.csv", **terms)
+    source = WithLayouts(own, tmp_path / "a.yaml")
+    graph, _ = read_one(source, "a")
+    assert labels_of(graph) == ["kitchen", "bedroom"]
+    assert [room.floor_index for room in graph.rooms] == [0, 1]
+    assert [edge.method for edge in graph.adjacency] == ["given"]
+    assert source.terms == own.terms
+    assert source.terms is not None
+    (tmp_path / "a.yaml").write_text(
+        "rooms: {room_1: {label: hall}, room_2: {label: bath}}\nconnections: []"
+    )
+    assert read_one(source, "a")[0].adjacency == (), "a layout may say that none connect"
+
+
+TABLE = f"""\
+scene,region,label
+{SCENE},3,bathroom
+{SCENE},0,kitchen
+{SCENE},10,
+abcdefghi02,11.0,Bedroom 2
+00777-zzzzzzzzzzz,4,bedroom
+00777-zzzzzzzzzzz,5,attic
+"""
+
+
+def test_a_table_names_rooms_by_region_id(hm3d_folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_text(TABLE)
+    source = WithLayouts(HM3DFolder(hm3d_folder), path)
+    assert labels_of(read_one(source)[0]) == ["kitchen", "bathroom", None]
+    graph, _ = read_one(source, "00002-abcdefghi02")  # by the key of the building
+    assert [(room.region_id, room.label) for room in graph.rooms][-1] == (11, "bedroom")
+    assert graph.rooms[-1].source_label == "Bedroom 2"
+    assert reasons_of(source.find()) == [
+        ("00777-zzzzzzzzzzz", "labels.csv", "2 room labels of no scene of the source")
+    ]
+    manifest = build_dataset(source, tmp_path / "out")
+    assert (manifest.totals.scenes, len(manifest.left_out)) == (12, 1)
+    assert check_dataset(tmp_path / "out") == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "header"),
+    [
+        ("a.tsv", "scene\tregion\tlabel"),
+        ("a.csv", "Scene Name,Region #,Region Category"),
+        ("a.CSV", "Scene Name,Region #,Room Proposal"),
+    ],
+)
+def test_a_table_may_have_tabs_and_the_names_of_hm3d_s_statistics(
+    hm3d_folder: Path, tmp_path: Path, name: str, header: str
+) -> None:
+    separator = "\t" if "\t" in header else ","
+    row = separator.join([SCENE, "3", " Bathroom"])
+    (tmp_path / name).write_text(f"\ufeff{header}\n\n{row}\n", encoding="utf-8")
+    graph, _ = read_one(WithLayouts(HM3DFolder(hm3d_folder), tmp_path / name))
+    assert labels_of(graph) == [None, "bathroom", None]
+
+
+def test_columns_that_are_not_read_are_said(hm3d_folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"scene,votes,region,label\n{SCENE},7,0,kitchen\n")
+    found = WithLayouts(HM3DFolder(hm3d_folder), tmp_path / "a.csv").find()
+    assert reasons_of(found) == [("all", "a.csv", "columns that are not read: votes")]
+
+
+def test_a_region_that_is_not_there_leaves_the_labels_of_its_building_out(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_text(TABLE.replace(f"{SCENE},3,", f"{SCENE},1,"))  # as if it were the first room
+    graph, left_out = read_one(WithLayouts(HM3DFolder(hm3d_folder), path))
+    assert labels_of(graph) == [None, None, None]
+    assert left_out == [
+        f"region 1 is no region id of the 3 rooms of {SCENE} (0, 3, 10); the layout (2 rooms) is "
+        "of another scene or another version"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("code", "line", "text"),
+    [
+        ("rows-disagree", 4, f"scene,region,label\n{SCENE},3,bath\n\n{SCENE},3.0,hall\n"),
+        ("row-malformed", 2, f"scene,region,label\n{SCENE},first,bath\n"),
+        ("row-malformed", 2, "scene,region,label\n,1,bath\n"),
+        ("row-ragged", 2, f"scene,region,label\n{SCENE},1\n"),
+        ("column-missing", None, f"scene,regions,label\n{SCENE},1,bath\n"),
+        ("column-missing", None, f"scene;region;label\n{SCENE};1;bath\n"),
+        ("column-missing", None, ""),
+        ("column-twice", None, "scene,region,label,label\n"),
+        ("csv-malformed", None, f'scene,region,label\n{SCENE},1,"bath\n'),
+    ],
+)
+def test_a_malformed_table_is_refused_with_its_line(
+    hm3d_folder: Path, tmp_path: Path, code: str, line: int | None, text: str
+) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_text(text)
+    with refuses(SourceError, code, f"{path}, line {line}" if line else path) as caught:
+        WithLayouts(HM3DFolder(hm3d_folder), path).find()
+    if code == "rows-disagree":
+        assert "as line 2 says" in str(caught.value)
+
+
+def test_a_table_that_is_not_utf_8_or_of_other_buildings_is_refused(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_bytes("scene,region,label\na,1,Küche\n".encode("latin-1"))
+    with refuses(SourceError, "csv-malformed", path):
+        WithLayouts(HM3DFolder(hm3d_folder), path).find()
+    path.write_text("scene,region,label\nb,1,kitchen\n")
+    with refuses(SourceError, "layouts-foreign", path):
+        WithLayouts(HM3DFolder(hm3d_folder), path).find()
+    (tmp_path / "empty").mkdir()
+    with refuses(SourceError, "source-empty", tmp_path / "empty"):
+        WithLayouts(HM3DFolder(hm3d_folder), tmp_path / "empty").find()
+
+
+def region_of(**said: Any) -> dict[str, Any]:
+    return {
+        "name": "region_3",
+        "label": "bathroom",
+        "poly_loop": [[0, 1, 0], [4, 1, 0], [4, 1, -3], [2, 1, -3], [2, 1, -1], [0, 1, -1]],
+        "floor_height": 1,
+        "extrusion_height": 2,
+        "min_bounds": [0, 1, -3],
+        "max_bounds": [4, 3, 0],
+        **said,
+    }
+
+
+def write_regions(path: Path, *regions: dict[str, Any]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"region_annotations": regions}))
+    return path
+
+
+def test_habitat_s_file_gives_label_box_footprint_and_area(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "habitat" / SCENE / "abcdefghi01.semantic_config.json"  # as HM3D's folders
+    bare = {"name": "region_0", "label": "room"}
+    write_regions(path, region_of(), bare)
+    source = WithLayouts(HM3DFolder(hm3d_folder), tmp_path / "habitat")
+    graph, left_out = read_one(source)
+    assert (labels_of(graph), left_out) == ([None, "bathroom", None], [])
+    first, room, _ = graph.rooms
+    assert (first.box, first.source_label) == (None, None)
+    assert room.box == Box((0, 0, 1), (4, 3, 3))
+    # An L of 4 m x 1 m and 2 m x 2 m, and its convex hull.
+    assert room.floor_area == 8
+    assert room.footprint is not None
+    assert set(room.footprint) == {(0, 0), (4, 0), (4, 3), (2, 3), (0, 1)}
+    assert (room.floor_z, room.floor_index) == (1, 0)
+    build_dataset(source, tmp_path / "out")
+    assert check_dataset(tmp_path / "out") == ()
+
+
+@pytest.mark.skipif(not EXAMPLE.is_file(), reason="no example here")
+def test_habitat_s_own_example_is_read_where_it_names_region_ids(tmp_path: Path) -> None:
+    path = tmp_path / "a.semantic_config.json"
+    path.write_text(EXAMPLE.read_text())
+    with refuses(LayoutError, "layout-malformed", path):
+        read_layout(path)
+    path.write_text(EXAMPLE.read_text().replace("test_region_negativeX", "region_4"))
+    path.write_text(path.read_text().replace("test_region_positiveX", "region_9"))
+    rooms = read_layout(path).rooms
+    assert (rooms[4].label, rooms[9].label) == ("bedroom", "bathroom")
+    assert rooms[4].box == Box((-25, -10, -2), (-5, 10, 2))
+    assert rooms[4].floor_area == (20 + 10) / 2 * 20
+    assert len(rooms[4].footprint or ()) == 6
+
+
+@pytest.mark.parametrize(
+    ("region", "expected"),
+    [
+        (region_of(name="gym"), "region_annotations.0.name: expected region_N"),
+        (region_of(min_bounds=None), "region_annotations.0: has half a box: max_bounds without"),
+        (region_of(max_bounds=[4, 0, 0]), "max_bounds.y: expected 1.0 or more, found 0.0"),
+        (region_of(poly_loop=[[0, 0, 0], [1, 1, 1]]), "region_annotations.0.poly_loop"),
+        (region_of(name="region_1"), "region 1 is no region id of the 3 rooms"),
+    ],
+)
+def test_a_malformed_or_foreign_file_of_habitat_is_left_out_with_the_reason(
+    hm3d_folder: Path, tmp_path: Path, region: dict[str, Any], expected: str
+) -> None:
+    path = write_regions(tmp_path / f"{SCENE}.semantic_config.json", region)
+    _, left_out = read_one(WithLayouts(HM3DFolder(hm3d_folder), path))
+    assert len(left_out) == 1
+    assert expected in left_out[0]
+    assert str(tmp_path) not in left_out[0]
+
+
+def test_a_region_that_is_there_twice_is_refused(tmp_path: Path) -> None:
+    path = write_regions(tmp_path / "a.semantic_config.json", region_of(), region_of(label="hall"))
+    with refuses(LayoutError, "layout-malformed", path):
+        read_layout(path)
+
+
+def test_what_is_exported_for_habitat_comes_back_onto_a_build_without_meshes(
+    tmp_path: Path,
+) -> None:
+    places, back = tmp_path / "places", tmp_path / "back"
+    write_painted(places, scenes=2, seed=3, painting=Painting(up_axis="z"))
+    back.mkdir()
+    mesh, words = HM3DFolder(places), ("Kitchen", "bathroom 2", None, "Diele")
+    whole = {}
+    for ref in mesh.find().scenes:
+        graph = mesh.read(ref, load_class_map()).graph
+        rooms = tuple(_relabel(room, words[room.room_index % 4]) for room in graph.rooms)
+        whole[ref.scene_id] = graph = replace(graph, rooms=rooms)
+        for name, data in encode_regions(graph).files.items():
+            (back / name).write_bytes(data)
+    text = WithLayouts(HM3DFolder(places, meshes=False), back)
+    for scene_id, graph in whole.items():
+        found, left_out = read_one(text, scene_id)
+        assert (labels_of(found), left_out) == (labels_of(graph), [])
+        assert found.up_axis is None
+        for ours, theirs in zip(found.rooms, graph.rooms, strict=True):
+            assert ours.region_id == theirs.region_id
+            assert set(ours.footprint or ()) == set(theirs.footprint or ())
+            assert ours.floor_area == theirs.floor_area
+            assert ours.box is not None
+            assert theirs.box is not None
+            assert ours.box.minimum == pytest.approx(theirs.box.minimum, abs=1e-6)
+            assert ours.box.maximum == pytest.approx(theirs.box.maximum, abs=1e-6)
+
+
+def _relabel(room: Room, word: str | None) -> Room:
+    return replace(room, source_label=word, label=label_of("table", word))
+
+
+def test_of_two_layouts_of_one_scene_one_is_taken_and_the_other_said(
+    hm3d_folder: Path, layouts: Path
+) -> None:
+    (layouts / "old").mkdir()
+    (layouts / "old" / f"{SCENE}.yaml").write_text(LAYOUT.replace("kitchen", "office"))
+    (layouts / "abcdefghi01.yml").write_text(LAYOUT.replace("kitchen", "garage"))
+    source = WithLayouts(HM3DFolder(hm3d_folder), layouts)
+    assert labels_of(read_one(source)[0])[0] == "kitchen"
+    why = "a room layout of a scene that has another layout"
+    assert reasons_of(source.find()) == [
+        ("abcdefghi01", "abcdefghi01.yml", why),
+        (SCENE, f"old/{SCENE}.yaml", why),
+    ]
+
+
+@pytest.mark.skipif(not CASE.is_dir(), reason="no case here")
+@pytest.mark.parametrize("layouts", ["layouts", "labels.csv"])
+def test_the_labels_of_a_user_s_hm3d(layouts: str) -> None:
+    source = WithLayouts(HM3DFolder(CASE / "train"), CASE / layouts)
+    graph, left_out = read_one(source, "00001-AbCdEfGhIjK")
+    assert (labels_of(graph), left_out) == (["bedroom", "kitchen"], [])
+    assert not graph.has_geometry

@@ -1,10 +1,16 @@
 from __future__ import annotations
 
+import csv
 import gzip
+import io
 import random
+import unicodedata
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
@@ -18,6 +24,7 @@ from bsg_data.dataset.manifest import CARD
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
+from bsg_data.sources.catalogue import open_source, parse_options
 from bsg_data.sources.table import ObjectTable, number_rooms
 from bsg_data.testing import SourceContract, require_whole
 
@@ -140,6 +147,10 @@ def test_numbers_of_rooms(names: list[str], regions: dict[str, int]) -> None:
         "a,,bed,,0,,,,,,,,,,,,",
         f"a,1,{'b' * 201},,,,,,,,,,,,,,",
         "a,1,bed,,,,,nan,2,1,,,,,,,",
+        "a,nan,None,,,,,,,,,,,,,,",
+        "NULL,1,bed,,,,,,,,,,,,,,",
+        "a,kit\x07chen,bed,,,,,,,,,,,,,,",
+        "a,1,bed,,,,2;\x85 3\x9b,,,,,,,,,,",
     ],
 )
 def test_a_malformed_row_is_named_by_its_line(tmp_path: Path, row: str) -> None:
@@ -173,6 +184,17 @@ def test_rows_that_do_not_agree_are_named(tmp_path: Path, row: str, code: str) -
         (b"scene,room,category\na,1\n", "row-ragged"),
         (b'scene,room,category\na,1,"bed\n', "csv-malformed"),
         (b"scene,room,category\na,1,\xff\n", "csv-malformed"),
+        ("scene,room,category\n1,1,1\na,Küche,Herd\n".encode("cp1252"), "csv-malformed"),
+        ("scene,room,category\na,Küche,Herd\n".encode("utf-16"), "csv-malformed"),
+        ("scene,room,category\na,hall,bed\n".encode("utf-16-le"), "csv-malformed"),
+        (b"scene,room,category\na,ha\0ll,bed\n", "csv-malformed"),
+        (b"scene\troom\tcategory\na\thall\tbed\n", "column-missing"),
+        (b"scene_id,room,category\na,1,bed\n", "column-missing"),
+        (b"a,kitchen,stove\n", "column-missing"),
+        (b"Scene,SCENE,room,category\na,a,1,bed\n", "column-twice"),
+        (b"scene,room,category\n,,\n", "source-empty"),
+        (b"scene,room,category,count\na,,bed,0\n", "source-empty"),
+        (b"scene,room,category,count" + 26 * b"\na,1,bed,100000", "table-too-long"),
     ],
 )
 def test_a_file_that_is_no_table_is_refused(tmp_path: Path, text: bytes, code: str) -> None:
@@ -226,3 +248,288 @@ def test_a_users_table_has_the_users_terms_or_none(tmp_path: Path) -> None:
 def test_half_of_the_terms_are_refused(tmp_path: Path, options: dict[str, str], code: str) -> None:
     with refuses(SourceError, code):
         ObjectTable(write_table(tmp_path, *ROWS), **options)
+
+
+# What users bring
+
+Rows = Sequence[dict[str, Any]]
+
+
+def write_everywhere(folder: Path, rows: Rows) -> list[Path]:
+    """Write the same rows as CSV, TSV, both packed, and parquet with the types of the values."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    paths = []
+    for suffix, separator in (("csv", ","), ("tsv", "\t")):
+        text = io.StringIO()
+        writer = csv.writer(text, delimiter=separator)
+        writer.writerows([columns, *([row.get(name) for name in columns] for row in rows)])
+        data = text.getvalue().encode()
+        for name, content in ((f"t.{suffix}", data), (f"t.{suffix}.gz", gzip.compress(data))):
+            (folder / name).write_bytes(content)
+            paths.append(folder / name)
+    table = pa.table({name: [row.get(name) for row in rows] for name in columns})
+    pq.write_table(table, folder / "t.parquet")
+    return [*paths, folder / "t.parquet"]
+
+
+def answer(path: Path, **options: str) -> tuple[object, ...]:
+    """Return the graphs and notes of a table, or how it was refused."""
+    try:
+        notes = ObjectTable(path, **options).find().unused
+        source, class_map = ObjectTable(path, **options), load_class_map()
+        graphs = [source.read(ref, class_map).graph for ref in source.find().scenes]
+        return (*graphs, *(note.reason for note in notes))
+    except SourceError as error:
+        return (error.code,)
+
+
+def read_everywhere(folder: Path, rows: Rows) -> tuple[list[SceneGraph], list[str]]:
+    """Return the graphs and the notes, which are the same in every kind of file."""
+    first, *others = [answer(path) for path in write_everywhere(folder, rows)]
+    assert others == [first] * len(others)
+    graphs = [one for one in first if isinstance(one, SceneGraph)]
+    return graphs, [one for one in first if isinstance(one, str)]
+
+
+def in_rooms(names: Sequence[object]) -> Rows:
+    return [{"scene": "a", "room": name, "category": "bed"} for name in names]
+
+
+SPELLINGS = ["a", "A", "hall", "Hall", "ha  ll", "ha ll", "K\u00fcche", "Ku\u0308che", "nan", "1.0"]
+NUMBERS = st.sampled_from([1.0, 3.0, 12.0, 2.5, None])
+WORDS = st.one_of(st.sampled_from([*SPELLINGS, None]), st.text("aB\u00e9 \u0301\u200b", max_size=3))
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> Rows:
+    """Draw rows as programs write them: a column has one type."""
+    kinds = {
+        "scene": draw(st.sampled_from([st.sampled_from(["a", "A", "b", "1.0"]), NUMBERS])),
+        "room": draw(st.sampled_from([WORDS, NUMBERS, st.integers(0, 3)])),
+        "category": st.sampled_from(["bed", "b\u00e9d", "be\u0301d", "chair"]),
+        "count": st.sampled_from([None, 0, 1, 3]),
+        "floor_area": st.sampled_from([None, 6.5]),
+        "connected": draw(st.sampled_from([st.none(), st.sampled_from([None, "hall;ha ll", "1"])])),
+        "x": draw(st.sampled_from([st.none(), st.sampled_from([0.1, 1e-7])])),
+    }
+    rows = draw(st.lists(st.fixed_dictionaries(kinds), min_size=1, max_size=8))
+    return [{**row, "y": row["x"], "z": row["x"]} for row in rows]
+
+
+@given(tables())
+def test_the_same_rows_are_the_same_scenes_in_every_kind_of_file(
+    tmp_path_factory: pytest.TempPathFactory, rows: Rows
+) -> None:
+    read_everywhere(tmp_path_factory.mktemp("a"), rows)
+
+
+@pytest.mark.parametrize(
+    ("names", "rooms"),
+    [
+        ([3.0, 12.0, None], [(3, None), (12, None)]),
+        (["3.0", "12.000", "", "3"], [(3, None), (12, None)]),
+        (["1.0", "2.5"], [(0, "1.0"), (1, "2.5")]),
+        (["3.0", "hall"], [(0, "3.0"), (1, "hall")]),
+        (["1e3", "3.50", "2.10"], [(0, "1e3"), (1, "2.10"), (2, "3.50")]),
+    ],
+)
+def test_whole_numbers_that_pandas_made_real_are_names(
+    tmp_path: Path, names: list[Any], rooms: list[tuple[int, str | None]]
+) -> None:
+    ((graph,), notes) = read_everywhere(tmp_path, in_rooms(names))
+    assert [(room.region_id, room.source_label) for room in graph.rooms] == rooms
+    assert notes == []
+
+
+def test_numbers_of_scenes_and_connections_are_whole_too(tmp_path: Path) -> None:
+    rows = [
+        {"scene": 101.0, "room": 1, "category": "bed", "connected": 2.0},
+        {"scene": 101.0, "room": 2, "category": "sink", "connected": None},
+        {"scene": 102.0, "room": 1, "category": "bed", "connected": None},
+    ]
+    graphs, notes = read_everywhere(tmp_path, rows)
+    assert [graph.scene_id for graph in graphs] == ["101", "102"]
+    assert graphs[0].adjacency == (Edge(1, 2, "adjacent", "given"),)
+    assert notes == []
+
+
+def test_another_building_does_not_change_how_rooms_are_numbered(tmp_path: Path) -> None:
+    """As after `pandas.concat` of a building with numbers and gaps, and one with names."""
+    path = write_table(tmp_path, "a,3.0,bed", "b,hall,bed", header="scene,room,category")
+    rooms = {scene: graph.rooms[0] for scene, graph in read_all(path).items()}
+    assert (rooms["a"].region_id, rooms["b"].source_label) == (3, "hall")
+
+
+def test_pandas_writes_the_same_scenes_with_gaps_as_without(tmp_path: Path) -> None:
+    table = pd.DataFrame({"scene": "a", "room": [3, 7, None], "category": ["bed", None, "door"]})
+    table["floor"] = [1, None, None]
+    table.to_csv(tmp_path / "plain.csv")  # with its index
+    for na_rep in ("nan", "NULL", "<NA>", "NaT"):
+        table.to_csv(tmp_path / f"{na_rep}.csv", na_rep=na_rep, index=False)
+    table.to_parquet(tmp_path / "t.parquet")
+    table.convert_dtypes().to_parquet(tmp_path / "nullable.parquet")
+    table.astype(object).astype(str).to_csv(tmp_path / "text.csv")
+    first, *others = [read_all(path) for path in sorted(tmp_path.iterdir())]
+    assert others == [first] * 7
+    assert [(room.region_id, room.floor_index) for room in first["a"].rooms] == [(3, 0), (7, None)]
+
+
+@pytest.mark.parametrize(
+    "word",
+    sorted({*pd._libs.parsers.STR_NA_VALUES, "NaT"} - {""}),  # type: ignore[attr-defined]
+    ids=repr,
+)
+def test_what_pandas_reads_as_missing_is_missing(tmp_path: Path, word: str) -> None:
+    rows: Rows = [*in_rooms([word, "hall"]), {"scene": "a", "room": "bath", "category": word}]
+    ((graph,), notes) = read_everywhere(tmp_path, rows)
+    assert [room.source_label for room in graph.rooms] == ["bath", "hall"]
+    assert [obj.room_index for obj in graph.objects] == [0, 2]
+    assert notes == [f"cells that say {word}, read as empty: 2"]
+
+
+def test_other_words_are_names(tmp_path: Path) -> None:
+    ((graph,), notes) = read_everywhere(tmp_path, in_rooms(["-", "Na", "none", "unknown"]))
+    assert [room.source_label for room in graph.rooms] == ["-", "Na", "none", "unknown"]
+    assert notes == []
+
+
+def test_spellings_of_one_name_are_one_room_and_are_said(tmp_path: Path) -> None:
+    composed, parted = (unicodedata.normalize(form, "Küche") for form in ("NFC", "NFD"))
+    names = ["Hall", "hall", "hall", composed, parted, "living  room", "living room", "\u200bhall"]
+    ((graph,), notes) = read_everywhere(tmp_path, in_rooms(names))
+    rooms = [(room.source_label, room.label) for room in graph.rooms]
+    living = ("living  room", "living room")
+    assert rooms == [(composed, None), ("hall", "corridor"), living]
+    assert sorted(obj.room_index for obj in graph.objects) == [1, 1, 2, 2, 2, 2, 3, 3]
+    assert notes == [
+        "rooms of several spellings, each read as one: hall (Hall, hall, \u200bhall) in a, "
+        "living  room (living  room, living room) in a",
+        "cells in another Unicode form, read as NFC: 1",
+    ]
+
+
+def test_spellings_of_one_building_are_one_and_are_said(tmp_path: Path) -> None:
+    rows = ["Flat,Hall,,bath", "flat,hall,bed,", "flat,Bath,sink,HALL"]
+    path = write_table(tmp_path, *rows, header="scene,room,category,connected")
+    (tmp_path / "other").mkdir()
+    other = write_table(tmp_path / "other", *rows[::-1], header="scene,room,category,connected")
+    ((scene, graph),) = read_all(path).items()
+    assert (scene, [room.source_label for room in graph.rooms]) == ("flat", ["Bath", "HALL"])
+    assert graph.adjacency == (Edge(1, 2, "adjacent", "given"),)
+    assert answer(path) == answer(other)
+    assert [note.reason for note in ObjectTable(path).find().unused] == [
+        "buildings of several spellings, each read as one: flat (Flat, flat)",
+        "rooms of several spellings, each read as one: Bath (Bath, bath) in flat, HALL (HALL, "
+        "Hall, hall) in flat",
+    ]
+    manifest = build_dataset(ObjectTable(path), tmp_path / "dataset", strict=True)
+    assert len(manifest.left_out) == 2
+    assert check_dataset(tmp_path / "dataset") == ()
+
+
+def test_spellings_of_a_label_do_not_disagree(tmp_path: Path) -> None:
+    rows = ["a,1,bed,Bedroom", "a,1,lamp,bedroom"]
+    for number, order in enumerate((rows, rows[::-1])):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        path = write_table(folder, *order, header="scene,room,category,room_label")
+        assert read_all(path)["a"].rooms[0].source_label == "Bedroom"
+
+
+def test_columns_have_the_users_names(tmp_path: Path) -> None:
+    table = ["building_id,Room ,label,N,scene", "a,hall,bed,2,x", "a,bath,sink,,x"]
+    path = write_table(tmp_path, *table[1:], header=table[0])
+    words = {"scene": "building_id", "category": "label", "count": "n"}
+    source = open_source("table", path, **parse_options("table", words))
+    manifest = build_dataset(source, tmp_path / "dataset")
+    assert manifest.sources[0].options == words
+    assert [note.reason for note in manifest.left_out] == ["columns that are not read: scene"]
+    assert (manifest.totals.scenes, manifest.totals.objects) == (1, 3)
+    assert check_dataset(tmp_path / "dataset") == ()
+    with refuses(SourceError, "column-missing", path):
+        ObjectTable(path, scene="bulding_id").find()
+
+
+def test_every_column_can_be_named(tmp_path: Path) -> None:
+    path = write_table(tmp_path, *ROWS)
+    others = HEADER.removesuffix(",colour").split(",")
+    header = ",".join(f"my {name}" for name in others) + ",colour"
+    (tmp_path / "other").mkdir()
+    other = write_table(tmp_path / "other", *ROWS, header=header)
+    options = parse_options("table", {name: f"my {name}" for name in others})
+    assert answer(other, **options) == answer(path)  # type: ignore[arg-type]
+
+
+def test_a_row_of_n_objects_is_n_rows(tmp_path: Path) -> None:
+    few: Rows = [
+        {"scene": "a", "room": "hall", "category": "chair", "count": 3.0},
+        {"scene": "a", "room": "bath", "category": "bed", "count": 0.0},
+        {"scene": "a", "room": None, "category": "lamp", "count": None},
+        {"scene": "a", "room": None, "category": "rug", "count": 0.0},
+    ]
+    (graph,), notes = read_everywhere(tmp_path, few)
+    many = ["a,hall,chair", "a,bath,", "a,hall,chair", "a,,lamp", "a,hall,chair"]
+    path = write_table(tmp_path, *many, header="scene,room,category")
+    assert graph == read_all(path)["a"]
+    assert notes == ["rows of no object and no room (count is 0), left out: 1"]
+
+
+@pytest.mark.parametrize(
+    "row", ["chair,3,1,1,1", "chair,0,1,1,1", "chair,-1,,,", "chair,1.5,,,", ",2,,,", "bed,9e9,,,"]
+)
+def test_an_impossible_count_is_refused_with_its_line(tmp_path: Path, row: str) -> None:
+    path = write_table(tmp_path, f"a,1,{row}", header="scene,room,category,count,x,y,z")
+    with refuses(SourceError, "row-malformed", f"{path}, line 2"):
+        ObjectTable(path).find()
+
+
+def test_a_control_character_in_parquet_is_refused_with_its_row(tmp_path: Path) -> None:
+    path = write_everywhere(tmp_path, in_rooms(["hall", "ba\0th"]))[-1]
+    with refuses(SourceError, "row-malformed", f"{path}, row 2"):
+        ObjectTable(path).find()
+
+
+@pytest.mark.parametrize(
+    ("text", "notes"),
+    [
+        ("\ufeffscene,room,category,,\r\na,1,bed,,\r\n,,,,\r\n\r\n", "(no name), (no name)"),
+        ("Scene, ROOM ,category\na,1,bed\n", None),
+        ("scene,room,category\ra,1,bed\r", None),
+        ("scene,room,category,note,note\na,1,bed,x,y\n", "note, note"),
+        ("scene,SCENE,room,category\na,b,1,bed\n", "SCENE"),
+        ('scene,room,category,memo\na,1,bed,"two\nlines"\n', "memo"),
+    ],
+)
+def test_odd_tables_that_say_the_same(tmp_path: Path, text: str, notes: str | None) -> None:
+    (tmp_path / "t.csv").write_bytes(text.encode())
+    plain = write_table(tmp_path, "a,1,bed", header="scene,room,category")
+    said = [f"columns that are not read: {notes}"] if notes else []
+    assert answer(tmp_path / "t.csv") == (*answer(plain), *said)
+
+
+def test_tables_joined_with_their_headers(tmp_path: Path) -> None:
+    rows: Rows = [*in_rooms(["1"]), {"scene": "scene", "room": "room", "category": "category"}]
+    ((graph,), notes) = read_everywhere(tmp_path, rows)
+    assert graph.scene_id == "a"
+    assert notes == ["rows that repeat the header, left out: 1"]
+
+
+def test_text_of_parquet_may_be_bytes_dictionaries_and_lists(tmp_path: Path) -> None:
+    columns = {
+        "scene": pa.array([b"a", b"a"]),
+        "room": pa.array(["Küche", "hall"]).dictionary_encode(),
+        "category": pa.array(["bed", None], pa.large_string()),
+        "connected": [["hall", "nan", None], []],
+    }
+    pq.write_table(pa.table(columns), tmp_path / "t.parquet")
+    rows = ["a,Küche,bed,hall;nan", "a,hall,,"]
+    path = write_table(tmp_path, *rows, header="scene,room,category,connected")
+    assert answer(tmp_path / "t.parquet") == answer(path)
+
+
+def test_a_header_of_many_columns_is_noted_in_short(tmp_path: Path) -> None:
+    more = 100_000
+    header = "scene,room,category" + "".join(f",c{number}" for number in range(more))
+    path = write_table(tmp_path, "a,1,bed" + "," * more, header=header)
+    (note,) = ObjectTable(path).find().unused
+    assert note.reason.endswith("c18, c19 and 99,980 more")

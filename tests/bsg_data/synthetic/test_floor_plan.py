@@ -32,6 +32,16 @@ def test_any_plan_can_be_walked_and_no_room_lies_in_another(
             assert min(plan.rooms[a].meet(plan.rooms[b]).sides()) <= 1e-9
 
 
+@settings(max_examples=30, deadline=None)
+@given(rooms=st.integers(4, 17), seed=seeds, hallway=st.integers(0, 3))
+def test_a_hallway_is_the_hall_between_the_others(rooms: int, seed: int, hallway: int) -> None:
+    plan = draw_floor_plan(
+        rooms, with_stairs=(), hallways={hallway}, rng=np.random.default_rng(seed)
+    )
+    whole = max(room.high[0] for room in plan.rooms) - min(room.low[0] for room in plan.rooms)
+    assert np.isclose(plan.rooms[hallway].sides()[0], whole)
+
+
 @settings(max_examples=60, deadline=None)
 @given(rooms=st.integers(2, 30), seed=seeds)
 def test_doorways_fit_into_a_wall_of_both_rooms(rooms: int, seed: int) -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.dataset.dataset import Dataset, read_splits
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe

@@ -7,9 +7,9 @@ import torch
 from one_building import observe_building, surround_rooms
 from torch_geometric.loader import DataLoader
 
-from bsg_data.dataset.dataset import Dataset, read_cells
+from bsg_data.dataset.dataset import Dataset, read_cells, read_splits
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.splits import read_splits, split_dataset
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs

@@ -1,4 +1,4 @@
-"""`bsg-data build`, `finalise` and `merge`."""
+"""`bsg-data build` and `merge`."""
 
 from __future__ import annotations
 
@@ -78,18 +78,26 @@ def test_a_source_takes_options_and_a_map_of_its_own(tmp_path: Path) -> None:
     assert "did you mean licence?" in run(*words, "--option", "license=MIT", code=1).stderr
 
 
-def test_parts_and_then_the_whole(hm3d_folder: Path, tmp_path: Path) -> None:
-    words = ("build", "--hm3d", hm3d_folder, "--out", tmp_path / "out", "--workers", 1)
-    first = run(*words, "--parts", "2/2").stdout
-    assert first.startswith("part 2 of 2: 0 shards, 0 scenes\n1 shard is still missing")
-    refused = run("finalise", tmp_path / "out", code=1)
-    assert "1 of 1 shards missing or damaged; run these again by --parts: 1/2" in refused.stderr
-    second = run(*words, "--parts", "1/2").stdout
-    assert second.startswith("part 1 of 2: 1 shard, 12 scenes\nall shards are built")
-    assert "12 scenes" in run("finalise", tmp_path / "out").stdout
-    assert "is finished already" in run("finalise", tmp_path / "out", code=1).stderr
-    for part in ("0/3", "4/3", "3", "a/b"):
-        assert "expected I/N" in run(*words, "--parts", part, code=2).stderr
+def test_words_for_rooms_are_reported_and_taught(tmp_path: Path) -> None:
+    table = "scene,room,category\nflat,Wohnzimmer,sofa\nflat,Dachboden,box\n"
+    (tmp_path / "objects.csv").write_text(table, "utf-8")
+    (tmp_path / "words.csv").write_text("source_label,label\nWohnzimmer,living room\n", "utf-8")
+    words = ("build", "--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
+    said = run(*words).stdout
+    assert "kind of room not known" in said
+    assert "--room-labels FILE" in said
+    taught = run(*words, "--room-labels", tmp_path / "words.csv", "--force").stdout
+    assert "Dachboden" in taught
+    assert "Wohnzimmer" not in taught
+
+
+def test_a_source_without_meshes_says_so(tmp_path: Path) -> None:
+    (tmp_path / "objects.csv").write_text("scene,room,category\nflat,hall,box\n", "utf-8")
+    words = ("--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
+    assert "has no option 'meshes'" in run("build", *words, "--no-meshes", code=1).stderr
+    run("synth", "--out", tmp_path / "made", "--scenes", "1")
+    words = ("--source", "synthetic", tmp_path / "made", "--out", tmp_path / "d")
+    assert "1 scenes" in run("build", *words, "--no-meshes").stdout
 
 
 def test_two_datasets_become_one(dataset: Path, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from data_commands import run
 
 
@@ -34,15 +35,16 @@ def test_a_reader_that_goes_away_ends_the_command_quietly(dataset: Path) -> None
     assert (child.returncode, errors) == (1, b"")
 
 
-def test_a_figure_replaces_only_a_figure_of_ours(dataset: Path, tmp_path: Path) -> None:
-    mine, ours = tmp_path / "thesis.png", tmp_path / "classes.png"
-    mine.write_bytes(b"years of work")
-    assert "name another file" in run("info", dataset, "--figure", mine, code=1).stderr
-    assert mine.read_bytes() == b"years of work"
-    assert "is a folder" in run("info", dataset, "--figure", tmp_path, code=1).stderr
+@pytest.mark.parametrize("suffix", ["png", "pdf", "jpg", "svg"])
+def test_a_figure_is_replaced_by_force_alone(dataset: Path, tmp_path: Path, suffix: str) -> None:
+    figure = tmp_path / f"classes.{suffix}"
+    figure.write_bytes(b"years of work")
+    assert "--force replaces it" in run("info", dataset, "--figure", figure, code=1).stderr
+    assert figure.read_bytes() == b"years of work"
     for _ in range(2):
-        run("info", dataset, "--figure", ours)
-        assert ours.read_bytes().startswith(b"\x89PNG")
+        run("info", dataset, "--figure", figure, "--force")
+        assert figure.stat().st_size > 1000
+    assert "suffix" in run("info", dataset, "--figure", tmp_path, "--force", code=1).stderr
 
 
 def test_a_dataset_is_sound_or_has_faults(dataset: Path) -> None:

@@ -1,4 +1,4 @@
-"""Write a furnished synthetic building as HM3D's `semantic.glb`, with the truth beside it.
+"""Write a furnished building as HM3D's `semantic.glb`, and say what is true of it.
 
 What HM3D's files have, these have: one mesh a room with a primitive for every page of texels, a PNG
 texture each (palette or RGB) in which every texel is the colour of an instance, nested transforms,
@@ -23,7 +23,7 @@ from bsg_data.arrays import Floats
 from bsg_data.files import encode_json
 from bsg_data.scene.scene_graph import Box
 from bsg_data.synthetic.floor_plan import FloorPlan
-from bsg_data.synthetic.furnishing import Surface
+from painted_meshes.surfaces import Surface
 
 Colours = Literal["texture", "vertex", "both"]
 UpAxis = Literal["y", "z"]
@@ -95,7 +95,7 @@ def encode_mesh(
     """
     binary = _Binary()
     tree: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "bsg-data synth"},
+        "asset": {"version": "2.0", "generator": "painted_meshes"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"name": "building", "children": []}],

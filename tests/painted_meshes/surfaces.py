@@ -1,4 +1,4 @@
-"""Furnish the floor plan of a synthetic building: every listed instance becomes painted surfaces.
+"""Furnish the floor plan of a building: every listed instance becomes painted surfaces.
 
 A surface is a rectangle of texels, each of which belongs to one instance. Walls, floors and
 ceilings are surfaces of a room; doors, windows, pictures and rugs are painted on them, so that
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from bsg_data.arrays import Bools, Floats
 from bsg_data.geometry.placement import CEILING, FLOOR, STAIRS
 from bsg_data.scene.scene_graph import Box
-from bsg_data.synthetic.floor_plan import DOOR_HEIGHT, HEIGHT, STOREY, FloorPlan, Rectangle
+from bsg_data.synthetic.floor_plan import HEIGHT, STOREY, FloorPlan, Rectangle
 
 Texels = npt.NDArray[np.int32]
 
@@ -28,6 +28,7 @@ _SPECKLED = 0.02  # share of the furniture with a speck of its colour elsewhere
 _SPECK = 0.12  # metres
 _WALL = "wall"
 _FRAME = 0.08
+_DOOR_HEIGHT = 2.0
 _ON_WALLS = frozenset(
     {
         "blinds",
@@ -215,7 +216,7 @@ class _Room:
         """Paint doors and their frames into doorways; an opening without a door is nobody's."""
         doors = [f.label for f in fixtures if f.category == "door"]
         frames = [f.label for f in fixtures if f.category != "door"]
-        top, band = round(DOOR_HEIGHT / self._texel), round(_FRAME / self._texel)
+        top, band = round(_DOOR_HEIGHT / self._texel), round(_FRAME / self._texel)
         for door in self._plan.doorways:
             if self._room in door.rooms:
                 wall, start = self._place(walls, door.rooms, door.axis, door.span)

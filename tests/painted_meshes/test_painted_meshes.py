@@ -1,4 +1,4 @@
-"""Synthetic meshes: what real files have, they have, and what is said to be true of them is."""
+"""Painted meshes: what real files have, they have, and the reader finds what is true of them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.errors import SourceError
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.scene.scene_graph import SceneGraph, SceneObject
-from bsg_data.sources.hm3d import HM3DFolder, parse_annotation
-from bsg_data.synthetic.buildings import GeometryOptions, shape_building, write_synthetic
+from bsg_data.sources.hm3d import HM3DFolder
+from painted_meshes import Painting, paint_building, write_painted
 
 NAMES = ("wall", "floor", "ceiling", "door", "bed", "chair", "picture", "rug", "lamp", "stairs")
 ROWS = tuple(
@@ -31,7 +30,7 @@ ROWS = tuple(
 @pytest.fixture(scope="module")
 def places(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("places") / "buildings"
-    list(write_synthetic(folder, scenes=3, seed=5, geometry=GeometryOptions()))
+    write_painted(folder, scenes=3, seed=5)
     return folder
 
 
@@ -112,8 +111,8 @@ def test_most_connections_are_found(places: Path, built: tuple[Path, Manifest]) 
 
 
 def test_files_have_what_real_ones_have(tmp_path: Path) -> None:
-    options = GeometryOptions(coloured_by="both")
-    tree, binary = take_apart(shape_building(ROWS, options, seed=0, number=0)[0])
+    painting = Painting(coloured_by="both")
+    tree, binary = take_apart(paint_building(ROWS, painting, seed=0, number=0)[0])
     assert len(tree["meshes"]) == 3
     attributes = tree["meshes"][0]["primitives"][0]["attributes"]
     assert set(attributes) == {"POSITION", "TEXCOORD_0", "COLOR_0"}
@@ -130,8 +129,8 @@ def test_files_have_what_real_ones_have(tmp_path: Path) -> None:
 @pytest.mark.parametrize("up_axis", ["y", "z"])
 @pytest.mark.parametrize("coloured_by", ["texture", "vertex", "both"])
 def test_every_kind_of_file_is_read(tmp_path: Path, coloured_by: Any, up_axis: Any) -> None:
-    options = GeometryOptions(coloured_by=coloured_by, up_axis=up_axis)
-    mesh, truth = shape_building(ROWS, options, seed=1, number=0)
+    painting = Painting(coloured_by=coloured_by, up_axis=up_axis)
+    mesh, truth = paint_building(ROWS, painting, seed=1, number=0)
     path = tmp_path / "m.glb"
     path.write_bytes(mesh)
     survey = survey_mesh(path, [str(row.colour) for row in ROWS])
@@ -144,14 +143,3 @@ def test_every_kind_of_file_is_read(tmp_path: Path, coloured_by: Any, up_axis: A
     assert (survey.coverage.texels == 0) == (coloured_by == "vertex")
     scene = trimesh.load_scene(path)
     assert scene.extents.min() > 2
-
-
-def test_a_stopped_run_is_seen(tmp_path: Path) -> None:
-    out = tmp_path / "stopped"
-    next(write_synthetic(out, scenes=2, seed=0, geometry=GeometryOptions()))
-    (path,) = out.rglob("*.semantic.glb")
-    assert path.stat().st_size > 1000
-    annotation = next(out.rglob("*.semantic.txt"))
-    assert len(parse_annotation(annotation.read_bytes(), path=annotation)) > 1
-    with pytest.raises(SourceError, match="was stopped"):
-        HM3DFolder(out).find()

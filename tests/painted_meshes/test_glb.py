@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.synthetic.furnishing import Surface
-from bsg_data.synthetic.meshes import SIZES, encode_mesh
+from painted_meshes.glb import SIZES, encode_mesh
+from painted_meshes.surfaces import Surface
 
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 

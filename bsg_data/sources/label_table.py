@@ -1,0 +1,103 @@
+"""Read tables of labels: CSV or tab-separated text, each row a key and its label."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+from bsg_data.errors import SourceError
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import MIB, Bound
+from bsg_data.inputs.documents import decode
+from bsg_data.spelling import meant_names, show_value
+
+SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
+_BOUND = Bound("table of room labels, CSV", 16 * MIB)
+Key = TypeVar("Key")
+
+
+@dataclass(frozen=True, slots=True)
+class LabelTable(Generic[Key]):
+    """A table of labels."""
+
+    labels: Mapping[Key, tuple[str, str]]  # key → its label, maybe empty, and the place in the file
+    unread: tuple[str, ...]  # columns that are not read
+
+
+def read_label_table(
+    path: Path, columns: Mapping[str, tuple[str, ...]], key_of: Callable[[str, list[str]], Key]
+) -> LabelTable[Key]:
+    """Read a table; rows of one key must have one label.
+
+    Args:
+        path: of the table.
+        columns: the columns that are read, the label last, each with its further names.
+        key_of: makes the key of a row, from its place in the file and its other cells.
+
+    Raises:
+        SourceError: if it is no such table; it names the line.
+    """
+    rows = _read_rows(path)
+    header = [name.strip() for name in rows[0][1]] if rows else []
+    places = _find_columns(path, header, columns)
+    labels: dict[Key, tuple[str, str]] = {}
+    for where, row in rows[1:]:
+        if len(row) != len(header):
+            message = f"{where}: expected {len(header)} fields, as the header; found {len(row)}"
+            raise SourceError(message, code="row-ragged", where=where)
+        *cells, label = (row[place].strip() for place in places)
+        first, line = labels.setdefault(key_of(where, cells), (label, where))
+        if first != label:
+            key = ", ".join(f"{name} {cell}" for name, cell in zip(columns, cells, strict=False))
+            raise SourceError(
+                f"{where}: expected {show_value(first)} for {key}, as {line.rpartition(', ')[2]} "
+                f"says; found {show_value(label)}; remove one of the lines",
+                code="rows-disagree",
+                where=where,
+            )
+    unread = (name for place, name in enumerate(header) if place not in places)
+    return LabelTable(labels, tuple(unread))
+
+
+def _read_rows(path: Path) -> list[tuple[str, list[str]]]:
+    """Return the rows that are not empty, each with its place."""
+    data = read_bytes(path, _BOUND)
+    try:
+        text = io.StringIO(decode(data), newline="")
+        separator = "\t" if ".tsv" in path.name.casefold() else ","
+        reader = csv.reader(text, strict=True, delimiter=separator)
+        return [
+            (f"{path}, line {reader.line_num}", row) for row in reader if any(map(str.strip, row))
+        ]
+    except (ValueError, csv.Error) as error:
+        said = f"no table ({error}); save it as CSV in UTF-8"
+        raise SourceError(f"{path}: {said}", code="csv-malformed", where=path) from error
+
+
+def _find_columns(
+    path: Path, header: Sequence[str], columns: Mapping[str, tuple[str, ...]]
+) -> list[int]:
+    """Return the place of each column, by the first of its names that is there."""
+    twice = next((name for at, name in enumerate(header) if name and name in header[:at]), None)
+    if twice:
+        raise SourceError(f"{path}: the column {twice!r} twice", code="column-twice", where=path)
+    found = []
+    for column, others in columns.items():
+        name = next((name for name in (column, *others) if name in header), None)
+        if name is None:
+            near = meant_names(column, set(header) - set(columns), most=1)
+            hint = f"; rename {near[0]} to {column}" if near else ""
+            if len(header) == 1 and ";" in header[0]:
+                hint = "; save it with commas, or with tabs as .tsv"
+            raise SourceError(
+                f"{path}: no column {column!r}: expected {', '.join(columns)}; found "
+                f"{', '.join(header) or 'none'}{hint}",
+                code="column-missing",
+                where=path,
+            )
+        found.append(header.index(name))
+    return found

@@ -1,0 +1,248 @@
+"""Read the files of room layouts: what they say of the rooms of one building.
+
+DomestiGraph (Gallagher et al. 2024) has one YAML file per building, `<scene id>.yaml`. Its `rooms`
+are named `room_k` and have `label`, or `centroid` and `dims`, or all, in metres, Y up;
+`connections` are pairs of k. Room k is the k-th region of the annotation by id, from 1.
+
+habitat-sim has `<scene id>.semantic_config.json` with `region_annotations`, in metres, Y up, which
+`bsg_data.exports.habitat` writes. A table has the columns `scene`, `region` and `label`. Both name
+a room by its region id. A layout may lack rooms.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from bsg_data.errors import SourceError
+from bsg_data.geometry.placement import measure_area, surround
+from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounds import LAYOUT
+from bsg_data.inputs.documents import parse_yaml, read_json
+from bsg_data.recipes import name_fault
+from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.sources.label_table import LabelTable, read_label_table
+from bsg_data.spelling import show_value
+
+CONFIG_SUFFIX = ".semantic_config.json"
+SUFFIXES = (".yaml", ".yml", CONFIG_SUFFIX)
+NO_LABEL = "room"  # of a region without a label: habitat-sim makes a category of every label
+_MAX_METRES = 10_000.0
+_REGION = re.compile(r"(-?[0-9]{1,9})(?:\.0*)?")  # 3.0 is how pandas writes 3 in a column with gaps
+_COLUMNS = {  # with their names in HM3D's statistics
+    "scene": ("Scene Name",),
+    "region": ("Region #",),
+    "label": ("Region Category", "Room Proposal", "Weighted Room Proposal"),
+}
+
+
+class LayoutError(SourceError):
+    """Report a layout that is malformed or does not belong to its scene."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaidRoom:
+    """What a layout says of a room; metres, Z up."""
+
+    label: str | None = None
+    box: Box | None = None
+    footprint: tuple[tuple[float, float], ...] | None = None  # None: that of the box
+    floor_area: float | None = None  # square metres; None: that of the box
+
+
+@dataclass(frozen=True, slots=True)
+class RoomLayout:
+    """The layout of one building."""
+
+    rooms: Mapping[int, LaidRoom]  # by region id, or by k
+    by_region: bool  # whether the keys are region ids
+    # pairs of k, ascending and once each; None if the layout says nothing of connections
+    connections: tuple[tuple[int, int], ...] | None = None
+
+
+_Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES)]
+_Length = Annotated[float, Field(ge=0, le=_MAX_METRES)]
+_Number = Annotated[int, Field(ge=0, le=10**6)]
+_Name = Annotated[str, Field(pattern=r"^room_[1-9][0-9]{0,5}$")]
+_Label = Annotated[str, Field(min_length=1, max_length=200)]
+_Point = tuple[_Metres, _Metres, _Metres]
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class _Place(_Entry):
+    x: _Metres
+    y: _Metres
+    z: _Metres
+
+
+class _Size(_Entry):
+    x: _Length
+    y: _Length
+    z: _Length
+
+
+def _require_both(one: str, other: str, values: Mapping[str, Any]) -> None:
+    """Refuse half a box."""
+    given = [name for name in (one, other) if values[name] is not None]
+    if len(given) == 1:
+        absent = other if given == [one] else one
+        raise ValueError(
+            f"has half a box: {given[0]} without {absent}; give both, or neither for a label alone"
+        )
+
+
+class _LayoutRoom(_Entry):
+    label: _Label | None = None
+    centroid: _Place | None = None
+    dims: _Size | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> _LayoutRoom:
+        _require_both("centroid", "dims", vars(self))
+        if self.label is None and self.centroid is None:
+            raise ValueError("expected a label, or centroid and dims, or all three; found none")
+        return self
+
+    @property
+    def laid(self) -> LaidRoom:
+        """The room in our axes."""
+        if self.centroid is None or self.dims is None:
+            return LaidRoom(self.label)
+        x, y, z = _upright((self.centroid.x, self.centroid.y, self.centroid.z))
+        a, b, c = self.dims.x / 2, self.dims.z / 2, self.dims.y / 2
+        return LaidRoom(self.label, Box((x - a, y - b, z - c), (x + a, y + b, z + c)))
+
+
+class _Layout(_Entry):
+    rooms: Annotated[dict[_Name, _LayoutRoom], Field(min_length=1)]
+    connections: tuple[tuple[_Number, _Number], ...] | None = None
+
+
+class _Region(_Entry):
+    name: str
+    label: Annotated[str, Field(max_length=200)] = NO_LABEL
+    poly_loop: Annotated[tuple[_Point, ...], Field(min_length=3)] | None = None
+    min_bounds: _Point | None = None
+    max_bounds: _Point | None = None
+
+    @field_validator("name")
+    @classmethod
+    def _has_a_region_id(cls, name: str) -> str:
+        if not re.fullmatch("region_[0-9]{1,9}", name):
+            raise ValueError(
+                "expected region_N, with the region id N of the annotation; found "
+                f"{show_value(name)}"
+            )
+        return name
+
+    @model_validator(mode="after")
+    def _has_an_ordered_box(self) -> _Region:
+        _require_both("min_bounds", "max_bounds", vars(self))
+        if self.min_bounds and self.max_bounds:
+            for axis, low, high in zip("xyz", self.min_bounds, self.max_bounds, strict=True):
+                if high < low:
+                    raise ValueError(f"max_bounds.{axis}: expected {low} or more, found {high}")
+        return self
+
+    @property
+    def laid(self) -> LaidRoom:
+        """The room in our axes; its box is as wide as its footprint."""
+        label = None if self.label in ("", NO_LABEL) else self.label
+        if self.min_bounds is None or self.max_bounds is None:
+            return LaidRoom(label)
+        ends = np.array([_upright(self.min_bounds), _upright(self.max_bounds)])
+        if self.poly_loop is None:
+            return LaidRoom(label, Box.around(ends))
+        corners = [_upright(corner)[:2] for corner in self.poly_loop]
+        footprint = surround(np.array(corners))
+        box = Box.around(np.array([(x, y, z) for x, y in footprint for z in ends[:, 2]]))
+        return LaidRoom(label, box, footprint, measure_area(corners))
+
+
+class _Regions(_Entry):
+    region_annotations: Annotated[tuple[_Region, ...], Field(min_length=1)]
+
+
+def _upright(point: Point) -> Point:
+    """Return a point of a layout in our axes: Z up; its z points backwards."""
+    x, y, z = point
+    return x, 0.0 - z, y  # and never -0.0
+
+
+def read_layout(path: Path) -> RoomLayout:
+    """Read the layout of one building, by the name of its file."""
+    try:
+        return _read_regions(path) if path.name.endswith(CONFIG_SUFFIX) else _read_yaml(path)
+    except ValueError as error:
+        said = name_fault(error) if isinstance(error, ValidationError) else error
+        raise LayoutError(f"{path}: {said}", code="layout-malformed", where=path) from error
+
+
+def _read_yaml(path: Path) -> RoomLayout:
+    parsed = _Layout.model_validate(parse_yaml(read_bytes(path, LAYOUT, error=LayoutError)))
+    rooms = {int(name[len("room_") :]): room.laid for name, room in parsed.rooms.items()}
+    if parsed.connections is None:
+        return RoomLayout(rooms, by_region=False)
+    for one, other in parsed.connections:
+        if one == other or not {one, other} <= set(rooms):
+            raise LayoutError(
+                f"{path}: connections: expected two of its rooms, found {one} and {other}",
+                code="room-unknown",
+                where=path,
+            )
+    pairs = {(min(pair), max(pair)) for pair in parsed.connections}
+    return RoomLayout(rooms, by_region=False, connections=tuple(sorted(pairs)))
+
+
+def _read_regions(path: Path) -> RoomLayout:
+    parsed = _Regions.model_validate(read_json(path, LAYOUT, error=LayoutError))
+    rooms: dict[int, LaidRoom] = {}
+    for region in parsed.region_annotations:
+        number = int(region.name[len("region_") :])
+        if number in rooms:
+            raise ValueError(f"region_annotations: {region.name} is there twice")
+        rooms[number] = region.laid
+    return RoomLayout(rooms, by_region=True)
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutTable:
+    """The labels of the rooms of many buildings."""
+
+    layouts: Mapping[str, RoomLayout]  # by scene id or key of a building
+    unread: tuple[str, ...]  # columns that are not read
+
+
+@lru_cache(maxsize=1)
+def read_layout_table(path: Path, size: int, changed: int) -> LayoutTable:
+    """Read a table `scene,region,label`, once for each state of the file."""
+    table: LabelTable[tuple[str, int]] = read_label_table(path, _COLUMNS, _read_key)
+    rooms: dict[str, dict[int, LaidRoom]] = {}
+    for (scene, region), (label, _) in table.labels.items():
+        if label:  # else nothing is known of the room
+            rooms.setdefault(scene, {})[region] = LaidRoom(label)
+    layouts = {scene: RoomLayout(rooms[scene], by_region=True) for scene in sorted(rooms)}
+    return LayoutTable(layouts, table.unread)
+
+
+def _read_key(where: str, cells: list[str]) -> tuple[str, int]:
+    scene, region = cells
+    number = _REGION.fullmatch(region)
+    if not scene or number is None:
+        raise SourceError(
+            f"{where}: expected the name of a scene, and as region the id in the last column of "
+            f"its annotation; found {show_value(scene)}, {show_value(region)}",
+            code="row-malformed",
+            where=where,
+        )
+    return scene, int(number[1])

@@ -1,0 +1,100 @@
+"""Combine a source with a list of its words for rooms: which common label each one means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from bsg_data.errors import SourceError
+from bsg_data.files import AnyPath
+from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.room_label import label_of, list_room_labels, normalise_room
+from bsg_data.scene.scene_graph import Room
+from bsg_data.sources.label_table import read_label_table
+from bsg_data.sources.source import Reading, SceneRef, Source
+from bsg_data.sources.wrapper import Wrapper
+from bsg_data.spelling import ask_if_meant, show_value
+
+_ANY_SOURCE = "any"
+
+
+@dataclass(frozen=True)
+class WithRoomLabels(Wrapper):
+    """A source combined with a file `source_label,label`.
+
+    A word that the file lists has its label, whatever we read it as; without one, it names no kind
+    of room. A word counts as it is written, or else in any case and without its number. The file is
+    read here, once.
+
+    Raises:
+        SourceError: if the file is no such table, or a label is none of ours.
+    """
+
+    file: str  # its name
+    sha256: str  # of its bytes
+    words: tuple[tuple[str, str | None], ...]  # each with its label
+
+    def __init__(self, source: Source, file: AnyPath) -> None:
+        path = Path(file)
+        object.__setattr__(self, "source", source)
+        object.__setattr__(self, "words", read_room_words(path))
+        object.__setattr__(self, "file", path.name)
+        object.__setattr__(self, "sha256", hash_file(path))
+
+    @property
+    def options(self) -> dict[str, int | str]:
+        """The source's options, and which file it is."""
+        return {**self.source.options, "room_labels": f"{self.file} (sha256 {self.sha256})"}
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read a scene, with the labels that the file gives its rooms."""
+        reading = self.source.read(ref, class_map)
+        rooms = tuple(self._label(room) for room in reading.graph.rooms)
+        return replace(reading, graph=replace(reading.graph, rooms=rooms))
+
+    def lists(self, word: str) -> bool:
+        """Say whether the file lists a word, with a label or without."""
+        return self._find(word) is not None
+
+    def _label(self, room: Room) -> Room:
+        found = self._find(room.source_label or "")
+        return room if found is None else replace(room, label=self._labels[found])
+
+    def _find(self, word: str) -> str | None:
+        return next((one for one in (word, normalise_room(word)) if one in self._labels), None)
+
+    @cached_property
+    def _labels(self) -> dict[str, str | None]:
+        """The label of each word, and of each other spelling that has one alone."""
+        spoken: dict[str, set[str | None]] = {}
+        for word, label in self.words:
+            spoken.setdefault(normalise_room(word), set()).add(label)
+        clear = {word: labels.pop() for word, labels in spoken.items() if word and len(labels) == 1}
+        return {**clear, **dict(self.words)}
+
+
+def read_room_words(path: Path) -> tuple[tuple[str, str | None], ...]:
+    """Read a table `source_label,label`: words, each with its label; None if it names no kind."""
+    table = read_label_table(path, {"source_label": (), "label": ()}, _read_key)
+    for word, (label, where) in table.labels.items():
+        meant = label_of(_ANY_SOURCE, label)
+        if label and meant != label:
+            near = f"did you mean {meant}?" if meant else ask_if_meant(label, list_room_labels())
+            known = near or f"known are {', '.join(list_room_labels())}"
+            raise SourceError(
+                f"{where}: expected a label that we know for {show_value(word)}, or none if it "
+                f"names no kind of room; found {show_value(label)}; {known}",
+                code="room-label-unknown",
+                where=where,
+            )
+    return tuple((word, label or None) for word, (label, _) in table.labels.items())
+
+
+def _read_key(where: str, cells: list[str]) -> str:
+    (word,) = cells
+    if not word:
+        message = f"{where}: expected a word for a room in source_label, found none"
+        raise SourceError(message, code="row-malformed", where=where)
+    return word

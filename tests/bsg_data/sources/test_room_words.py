@@ -1,0 +1,126 @@
+"""Words for rooms: a list by hand, what it overrules, and every malformed one."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from pathlib import Path
+
+import pytest
+from refusals import refuses
+
+from bsg_data.build import build_dataset
+from bsg_data.errors import SourceError
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.sources.room_layouts import WithLayouts
+from bsg_data.sources.room_words import WithRoomLabels
+from bsg_data.sources.source import Source
+from bsg_data.sources.table import ObjectTable
+
+WORDS = """\
+source_label,label
+Küche,kitchen
+Diele,corridor
+Office,living room
+Archiv,
+b,bedroom
+B,bar
+9,garage
+Behandlung,examination room
+"""
+
+
+@pytest.fixture
+def words(tmp_path: Path) -> Path:
+    path = tmp_path / "words.csv"
+    path.write_text(WORDS, "utf-8")
+    return path
+
+
+def write_rooms(folder: Path, *words: str) -> ObjectTable:
+    """Write a building whose rooms 0, 1, ... have these words."""
+    rows = [f"flat,{number},chair,{word}" for number, word in enumerate(words)]
+    text = "\n".join(["scene,room,category,room_label", *rows])
+    (folder / "objects.csv").write_text(text, "utf-8")
+    return ObjectTable(folder / "objects.csv")
+
+
+def read_labels(source: Source) -> dict[str | None, str | None]:
+    (ref,) = source.find().scenes
+    rooms = source.read(ref, load_class_map()).graph.rooms
+    return {room.source_label: room.label for room in rooms}
+
+
+def test_a_listed_word_has_its_label_before_our_reading(tmp_path: Path, words: Path) -> None:
+    said = ["Küche", "KÜCHE_2", "Diele", "Office", "Archiv", "b", "B", "Behandlung", "bathroom"]
+    table = write_rooms(tmp_path, *said, "Flur")
+    source = WithRoomLabels(table, words)
+    assert read_labels(source) == {
+        "Küche": "kitchen",
+        "KÜCHE_2": "kitchen",  # in another spelling
+        "Diele": "corridor",
+        "Office": "living room",  # which we read as an office
+        "Archiv": None,
+        "b": "bedroom",  # as written, where another spelling is another word
+        "B": "bar",
+        "Behandlung": "examination room",
+        "bathroom": "bathroom",
+        "Flur": None,
+    }
+    assert read_labels(table)["Office"] == "office"
+    assert [source.lists(word) for word in ("Archiv", "küche 3", "Flur")] == [True, True, False]
+
+
+def test_a_number_that_is_listed_stands_for_no_other(tmp_path: Path, words: Path) -> None:
+    source = WithRoomLabels(write_rooms(tmp_path, "9", "7"), words)
+    assert read_labels(source) == {"9": "garage", "7": None}
+
+
+def test_the_file_is_recorded_and_read_once(tmp_path: Path, words: Path) -> None:
+    source = WithRoomLabels(write_rooms(tmp_path, "Küche", "Diele"), words)
+    sha256 = hashlib.sha256(words.read_bytes()).hexdigest()
+    words.unlink()
+    source = pickle.loads(pickle.dumps(source))  # as a build sends it to its workers
+    assert read_labels(source) == {"Küche": "kitchen", "Diele": "corridor"}
+    assert isinstance(source, Source)
+    manifest = build_dataset(source, tmp_path / "out")
+    assert manifest.sources[0].options == {"room_labels": f"words.csv (sha256 {sha256})"}
+    assert (manifest.sources[0].kind, manifest.totals.rooms) == ("table", 2)
+
+
+def test_words_of_layouts_count_too(tmp_path: Path, words: Path) -> None:
+    table = write_rooms(tmp_path, "", "")
+    (tmp_path / "labels.csv").write_text("scene,region,label\nflat,0,Diele\nflat,1,Flur\n")
+    source = WithRoomLabels(WithLayouts(table, tmp_path / "labels.csv"), words)
+    assert read_labels(source) == {"Diele": "corridor", "Flur": None}
+    assert source.options["room_layouts"] == 1
+
+
+@pytest.mark.parametrize(
+    ("code", "line", "text"),
+    [
+        ("room-label-unknown", 2, "source_label,label\nKüche,kichen\n"),
+        ("room-label-unknown", 2, "source_label,label\nKüche,Kitchen\n"),
+        ("room-label-unknown", 3, "source_label,label\nDiele,\nKüche,xqzv\n"),
+        ("row-malformed", 2, "source_label,label\n,kitchen\n"),
+        ("rows-disagree", 3, "source_label,label\nKüche,kitchen\nKüche,\n"),
+        ("column-missing", None, "word,label\nKüche,kitchen\n"),
+    ],
+)
+def test_a_malformed_list_is_refused_with_its_line(
+    tmp_path: Path, code: str, line: int | None, text: str
+) -> None:
+    path = tmp_path / "words.csv"
+    path.write_text(text, "utf-8")
+    with refuses(SourceError, code, f"{path}, line {line}" if line else path):
+        WithRoomLabels(write_rooms(tmp_path, "Küche"), path)
+
+
+@pytest.mark.parametrize(
+    ("label", "meant"), [("kichen", "kitchen"), ("Bath Room", "bathroom"), ("corrider", "corridor")]
+)
+def test_an_unknown_label_is_asked_for(tmp_path: Path, label: str, meant: str) -> None:
+    path = tmp_path / "words.csv"
+    path.write_text(f"source_label,label\nKüche,{label}\n", "utf-8")
+    with pytest.raises(SourceError, match=f"did you mean {meant}\\?"):
+        WithRoomLabels(write_rooms(tmp_path, "Küche"), path)
