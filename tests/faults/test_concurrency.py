@@ -71,7 +71,8 @@ def meet(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object]) -> None:
                 act()
             yield
 
-    monkeypatch.setattr("bsg_data.dataset.commit.hold", hold_and_meet)
+    for module in ("bsg_data.dataset.commit", "bsg_data.results"):  # of a change, and of a build
+        monkeypatch.setattr(f"{module}.hold", hold_and_meet)
 
 
 @pytest.mark.parametrize("one", WRITERS)
