@@ -18,7 +18,7 @@ from .results import refuse_file
 from .scene.class_map import published_maps
 from .scene.class_space import ClassSpace
 from .scene.connections import Connections
-from .scene.scene_graph import Box, MeshCoverage
+from .scene.scene_graph import AnnotatedObject, Box, MeshCoverage
 from .scene.surroundings import KNOWN_SOURCES
 from .sources.assembly import assemble
 from .sources.catalogue import SOURCES
@@ -34,6 +34,7 @@ __all__ = [
     "KNOWN_SOURCES",
     "MASKS",
     "SOURCES",
+    "AnnotatedObject",
     "Box",
     "BuildingSize",
     "ClassSpace",

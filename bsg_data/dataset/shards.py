@@ -80,22 +80,21 @@ def read_scene_graphs(
         yield from assemble_graphs(*tables)
 
 
-def _own_columns(schema: pa.Schema, record: type) -> list[str]:
+def _own_columns(schema: pa.Schema, names: Iterable[str]) -> list[str]:
     """Return the columns that are fields of a record with the same name."""
-    names = {field.name for field in fields(record)}
-    return [name for name in schema.names if name in names]
+    return [name for name in names if name in schema.names]
 
 
-_SCENE, _EDGE = _own_columns(SCENES, SceneGraph), _own_columns(EDGES, Edge)
-_ROOM, _OBJECT = _own_columns(ROOMS, Room), _own_columns(OBJECTS, SceneObject)
+_SCENE = _own_columns(SCENES, [field.name for field in fields(SceneGraph)])
+_ROOM = _own_columns(ROOMS, [field.name for field in fields(Room)])
+_OBJECT = _own_columns(OBJECTS, SceneObject._fields)
+_EDGE = _own_columns(EDGES, [field.name for field in fields(Edge)])
 
 
 def _collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, _Columns]:
     """Return table → column → values, scenes in the order given."""
     rooms = [room for graph in graphs for room in graph.rooms]
-    objects = [obj for graph in graphs for obj in graph.objects]
-    indices = [obj.class_index for obj in objects]
-    edges = [edge for graph in graphs for edge in _list_edges(graph)]
+    held = _turn([obj for graph in graphs for obj in graph.objects])
     return {
         "scenes": {
             **_take(_SCENE, graphs),
@@ -114,29 +113,52 @@ def _collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> 
             **_spread_boxes("box", [room.box for room in rooms]),
         },
         "objects": {
-            **_take(_OBJECT, objects),
+            **{name: held[name] for name in _OBJECT},
             "scene_id": [graph.scene_id for graph in graphs for _ in graph.objects],
-            "class": [None if index is None else classes[index] for index in indices],
-            "has_geometry": [obj.box is not None for obj in objects],
-            **_spread_points("centroid", [obj.centroid for obj in objects]),
-            **_spread_boxes("box", [obj.box for obj in objects]),
-            **_spread_boxes("part", [obj.part_box for obj in objects]),
+            "class": [None if at is None else classes[at] for at in held["class_index"]],
+            "has_geometry": [box is not None for box in held["box"]],
+            **_spread_points("centroid", held["centroid"]),
+            **_spread_boxes("box", held["box"]),
+            **_spread_boxes("part", held["part_box"]),
         },
-        "edges": {name: [edge[i] for edge in edges] for i, name in enumerate(EDGES.names)},
+        "edges": _collect_edges(graphs),
     }
 
 
-def _list_edges(graph: SceneGraph) -> Iterator[tuple[object, ...]]:
-    """Yield the rows of the edges: building → rooms, rooms → objects, then adjacency."""
-    scene = graph.scene_id
-    for room in graph.rooms:
-        yield scene, "contains", "building", 0, "room", room.room_index, "annotation", None
-    for obj in graph.objects:
-        ends = "room" if obj.room_index else "building", obj.room_index, "object", obj.object_index
-        yield scene, "contains", *ends, "annotation", None
-    for edge in graph.adjacency:
-        ends = "room", edge.source, "room", edge.target
-        yield scene, "adjacent", *ends, edge.method, edge.distance_m
+def _turn(objects: Sequence[SceneObject]) -> _Columns:
+    """Return the fields of objects as columns."""
+    columns = zip(*objects, strict=True) if objects else (() for _ in SceneObject._fields)
+    return dict(zip(SceneObject._fields, map(list, columns), strict=True))
+
+
+def _collect_edges(graphs: Sequence[SceneGraph]) -> _Columns:
+    """Return the columns of the edges: building → rooms, rooms → objects, then adjacency."""
+    columns: _Columns = {name: [] for name in EDGES.names}
+    for graph in graphs:
+        rooms, edges = [room.room_index for room in graph.rooms], graph.adjacency
+        above = [obj.room_index for obj in graph.objects]
+        contained, joined = len(rooms) + len(above), len(edges)
+        rows: _Columns = {
+            "scene_id": [graph.scene_id] * (contained + joined),
+            "kind": ["contains"] * contained + ["adjacent"] * joined,
+            "source_kind": [
+                *("building" for _ in rooms),
+                *("room" if room else "building" for room in above),
+                *("room" for _ in edges),
+            ],
+            "source_index": [0] * len(rooms) + above + [edge.source for edge in edges],
+            "target_kind": ["room"] * len(rooms) + ["object"] * len(above) + ["room"] * joined,
+            "target_index": [
+                *rooms,
+                *(obj.object_index for obj in graph.objects),
+                *(edge.target for edge in edges),
+            ],
+            "method": ["annotation"] * contained + [edge.method for edge in edges],
+            "distance_m": [None] * contained + [edge.distance_m for edge in edges],
+        }
+        for name, values in rows.items():
+            columns[name] += values
+    return columns
 
 
 def _take(names: Iterable[str], records: Sequence[object]) -> _Columns:
@@ -194,7 +216,9 @@ def _read_objects(table: pa.Table) -> Iterator[SceneObject]:
     columns = _read_columns(table, _OBJECT)
     columns["centroid"] = _read_points(table, "centroid")
     columns["box"], columns["part_box"] = _read_boxes(table, "box"), _read_boxes(table, "part")
-    return _make(SceneObject, columns)
+    return map(
+        SceneObject._make, zip(*(columns[name] for name in SceneObject._fields), strict=True)
+    )
 
 
 def _read_edges(table: pa.Table) -> Iterator[Edge]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.scene_graph import Box, Point, Room, SceneGraph, SceneObject
+from bsg_data.scene.scene_graph import BUILDING, Box, Point, Room, SceneGraph, SceneObject
 from bsg_data.scene.surroundings import measure_footprint
 
 if TYPE_CHECKING:
@@ -47,8 +47,7 @@ def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
     objects = tuple(
         obj
         if survey.area[place] == 0
-        else replace(
-            obj,
+        else obj._replace(
             centroid=_point(centroids[place]),
             box=_box(boxes[place]),
             area=float(f"{survey.area[place]:.7g}"),
@@ -65,7 +64,7 @@ def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
 
 def _holder(obj: SceneObject) -> int:
     """Return the room whose box an object counts for; stairs, which leave it, count for none."""
-    return SceneObject.BUILDING if obj.category in STAIRS else obj.room_index
+    return BUILDING if obj.category in STAIRS else obj.room_index
 
 
 def find_up_axis(graph: SceneGraph, survey: MeshSurvey) -> str:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from operator import attrgetter
 
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import measure_area
-from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+from bsg_data.scene.scene_graph import (
+    BUILDING,
+    AnnotatedObject,
+    Box,
+    Edge,
+    Room,
+    SceneGraph,
+    SceneObject,
+)
 from bsg_data.sources.source import SceneRef
 
 
 def assemble(
-    objects: Iterable[SceneObject],
+    objects: Iterable[AnnotatedObject],
     *,
     ref: SceneRef,
     kind: str,
@@ -32,7 +41,7 @@ def assemble(
     classes stay, without a class.
 
     Args:
-        objects: with the region id as `room_index`; they are numbered and classified here.
+        objects: as annotated; they are numbered and classified here.
         ref: the scene.
         kind: of the source.
         class_map: of the source's words.
@@ -43,9 +52,9 @@ def assemble(
         method: how the source knows of these, e.g. `door`.
         building_kind: what the source says of the building, e.g. `office`.
     """
-    listed = sorted(objects, key=lambda obj: obj.instance_id)
+    listed = sorted(objects, key=attrgetter("instance_id"))
     told = {room.region_id: room for room in rooms}
-    regions = sorted({o.room_index for o in listed if o.room_index >= 0} | set(told))
+    regions = sorted({o.region_id for o in listed if o.region_id >= 0} | set(told))
     room_of = {region: index for index, region in enumerate(regions, start=1)}
     graph = SceneGraph(
         scene_id=ref.scene_id,
@@ -57,9 +66,7 @@ def assemble(
             _number_room(told.get(region, Room(index, region)), index, kind)
             for region, index in room_of.items()
         ),
-        objects=tuple(
-            _classify(obj, index, room_of, class_map) for index, obj in enumerate(listed, start=1)
-        ),
+        objects=tuple(_number_objects(listed, room_of, class_map)),
         class_map=class_map.version,
         building_kind=building_kind,
         building=ref.building,
@@ -101,21 +108,24 @@ def _number_room(room: Room, index: int, kind: str) -> Room:
     return replace(room, room_index=index, label=room.label or label_of(kind, room.source_label))
 
 
-def _classify(
-    obj: SceneObject, index: int, room_of: Mapping[int, int], class_map: ClassMap
-) -> SceneObject:
-    known = class_map.classify(obj.raw_category)
-    return SceneObject(  # `replace` takes three times as long, which a dataset of HM3D's size feels
-        object_index=index,
-        instance_id=obj.instance_id,
-        room_index=room_of.get(obj.room_index, SceneObject.BUILDING),
-        raw_category=obj.raw_category,
-        category=known.category,
-        class_index=known.class_index,
-        role=known.role,
-        centroid=obj.centroid,
-        box=obj.box,
-        area=obj.area,
-        part_box=obj.part_box,
-        colour=obj.colour,
-    )
+def _number_objects(
+    listed: Iterable[AnnotatedObject], room_of: Mapping[int, int], class_map: ClassMap
+) -> Iterator[SceneObject]:
+    classified: dict[str, Classified] = {}
+    for index, obj in enumerate(listed, start=1):
+        instance, region, name, colour, centroid, box, area, part_box = obj
+        known = classified.get(name) or classified.setdefault(name, class_map.classify(name))
+        yield SceneObject(
+            index,
+            instance,
+            room_of.get(region, BUILDING),
+            name,
+            known.category,
+            known.class_index,
+            known.role,
+            colour,
+            centroid,
+            box,
+            area,
+            part_box,
+        )

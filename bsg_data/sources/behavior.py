@@ -27,7 +27,7 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import BEHAVIOR
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import Room, SceneObject, is_scene_id
+from bsg_data.scene.scene_graph import AnnotatedObject, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
@@ -127,13 +127,13 @@ class BehaviorRooms:
             ref, self.path, lambda: self._floors(self._houses()[ref.scene_id]), _digest
         )
         rooms: list[Room] = []
-        objects: list[SceneObject] = []
+        objects: list[AnnotatedObject] = []
         for number, listed in floors.items():
             for name, content in sorted(listed.items(), key=lambda one: _split_room(one[0])):
                 region = len(rooms)
                 rooms.append(Room(0, region, _split_room(name)[0], floor_index=number))
                 for category in _list_objects(content, f"{self.path}: {ref.location}, {name}"):
-                    objects.append(SceneObject(0, len(objects) + 1, region, category))
+                    objects.append(AnnotatedObject(len(objects) + 1, region, category))
         graph = assemble(
             objects,
             ref=ref,

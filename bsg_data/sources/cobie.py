@@ -25,7 +25,7 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import COBIE, MAX_CELL, MAX_CELLS, MAX_SHEET_COLUMNS, MAX_SHEET_ROWS
 from bsg_data.scene.class_map import UNKNOWN, ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import Room, SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble
@@ -291,7 +291,7 @@ def _place_components(
     places: Mapping[str, int],
     class_map: ClassMap,
     notes: Counter[str],
-) -> tuple[list[SceneObject], list[tuple[int, int]]]:
+) -> tuple[list[AnnotatedObject], list[tuple[int, int]]]:
     """Return the objects in their rooms, and the pairs of rooms that doors are in."""
     types = _index(sheets["type"])
     words = {name: _name_type(row, class_map) for name, row in types.items()}
@@ -304,7 +304,7 @@ def _place_components(
         rooms = _find_rooms(row.get("space", ""), places, notes)
         if class_map.classify(word).category == "door" and len(rooms) == 2:
             doors.append((rooms[0], rooms[1]))
-        objects.append(SceneObject(0, number, rooms[0] if rooms else -1, word))
+        objects.append(AnnotatedObject(number, rooms[0] if rooms else -1, word))
     return objects, doors
 
 

@@ -27,7 +27,7 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import ANNOTATION
 from bsg_data.results import BUILD
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.sources.annotation_files import (
     SPLITS,
     decode,
@@ -59,8 +59,9 @@ MATTERPORT = Terms(
 _SUFFIXES = (".semantic.txt", "_semantic.txt")
 SYNTHETIC_MARK = "synthetic.json"
 HEADER = "HM3D Semantic Annotations"
-_ROW = re.compile(r'([0-9]{1,9}),([^,"]*),"(.*)",(-?[0-9]{1,9})')
-_COLOUR = re.compile(r"[0-9A-F]{1,6}")
+_ROWS = re.compile(  # id, colour or what stands there instead, name, region
+    r'^([0-9]{1,9}),(?:([0-9A-Fa-f]{1,6})|([^,"\n]*)),"(.*)",(-?[0-9]{1,9})[^\S\n]*$', re.MULTILINE
+)
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
 _VERSION = re.compile(r"v[0-9]+\.[0-9]+")
 # Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
@@ -198,37 +199,40 @@ def _state_of(mesh: Path | None) -> str | None:
     return None if mesh is None else fingerprint(mesh)
 
 
-def parse_annotation(data: bytes, *, path: Path) -> tuple[tuple[SceneObject, ...], tuple[str, ...]]:
+def parse_annotation(
+    data: bytes, *, path: Path
+) -> tuple[tuple[AnnotatedObject, ...], tuple[str, ...]]:
     """Parse the bytes of one `semantic.txt`.
 
     Returns:
-        The objects sorted by id, with their region ids; what is wrong with colours. An object whose
-        colour no mesh can have, or an earlier one has, is kept without a colour.
+        The objects, sorted by id; what is wrong with colours. An object whose colour no mesh can
+        have, or an earlier one has, is kept without a colour.
     """
-    lines = decode(data, path=path).split("\n")  # not splitlines(): a name may hold a U+2028
-    if HEADER not in lines[0]:
-        raise malformed(path, 1, lines[0], expected=repr(HEADER))
-    objects: dict[int, SceneObject] = {}
-    colours: set[str] = set()
+    first, _, below = decode(data, path=path).partition("\n")
+    if HEADER not in first:
+        raise malformed(path, 1, first, expected=repr(HEADER))
+    rows = _ROWS.findall(below)
+    # Not splitlines(): a name may hold a U+2028.
+    lines = [(n, line) for n, line in enumerate(below.split("\n"), start=2) if line.strip()]
+    if len(rows) < len(lines):
+        number, line = next(one for one in lines if not _ROWS.fullmatch(one[1]))
+        raise malformed(path, number, line, expected=_EXPECTED)
+    if not rows:
+        raise malformed(path, 1, first, expected="at least one annotated instance below")
+    objects: dict[int, AnnotatedObject] = {}
+    colours: set[str | None] = {None}
     faults: list[str] = []
-    for number, line in enumerate(lines[1:], start=2):
-        if not line.strip():
-            continue
-        match = _ROW.fullmatch(line.rstrip())
-        if match is None:
-            raise malformed(path, number, line, expected=_EXPECTED)
-        instance_id, said, region = int(match[1]), match[2].strip().upper(), int(match[4])
-        if instance_id in objects:
-            raise malformed(path, number, line, expected="an id of no earlier line")
-        colour = said.zfill(6) if _COLOUR.fullmatch(said) and said.zfill(6) not in colours else None
-        if colour is None:
+    for (number, line), (digits, said, other, name, region) in zip(lines, rows, strict=True):
+        instance, colour = int(digits), said.upper().zfill(6) if said else None
+        if colour in colours:
             why = "expected a colour HEXRGB of no earlier line"
-            faults.append(f"line {number}: {why}, found {match[2][:20]!r}: kept without a colour")
-        else:
-            colours.add(colour)
-        objects[instance_id] = SceneObject(0, instance_id, region, match[3], colour=colour)
-    if not objects:
-        raise malformed(path, 1, lines[0], expected="at least one annotated instance below")
+            shown = (said or other)[:20]
+            faults.append(f"line {number}: {why}, found {shown!r}: kept without a colour")
+            colour = None
+        colours.add(colour)
+        if instance in objects:
+            raise malformed(path, number, line, expected="an id of no earlier line")
+        objects[instance] = AnnotatedObject(instance, int(region), name, colour)
     return tuple(objects[key] for key in sorted(objects)), tuple(faults)
 
 

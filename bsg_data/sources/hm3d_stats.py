@@ -20,7 +20,7 @@ from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.sources.annotation_files import (
     decode,
     fetch_listed,
@@ -111,7 +111,7 @@ def _digest(lines: list[tuple[int, str]]) -> str:
     return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
 
 
-def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[SceneObject]:
+def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[AnnotatedObject]:
     """Yield the objects of one scene, with their region ids."""
     regions: set[int] = set()
     seen: set[int] = set()
@@ -134,7 +134,7 @@ def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[SceneO
             if (instance_id := int(match[2])) in seen:
                 raise fault(token, "an instance id that no earlier region of the scene has")
             seen.add(instance_id)
-            yield SceneObject(0, instance_id, region, match[1])
+            yield AnnotatedObject(instance_id, region, match[1])
 
 
 def _split_row(line: str, fault: Callable[[str, str], AnnotationError]) -> list[str]:

@@ -29,7 +29,7 @@ from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounds import HOUSE
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import Box, Room, SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import decode, find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
@@ -274,15 +274,14 @@ def _surround(oriented: Floats) -> Box | None:
     return Box.around(np.array([centre - reach, centre + reach]))
 
 
-def _list_objects(house: House) -> Iterator[SceneObject]:
+def _list_objects(house: House) -> Iterator[AnnotatedObject]:
     for number, (region, category, box) in enumerate(house.objects):
         name = "" if category == _NOWHERE else house.categories[category]
         is_placed = region != _NOWHERE and house.regions[region].label != _JUNK
-        yield SceneObject(
-            object_index=0,
+        yield AnnotatedObject(
             instance_id=number,
-            room_index=region if is_placed else _NOWHERE,
-            raw_category="" if name == _UNNAMED else name,
+            region_id=region if is_placed else _NOWHERE,
+            name="" if name == _UNNAMED else name,
             centroid=None if box is None else box.centre,
             box=box,
             part_box=box,

@@ -33,7 +33,7 @@ from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
 from bsg_data.inputs.documents import parse_json
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import Box, Room, SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
@@ -286,7 +286,7 @@ def _parse(text: bytes, where: str) -> _House:
     return house
 
 
-def _list_objects(house: _House) -> Iterator[SceneObject]:
+def _list_objects(house: _House) -> Iterator[AnnotatedObject]:
     """Yield the objects, each before its children; one of no room is the building's."""
     floors = {room.number: [(at.x, at.z) for at in room.corners] for room in house.rooms}
     for number, thing in enumerate(_unpack(house.objects), start=1):
@@ -295,7 +295,7 @@ def _list_objects(house: _House) -> Iterator[SceneObject]:
         if region not in floors:
             region = _find_room(thing.position, floors)
         name, place = name_asset(thing.asset), _upright(thing.position)
-        yield SceneObject(0, number, region, name, centroid=place)
+        yield AnnotatedObject(number, region, name, centroid=place)
 
 
 def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:

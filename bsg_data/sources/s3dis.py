@@ -21,7 +21,7 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import S3DIS
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import Room, SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
@@ -56,7 +56,7 @@ class S3DISAreas:
         )
         regions = {room: region for region, room in enumerate(sorted({room for room, _ in area}))}
         graph = assemble(
-            [SceneObject(0, n, regions[room], name) for n, (room, name) in enumerate(area, 1)],
+            [AnnotatedObject(n, regions[room], name) for n, (room, name) in enumerate(area, 1)],
             ref=ref,
             kind=self.kind,
             sha256=ref.fingerprint,

@@ -33,7 +33,7 @@ from bsg_data.inputs.documents import decode, parse_json, parse_yaml
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import read_published
-from bsg_data.scene.scene_graph import Room, SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
@@ -210,13 +210,12 @@ def _room(node: DSGNode) -> Room:
     return room if node.box is None else place_room(room, node.box)
 
 
-def _list_objects(file: DSGFile, space: LabelSpace | None) -> list[SceneObject]:
+def _list_objects(file: DSGFile, space: LabelSpace | None) -> list[AnnotatedObject]:
     return [
-        SceneObject(
-            object_index=0,
+        AnnotatedObject(
             instance_id=node.index,
-            room_index=-1 if node.room is None else file.rooms[node.room].index,
-            raw_category=name_object(node, space),
+            region_id=-1 if node.room is None else file.rooms[node.room].index,
+            name=name_object(node, space),
             centroid=node.position if node.box is None else node.box.centre,
             box=node.box,
         )

@@ -45,7 +45,7 @@ from bsg_data.inputs.bounds import MAX_LINE, MAX_OBJECT_ROWS, TABLE
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import Box, Point, Room, SceneObject, is_scene_id
+from bsg_data.scene.scene_graph import AnnotatedObject, Box, Point, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
@@ -270,7 +270,7 @@ class ObjectTable:
         placed.sort(key=lambda pair: (pair[0], pair[1].key))
         each = (pair for pair in placed for _ in range(pair[1].count or 1))
         objects = [
-            SceneObject(0, number, region, row.category, centroid=row.centroid, box=row.box)
+            AnnotatedObject(number, region, row.category, centroid=row.centroid, box=row.box)
             for number, (region, row) in enumerate(each, start=1)
         ]
         graph = assemble(

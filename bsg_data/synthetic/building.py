@@ -20,7 +20,7 @@ from pydantic import ConfigDict
 from bsg_data.arrays import Counts, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import Record
-from bsg_data.scene.scene_graph import SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject
 
 MAX_SCENES = 10_000_000  # the digits of a scene id number no more
 MAX_ROOMS, MAX_OBJECTS = 100_000, 4_000_000  # each object has one of 16.7 million colours
@@ -119,7 +119,7 @@ class SyntheticBuilding:
     scene_id: str  # five digits or more, a dash and the hash: 00017-8bHk3aXq1Zc
     hash: str
     split: str
-    rows: tuple[SceneObject, ...]
+    rows: tuple[AnnotatedObject, ...]
     room_types: tuple[tuple[int, int], ...] = field(repr=False)
 
 
@@ -256,7 +256,7 @@ def _draw_names(
 
 def _number_rows(
     rates: SyntheticRates, placed: list[Placed], rng: np.random.Generator
-) -> tuple[SceneObject, ...]:
+) -> tuple[AnnotatedObject, ...]:
     """Fill the null region, move strays away from their rooms, and give ids and colours."""
     listed = list(placed)
     if rng.random() < rates.null_region:
@@ -266,7 +266,7 @@ def _number_rows(
         listed.insert(int(rng.integers(len(listed) + 1)), moved)
     colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
     rows = [
-        SceneObject(0, index, region, name, colour=f"{colour:X}")
+        AnnotatedObject(index, region, name, colour=f"{colour:X}")
         for index, ((name, region), colour) in enumerate(zip(listed, colours, strict=True), 1)
     ]
     if rng.random() < rates.shuffled:

@@ -85,10 +85,7 @@ def _write_one(
     if len(building.room_types) <= MOST_ROOMS:
         layout = draw_layout(rates, building, seed=seed, number=number)
         write_bytes(folder / _name_layout(building.scene_id), layout.encode())
-    rows = [
-        f'{one.instance_id},{one.colour},"{one.raw_category}",{one.room_index}'
-        for one in building.rows
-    ]
+    rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
     path = folder / _name_annotation(building.split, building.scene_id, building.hash)
     write_bytes(path, "\n".join([HEADER, *rows, ""]).encode())
 

@@ -69,7 +69,7 @@ def _list_stairs(rates: SyntheticRates, building: SyntheticBuilding) -> set[int]
     """Return the places of the rooms in which the annotation lists stairs."""
     spelt = zip(rates.categories, rates.spellings, strict=True)
     names = {raw for category, raws in spelt if category in STAIRS for raw, _ in raws}
-    regions = {row.room_index for row in building.rows if row.raw_category in names}
+    regions = {row.region_id for row in building.rows if row.name in names}
     return {room for room, (region, _) in enumerate(building.room_types) if region in regions}
 
 

@@ -55,8 +55,8 @@ from bsg_data.sources.catalogue import SOURCES, parse_options
 @click.option(
     "--room-layouts",
     type=PATH,
-    help="Labels, boxes and connections of rooms: DomestiGraph's YAML or habitat's JSON, a folder or "
-    "a file, or a table scene,region,label.",
+    help="Labels, boxes and connections of rooms: DomestiGraph's YAML or habitat's JSON, a folder "
+    "or a file, or a table scene,region,label.",
 )
 @click.option(
     "--room-labels",

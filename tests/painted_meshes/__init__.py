@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.synthetic.building import load_rates, synthesise
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.floor_plan import draw_floor_plan
@@ -58,7 +58,7 @@ def write_painted(
 
 
 def paint_building(
-    rows: Sequence[SceneObject], painting: Painting, *, seed: int, number: int
+    rows: Sequence[AnnotatedObject], painting: Painting, *, seed: int, number: int
 ) -> tuple[bytes, dict[str, Any]]:
     """Return the GLB of a building and its true geometry; equal arguments give equal bytes.
 
@@ -67,7 +67,7 @@ def paint_building(
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number, 1))))
     size = SIZES[painting.size]
     up_axis: UpAxis = painting.up_axis or ("y" if number % 2 == 0 else "z")
-    regions = sorted({row.room_index for row in rows if row.room_index >= 0})
+    regions = sorted({row.region_id for row in rows if row.region_id >= 0})
     fixtures = _list_fixtures(rows, regions, rng)
     with_stairs = {fixture.room for fixture in fixtures if fixture.category in STAIRS}
     plan = draw_floor_plan(len(regions), with_stairs=with_stairs, rng=rng)
@@ -85,13 +85,13 @@ def paint_building(
 
 
 def _list_fixtures(
-    rows: Sequence[SceneObject], regions: list[int], rng: np.random.Generator
+    rows: Sequence[AnnotatedObject], regions: list[int], rng: np.random.Generator
 ) -> list[Fixture]:
     class_map, place = load_class_map("hm3d45-v1"), {r: room for room, r in enumerate(regions)}
     fixtures = []
     for row in rows:
-        entry = class_map.lookup(row.raw_category)
-        room = place.get(row.room_index)
+        entry = class_map.lookup(row.name)
+        room = place.get(row.region_id)
         if room is None:
             room = int(rng.integers(len(regions)))
         category = entry.category if entry else None
@@ -99,7 +99,9 @@ def _list_fixtures(
     return fixtures
 
 
-def _draw_colours(rows: Sequence[SceneObject], rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+def _draw_colours(
+    rows: Sequence[AnnotatedObject], rng: np.random.Generator
+) -> npt.NDArray[np.uint8]:
     """Return the colour of every label `[L, 3]`: background, instances by id, unlisted ones."""
     listed = {row.instance_id: int(str(row.colour), 16) for row in rows}
     taken = {0, *listed.values()}

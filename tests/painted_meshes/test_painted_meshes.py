@@ -16,13 +16,13 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.scene.scene_graph import SceneGraph, SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
 from painted_meshes import Painting, paint_building, write_painted
 
 NAMES = ("wall", "floor", "ceiling", "door", "bed", "chair", "picture", "rug", "lamp", "stairs")
 ROWS = tuple(
-    SceneObject(0, number, region, name, colour=f"{number * 70001 % 0xFFFFFF:06X}")
+    AnnotatedObject(number, region, name, colour=f"{number * 70001 % 0xFFFFFF:06X}")
     for number, (region, name) in enumerate(((r, n) for r in (0, 2, 5) for n in NAMES), 1)
 )
 
@@ -135,7 +135,7 @@ def test_every_kind_of_file_is_read(tmp_path: Path, coloured_by: Any, up_axis: A
     path.write_bytes(mesh)
     survey = survey_mesh(path, [str(row.colour) for row in ROWS])
     assert truth["up_axis"] == up_axis
-    bed = next(row for row in ROWS if row.raw_category == "bed")
+    bed = next(row for row in ROWS if row.name == "bed")
     true = truth["instances"][str(bed.instance_id)]
     height = {"y": 1, "z": 2}[up_axis]
     found = survey.part_box[bed.instance_id - 1, :, height]

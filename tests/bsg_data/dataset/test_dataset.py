@@ -55,7 +55,7 @@ class Estate(HM3DFolder):
             rooms = tuple(replace(room, floor_area=1e6) for room in graph.rooms)
             graph = replace(graph, objects=(), adjacency=edges, rooms=rooms, building_kind="castle")
         elif ref.scene_id == LAWN:
-            outside = tuple(replace(obj, room_index=0) for obj in graph.objects)
+            outside = tuple(obj._replace(room_index=0) for obj in graph.objects)
             graph = replace(graph, rooms=(), objects=outside)
         else:
             graph = replace(graph, rooms=(), objects=())

@@ -124,7 +124,7 @@ def test_stairs_do_not_reach_out_of_their_room() -> None:
     graph, survey = scene(), survey_in("z")
     boxes = survey.box.copy()
     boxes[3] = [[5, 0, 0], [9, 3, 3]]  # what leads up to the upper room is annotated there
-    stairs = replace(graph.objects[3], category="stairs")
+    stairs = graph.objects[3]._replace(category="stairs")
     objects = (*graph.objects[:3], stairs, *graph.objects[4:])
     placed = place_scene(
         replace(graph, objects=objects), replace(survey, box=boxes, part_box=boxes, cells=boxes[:5])

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 
 from bsg_data.scene.connections import GIVEN, Connections, stack_connections
-from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+from bsg_data.scene.scene_graph import BUILDING, Box, Edge, Room, SceneGraph, SceneObject
 
 
 def test_nodes_are_the_building_then_rooms_then_objects() -> None:
     box = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-    objects = (SceneObject(1, 1, 2, "bed"), SceneObject(2, 2, SceneObject.BUILDING, "lamp"))
+    objects = (SceneObject(1, 1, 2, "bed"), SceneObject(2, 2, BUILDING, "lamp"))
     adjacency = (Edge(1, 2, "adjacent", "door", 3.0),)
     rooms = (Room(1, 10), Room(2, 20))
     bare = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, objects, adjacency, class_map="m")

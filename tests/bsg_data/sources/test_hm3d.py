@@ -15,7 +15,7 @@ from refusals import refuses
 from bsg_data.build import build_dataset
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import Room, SceneObject
+from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation, split_scene_id
 from bsg_data.sources.hm3d_stats import HEADER as COLUMNS
 from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics
@@ -123,7 +123,7 @@ def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
 def test_byte_order_mark_carriage_returns_and_odd_separators_in_names() -> None:
     data = b'\xef\xbb\xbfHM3D Semantic Annotations\r\n1,F3A,"a\xe2\x80\xa8b",0\r\n'
     (found,), faults = parse_annotation(data, path=FILE)
-    assert found == SceneObject(0, 1, 0, "a\u2028b", colour="000F3A")
+    assert found == AnnotatedObject(1, 0, "a\u2028b", "000F3A")
     assert faults == ()
 
 
@@ -182,7 +182,7 @@ names = st.text(st.characters(exclude_characters="\n\r", exclude_categories=["Cs
 def test_any_names_come_back_exactly(rows: list[tuple[int, str, int]]) -> None:
     lines = [f'{i},{k:X},"{name}",{region}' for k, (i, name, region) in enumerate(rows)]
     found, _ = parse_annotation("\n".join([HEADER, *lines]).encode(), path=FILE)
-    assert {(f.instance_id, f.raw_category, f.room_index) for f in found} == set(rows)
+    assert {(f.instance_id, f.name, f.region_id) for f in found} == set(rows)
     assert [f.instance_id for f in found] == sorted(i for i, _, _ in rows)
 
 

@@ -52,7 +52,7 @@ def expected_objects(rates: SyntheticRates, building: SyntheticBuilding) -> floa
 
 
 def in_rooms(building: SyntheticBuilding) -> int:
-    return sum(row.room_index >= 0 for row in building.rows)
+    return sum(row.region_id >= 0 for row in building.rows)
 
 
 # Reproducibility
@@ -75,7 +75,7 @@ def test_any_building_is_whole_and_the_same_again(seed: int, number: int) -> Non
     ]
     assert len({row.colour for row in building.rows}) == len(building.rows)
     regions = {region for region, _ in building.room_types}
-    assert {row.room_index for row in building.rows} - {-1} == regions
+    assert {row.region_id for row in building.rows} - {-1} == regions
     assert min(regions) in {0, 1}
 
 
@@ -106,16 +106,16 @@ def test_every_line_is_a_row_of_hm3d(tmp_path: Path) -> None:
 def test_the_irregularities_of_real_files_occur(buildings: list[SyntheticBuilding]) -> None:
     some = buildings[:50]
     rows = [row for one in some for row in one.rows]
-    names = Counter(row.raw_category for row in rows)
+    names = Counter(row.name for row in rows)
     assert {"unknown", "wall"} <= set(names)
     assert any("," in name for name in names)
     assert any("/" in name for name in names)
     short = np.mean([len(row.colour) < 6 for row in rows])
     assert short == pytest.approx(1 / 16, abs=0.01), "as many colours as have a leading zero"
-    assert any(row.room_index == -1 for row in rows)
+    assert any(row.region_id == -1 for row in rows)
     firsts = [one.room_types[0][0] for one in some]
     assert set(firsts) == {0, 1}
-    assert any(row.room_index == 0 for row in rows), "region 0 is a real room"
+    assert any(row.region_id == 0 for row in rows), "region 0 is a real room"
     spans = [one.room_types[-1][0] - one.room_types[0][0] + 1 for one in some]
     assert any(span > len(one.room_types) for span, one in zip(spans, some, strict=True))
     ids = [[row.instance_id for row in one.rows] for one in some]
@@ -143,7 +143,7 @@ def test_each_category_follows_the_rates_of_its_rooms(
     others = {raw for i, s in enumerate(RATES.spellings) if i != index for raw, _ in s}
     assert not spellings & others, "the test counts by spelling"
     found = [
-        float(sum(row.raw_category in spellings and row.room_index >= 0 for row in one.rows))
+        float(sum(row.name in spellings and row.region_id >= 0 for row in one.rows))
         for one in buildings
     ]
     expected = [sum(RATES.rates[kind][index] for _, kind in one.room_types) for one in buildings]
@@ -174,7 +174,7 @@ def test_composition_follows_its_bin() -> None:
 def test_a_building_is_as_large_as_asked_for(rooms: int, more: int | None) -> None:
     size = BuildingSize(rooms, None if more is None else rooms + more)
     building = synthesise(RATES, seed=1, number=3, size=size)
-    inside = [row.room_index for row in building.rows if row.room_index >= 0]
+    inside = [row.region_id for row in building.rows if row.region_id >= 0]
     assert set(inside) == {region for region, _ in building.room_types}
     assert len(building.room_types) == rooms
     if more is not None:
