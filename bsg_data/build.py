@@ -1,4 +1,4 @@
-"""Build a dataset: find the scenes of a source, make the shards, put the dataset in its place.
+"""Build a dataset: find the scenes of a source, make the shards, publish the dataset.
 
 The dataset grows in `<out>.partial`. Each finished shard leaves its report in the folder `.build`
 there, so the same build goes on after an interruption. The bytes depend neither on this nor on
@@ -30,6 +30,7 @@ from bsg_data.dataset.manifest import (
     SkippedScene,
     SourceEntry,
     Totals,
+    add_fingerprints,
     count_shards,
     describe_unmapped,
     list_resolved,
@@ -50,7 +51,7 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.recipes import Record
-from bsg_data.results import BUILD, require_place, write_folder
+from bsg_data.results import BUILD, require_free, write_folder
 from bsg_data.scene.class_map import (
     DEFAULT_CLASS_MAP,
     ClassMap,
@@ -88,7 +89,7 @@ class ShardReport(Record):
 
     files: tuple[FileEntry, ...]
     totals: Totals
-    annotations: tuple[str, ...]  # of each scene its id, split and the hash of its annotation
+    fingerprint: str  # of its annotations, as `SourceEntry.fingerprint`
     skipped: tuple[SkippedScene, ...]
     left_out: tuple[SkippedScene, ...]
     meshes: dict[str, MeshCoverage]
@@ -115,7 +116,7 @@ def build_dataset(
         class_map: version of a published map, or path of your own; None: the map of the source.
         strict: fail on the first malformed scene or unmapped name instead of reporting it.
         force: replace a finished dataset; it stays until the new one is finished.
-        scenes_per_shard: number of scenes in each part of a table.
+        scenes_per_shard: number of scenes in each shard.
         executor: runs the shards in parallel; None builds them one by one in this process.
         progress: called with (shards done, shards in all).
 
@@ -126,7 +127,7 @@ def build_dataset(
         DatasetError: if `out` is taken or cannot be written.
     """
     out = resolve_links(out)  # a linked --out stays a link; its target is replaced
-    require_place(out, DATASET, force=force)
+    require_free(out, DATASET, force=force)
     build = _plan(source, class_map, strict=strict, scenes_per_shard=scenes_per_shard)
     plan = build.plan.model_dump_json().encode()
     with write_folder(out, DATASET, plan=plan, force=force) as (folder, done):
@@ -157,7 +158,7 @@ class _Build:
         if self.own_map is not None:
             write_own_map(self.own_map, folder / entry.folder)
         tasks = [
-            (_Shard(self.source, self.scenes[first : first + size], entry, self.strict), folder, n)
+            (_Task(self.source, self.scenes[first : first + size], entry, self.strict), folder, n)
             for n, first in enumerate(range(0, len(self.scenes), size))
         ]
         return run_all(_make_shard, tasks, executor=executor, progress=progress)
@@ -176,8 +177,7 @@ class _Build:
         for shard in shards:
             names.update(shard.names)
             labels.update(shard.unknown_labels)
-        annotations = "".join(f"{one}\n" for shard in shards for one in shard.annotations)
-        fingerprint = hashlib.sha256(annotations.encode()).hexdigest()
+        fingerprint = add_fingerprints(shard.fingerprint for shard in shards)
         files = [entry for shard in shards for entry in shard.files]
         return Manifest(
             generator=self.plan.generator,
@@ -243,7 +243,7 @@ def _describe_source(source: Source, found: FoundScenes, class_map: ClassMap) ->
 
 
 @dataclass(frozen=True, slots=True)
-class _Shard:
+class _Task:
     """What a worker makes one shard of."""
 
     source: Source
@@ -270,7 +270,7 @@ class _Shard:
         return reading
 
 
-def _make_shard(task: _Shard, folder: Path, number: int) -> ShardReport:
+def _make_shard(task: _Task, folder: Path, number: int) -> ShardReport:
     """Make one shard, unless an earlier run of the same build did; its report comes last."""
     class_map = load_class_map(task.class_map.name_in(folder))
     done = _read_report(folder, number)
@@ -318,10 +318,11 @@ def _report(
     """Write the files of a shard, and say what is in them."""
     graphs, root = [reading.graph for reading in readings], source.path
     return ShardReport(
-        files=write_shards(graphs, folder, part=number, class_space=class_map.space),
+        files=write_shards(graphs, folder, number=number, class_space=class_map.space),
         totals=count_totals(graphs),
-        annotations=tuple(
-            f"{one.scene_id}\t{one.source_split}\t{one.annotation_sha256}" for one in graphs
+        fingerprint=add_fingerprints(
+            hashlib.sha256(f"{one.scene_id}\t{one.annotation_sha256}".encode()).hexdigest()
+            for one in graphs
         ),
         skipped=tuple(_without_root(skip, root) for skip in skipped),
         left_out=tuple(_without_root(skip, root) for one in readings for skip in one.left_out),
@@ -397,6 +398,7 @@ def count_totals(graphs: Sequence[SceneGraph]) -> Totals:
     return Totals(
         scenes=len(graphs),
         rooms=sum(len(graph.rooms) for graph in graphs),
+        labelled=sum(room.label is not None for graph in graphs for room in graph.rooms),
         objects=len(objects),
         classified=sum(obj.class_index is not None for obj in objects),
         unmapped=sum(obj.category is None for obj in objects),

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import errno
 
-_LASTING = {errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.EISDIR}
+_PERMANENT = {errno.EACCES, errno.EPERM, errno.ELOOP, errno.ENAMETOOLONG, errno.EISDIR}
 
 
 class BSGError(Exception):
@@ -33,7 +33,7 @@ class BSGError(Exception):
 
     Attributes:
         code: kind of fault in kebab-case, such as `line-malformed`: what programs compare.
-        where: file, line, key or id at fault; empty if the message is about no such place.
+        where: file, line, key or id at fault; empty if the message is about none of these.
     """
 
     def __init__(self, message: str = "", *, code: str = "", where: object = "") -> None:
@@ -63,7 +63,7 @@ def find_io_error(error: BaseException | None) -> OSError | None:
     bytes do not count, because they stay.
     """
     while error is not None:
-        if isinstance(error, OSError) and error.errno is not None and error.errno not in _LASTING:
+        if isinstance(error, OSError) and error.errno is not None and error.errno not in _PERMANENT:
             return error
         error = error.__cause__
     return None
@@ -108,6 +108,6 @@ EXTRA_OF = {  # package → the extra that brings it
 def ask_to_install(extra: str) -> str:
     """Return the command that installs an extra, as errors end.
 
-    It names a place, never the bare name: on a package index, that name may be a stranger's.
+    It names an address, never the bare name: on a package index, that name may be a stranger's.
     """
     return f"pip install '.[{extra}]' in your clone of the project (or name your wheel for the dot)"

@@ -133,12 +133,12 @@ def refuse_links(root: Path, path: Path) -> None:
         root: the folder that the user named; it may be a link itself.
         path: a path below it, existing or not.
     """
-    for place in (path, *path.parents):
-        if place == root:
+    for step in (path, *path.parents):
+        if step == root:
             return
-        if place.is_symlink():
+        if step.is_symlink():
             raise DatasetError(
-                f"{place}: is a link, and this program does not write through links; remove it"
+                f"{step}: is a link, and this program does not write through links; remove it"
             )
 
 

@@ -8,16 +8,18 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 from typing import TypeVar
 
-from bsg_data.build import SCENES_PER_SHARD, name_generator
+from bsg_data.build import name_generator
 from bsg_data.dataset.commit import DATASET, publish, sweep
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
     ResolvedEntry,
+    SourceEntry,
     Totals,
     UnknownLabel,
     UnmappedEntry,
+    add_fingerprints,
     count_shards,
     read_manifest,
     require_class_space,
@@ -25,7 +27,7 @@ from bsg_data.dataset.manifest import (
 from bsg_data.dataset.shards import read_scene_graphs, write_shards
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.results import require_place, write_folder
+from bsg_data.results import require_free, write_folder
 
 _Entry = TypeVar("_Entry", UnmappedEntry, ResolvedEntry, UnknownLabel)
 
@@ -35,55 +37,54 @@ def merge_datasets(
     out: AnyPath,
     *,
     force: bool = False,
-    scenes_per_shard: int = SCENES_PER_SHARD,
     progress: Callable[[int, int], None] | None = None,
 ) -> Manifest:
     """Merge datasets into one, and return its manifest.
 
     Rows keep their source. Splits and pairs are not copied, because a training building of one
-    dataset could be a test building of another. The order of the datasets does not change the
-    bytes.
+    dataset could be a test building of another. A shard has as many scenes as one of the dataset
+    with the largest. The order of the datasets does not change the bytes.
 
     Args:
         datasets: two or more datasets of one class space.
         out: folder of the merged dataset: absent, empty, or, with `force`, a dataset to replace.
         force: replace a finished dataset; it stays until the new one is finished.
-        scenes_per_shard: number of scenes in each part of a table.
         progress: called with (scenes done, scenes in all).
 
     Raises:
-        RecipeError: for fewer than two datasets, or an impossible `scenes_per_shard`.
+        RecipeError: for fewer than two datasets, or too many shards.
         MismatchError: if two datasets have different class spaces.
         DatasetError: if two datasets hold the same building, one is unreadable, or `out` is taken
             or cannot be written.
     """
     out = resolve_links(out)
-    require_place(out, DATASET, force=force)
+    require_free(out, DATASET, force=force)
     if len(datasets) < 2:
         message = f"expected two or more datasets to merge, found {len(datasets)}"
         raise RecipeError(message, code="too-few-datasets")
-    parts = sorted((Dataset.open(one) for one in datasets), key=lambda part: part.sha256)
-    for part in parts:
-        require_class_space(parts[0].manifest, part.manifest.class_space, what=str(part.path))
-    scenes = sum(part.manifest.totals.scenes for part in parts)
-    count_shards(scenes, scenes_per_shard=scenes_per_shard)  # an impossible number is refused
-    _refuse_shared_buildings(parts)
-    merged = combine_manifests([part.manifest for part in parts], scenes_per_shard=scenes_per_shard)
+    opened = sorted((Dataset.open(path) for path in datasets), key=lambda data: data.sha256)
+    for one in opened:
+        require_class_space(opened[0].manifest, one.manifest.class_space, what=str(one.path))
+    scenes = sum(one.manifest.totals.scenes for one in opened)
+    merged = combine_manifests([one.manifest for one in opened])
+    size = merged.scenes_per_shard
+    count_shards(scenes, scenes_per_shard=size)
+    _refuse_shared_buildings(opened)
     plan = merged.model_dump_json().encode()
     with write_folder(out, DATASET, plan=plan, force=force) as (folder, done):
         if done:
             return read_manifest(out)
-        for part in parts:
-            for entry in part.manifest.class_maps:
-                entry.copy_map(part.path, folder)
+        for one in opened:
+            for entry in one.manifest.class_maps:
+                entry.copy_map(one.path, folder)
         graphs = heapq.merge(
-            *(read_scene_graphs(part.path, manifest=part.manifest) for part in parts),
+            *(read_scene_graphs(one.path, manifest=one.manifest) for one in opened),
             key=lambda graph: graph.scene_id,
         )
         files: list[FileEntry] = []
-        for number, first in enumerate(range(0, scenes, scenes_per_shard)):
-            batch = list(islice(graphs, scenes_per_shard))
-            files += write_shards(batch, folder, part=number, class_space=merged.class_space)
+        for number, first in enumerate(range(0, scenes, size)):
+            batch = list(islice(graphs, size))
+            files += write_shards(batch, folder, number=number, class_space=merged.class_space)
             if progress is not None:
                 progress(first + len(batch), scenes)
         files.sort(key=lambda entry: entry.path)
@@ -93,14 +94,14 @@ def merge_datasets(
     return merged
 
 
-def combine_manifests(manifests: Sequence[Manifest], *, scenes_per_shard: int) -> Manifest:
+def combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
     """Return the manifest of a dataset that holds what several hold, with all their files."""
-    sources = {source.model_dump_json(): source for one in manifests for source in one.sources}
+    sources = [source for one in manifests for source in one.sources]
     return Manifest(
         generator=name_generator(),
         class_space=manifests[0].class_space,
-        sources=tuple(sources[key] for key in sorted(sources)),
-        scenes_per_shard=scenes_per_shard,
+        sources=tuple(_join_sources(sources)),
+        scenes_per_shard=max(one.scenes_per_shard for one in manifests),
         totals=Totals.sum(one.totals for one in manifests),
         files=tuple(sorted((f for one in manifests for f in one.files), key=lambda f: f.path)),
         skipped=tuple(skip for one in manifests for skip in one.skipped),
@@ -110,6 +111,17 @@ def combine_manifests(manifests: Sequence[Manifest], *, scenes_per_shard: int) -
         resolved=_add_up(entry for one in manifests for entry in one.resolved),
         unknown_labels=_add_up(entry for one in manifests for entry in one.unknown_labels),
     )
+
+
+def _join_sources(sources: Iterable[SourceEntry]) -> list[SourceEntry]:
+    """Return the sources, those that differ in their annotations alone as one, in an order."""
+    found: dict[str, list[SourceEntry]] = {}
+    for source in sources:
+        found.setdefault(source.model_dump_json(exclude={"fingerprint"}), []).append(source)
+    return [
+        same[0].model_copy(update={"fingerprint": add_fingerprints(s.fingerprint for s in same)})
+        for _, same in sorted(found.items())
+    ]
 
 
 def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
@@ -124,15 +136,15 @@ def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
     return tuple(sorted(added, key=lambda entry: (-entry.instances, entry.name)))
 
 
-def _refuse_shared_buildings(parts: Sequence[Dataset]) -> None:
+def _refuse_shared_buildings(datasets: Sequence[Dataset]) -> None:
     """Refuse a building that two datasets hold: a model could train and be tested on it."""
     found: dict[str, int] = {}
-    for number, part in enumerate(parts):
-        for scene, key in zip(part.scene_ids, part.keys, strict=True):
+    for number, one in enumerate(datasets):
+        for scene, key in zip(one.scene_ids, one.keys, strict=True):
             first = found.setdefault(key, number)
             if first != number:
                 raise DatasetError(
-                    f"{part.path}: building {scene} is also in {parts[first].path}; build one of "
+                    f"{one.path}: building {scene} is also in {datasets[first].path}; build one of "
                     "the datasets without it",
                     code="building-twice",
                     where=scene,

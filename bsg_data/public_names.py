@@ -19,7 +19,7 @@ def read_stub(module: str, file: str) -> tuple[Callable[[str], Any], list[str]]:
     """
     package = module if Path(file).stem == "__init__" else module.rpartition(".")[0]
     tree = ast.parse(Path(file).with_suffix(".pyi").read_text("utf-8"))
-    places = {
+    modules = {
         alias.name: f"{package}.{node.module}"
         for node in tree.body
         if isinstance(node, ast.ImportFrom)
@@ -27,10 +27,10 @@ def read_stub(module: str, file: str) -> tuple[Callable[[str], Any], list[str]]:
     }
 
     def load(name: str) -> Any:
-        if name not in places:
+        if name not in modules:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        value = getattr(importlib.import_module(places[name]), name)
+        value = getattr(importlib.import_module(modules[name]), name)
         setattr(sys.modules[module], name, value)  # found without this function from now on
         return value
 
-    return load, sorted(places)
+    return load, sorted(modules)

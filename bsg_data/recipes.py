@@ -20,7 +20,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.spelling import SHOWN, show_value
 from bsg_data.tables import make_plain
 
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]  # of things, or a probability
 
 
 class Record(BaseModel):
@@ -30,18 +30,18 @@ class Record(BaseModel):
 
 
 # kinds of faults: our own message, a text that is no JSON, an unknown key
-_SAID = ("value_error", "json_invalid", "extra_forbidden")
+_SELF_EXPLAINING = ("value_error", "json_invalid", "extra_forbidden")
 
 
 def name_fault(error: ValidationError) -> str:
-    """Return place and kind of the first fault of a record: `rooms.0.id: Field required`.
+    """Return key and kind of the first fault of a record: `rooms.0.id: Field required`.
 
     A word or a number that is wrong is shown, unless the fault is not in it or says it already.
     """
     first = error.errors()[0]
-    where = ".".join(make_plain(str(part)[:SHOWN]) for part in first["loc"]) or "the whole file"
+    where = ".".join(make_plain(str(key)[:SHOWN]) for key in first["loc"]) or "the whole file"
     value = first["input"]
-    is_shown = isinstance(value, str | int | float) and first["type"] not in _SAID
+    is_shown = isinstance(value, str | int | float) and first["type"] not in _SELF_EXPLAINING
     shown = f", found {show_value(value)}" if is_shown else ""
     said = first["msg"].removeprefix("Value error, ").replace("valid tuple", "valid list")
     return f"{where}: {said}{shown}"
@@ -69,7 +69,8 @@ class SplitRecipe(Record):
         method: `ratios`; `official`, which uses the source's val split as test and takes val from
             its train split; or `folds` for cross-validation.
         seed: seed of the shuffle of the buildings.
-        ratios: shares of train, val and test. Under `official` the third is 0. None under `folds`.
+        ratios: fractions of train, val and test. Under `official` the third is 0; None under
+            `folds`.
         folds: number of folds; None without folds.
     """
 
@@ -83,22 +84,22 @@ class Exploration(Record):
     """How a robot explores a building under the masks `explore` and `tour`.
 
     A mask hides the fraction f of the objects and shows 1 − f. `not_entered` and `searched` say how
-    much of each part lies in whole rooms. The rest is in partly seen rooms. The other masks are
+    much of both lies in whole rooms. The rest is in partly seen rooms. The other masks are
     special cases: see `bsg_data.observation.masks`.
     """
 
     # share of the hidden objects that is in rooms not entered: (low, high); each draw takes one
     # value, uniformly
-    not_entered: tuple[Share, Share] = (0.0, 1.0)
+    not_entered: tuple[Fraction, Fraction] = (0.0, 1.0)
     # share of the shown objects that is in searched rooms: (low, high), uniformly
-    searched: tuple[Share, Share] = (0.0, 1.0)
+    searched: tuple[Fraction, Fraction] = (0.0, 1.0)
     # share of the objects in the rooms found that `tour` hides: (low, high), uniformly
-    hidden: tuple[Share, Share] = (0.3, 0.7)
+    hidden: tuple[Fraction, Fraction] = (0.3, 0.7)
     # probability that a room was seen through the door, if the robot entered a neighbour of it but
     # not the room itself
-    glimpsed: Share = 0.5
+    glimpsed: Fraction = 0.5
     # hidden share of such a room: (low, high), uniformly
-    glimpsed_share: tuple[Share, Share] = (0.7, 0.98)
+    glimpsed_share: tuple[Fraction, Fraction] = (0.7, 0.98)
     # how much the hidden shares of partly seen rooms differ: uniformly, by at most spread · min(b,
     # 1 − b) from their mean b; 0: not at all
     spread: float = Field(default=0.8, ge=0.0, lt=1.0)
@@ -124,25 +125,25 @@ class MaskRecipe(Record):
     Attributes:
         strategy: a name of `bsg_data.observation.masks.MASKS`; `uniform` is the paper's.
         fraction: mean share of a building's objects that the mask hides, 0..1; under `tour` the
-            share of its rooms that the robot has found.
+            fraction of its rooms that the robot has found.
         rooms: number of rooms that the robot has found under `tour`, instead of the fraction; a
             smaller building is found whole.
         seed: seed of the generator.
         withhold: probability that a class is withheld, for each class independently. A withheld
             class is shown only in searched rooms.
         detector: probability that the robot's detector knows only some of the classes and words,
-            any share of them; what it does not know is not seen in any room, searched or not.
+            any fraction of them; what it does not know is not seen in any room, searched or not.
         parts: whether an object outside the classes is hidden with the object that it is a part of
             (`bsg_data.scene.class_space.find_wholes`).
         exploration: further settings of `explore` and `tour`.
     """
 
     strategy: str = Field(default="uniform", pattern=r"^[a-z][a-z0-9-]*$")
-    fraction: float = Field(default=0.5, ge=0.0, le=1.0)
+    fraction: Fraction = 0.5
     rooms: int | None = Field(default=None, ge=1)
     seed: int = Field(default=0, ge=0)
-    withhold: Share = 0.0
-    detector: Share = 0.0
+    withhold: Fraction = 0.0
+    detector: Fraction = 0.0
     parts: bool = False
     exploration: Exploration = Exploration()
 

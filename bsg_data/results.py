@@ -1,11 +1,11 @@
-"""Write folders and files: stage them, flush them, put them in place; a kill leaves old or new.
+"""Write folders and files: stage them, flush them, commit them; a kill leaves old or new.
 
-    write_folder    a folder of ours alone    staged in FOLDER.partial, put in place by one rename
+    write_folder    a folder of ours alone    staged in FOLDER.partial, committed by one rename
     write_results   files of any folder       in FOLDER/.bsg-unfinished, a rename each, seal last
     write_files     files of one command      in .NAME.unfinished/NAME, a rename each
 
-What is staged stays until all is in place. So whoever finds it knows that a command was killed, and
-that the same command may replace what it finds: `is_interrupted`.
+What is staged stays until all is committed. So whoever finds it knows that a command was killed,
+and that the same command may replace what it finds: `is_interrupted`.
 
 The seal is `SHA256SUMS`; a folder of results without it is unfinished. `bsg-models verify` and
 `sha256sum -c SHA256SUMS` check it.
@@ -39,11 +39,11 @@ from bsg_data.inputs.bounded_file import hash_file
 SEAL = "SHA256SUMS"
 UNFINISHED = ".bsg-unfinished"
 _FORMER = ".former"  # the seal of what is being replaced: after a kill it says what has to go
-BUILD = ".build"  # of a folder that is not in its place yet, or replaced another just now
+BUILD = ".build"  # of a folder that is not committed yet, or replaced another just now
 PLAN = f"{BUILD}/plan.json"
 _DATASET = "dataset.json"  # the file by which a dataset is known
 _STAGE = ".unfinished"  # ends the name of the folder in which a single file is staged
-_ASIDE = ".{}.replaced"  # name of a folder while another takes its place
+_ASIDE = ".{}.replaced"  # name of a folder while another replaces it
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
@@ -58,7 +58,7 @@ class FolderKind:
 
 
 def name_staged(folder: Path) -> Path:
-    """Return the folder in which one is staged that `write_folder` puts in place."""
+    """Return the folder in which one is staged that `write_folder` commits."""
     return folder.with_name(f"{folder.name}.partial")
 
 
@@ -66,25 +66,25 @@ def name_staged(folder: Path) -> Path:
 def write_folder(
     folder: Path, kind: FolderKind, *, plan: bytes, force: bool
 ) -> Iterator[tuple[Path, bool]]:
-    """Lock the place of a folder, yield one to write into, and put that in its place at the end.
+    """Lock the path of a folder, yield one to write into, and commit that at the end.
 
     What raises leaves the staged folder; a command with the same plan goes on with it.
 
     Args:
-        folder: its place, without links.
+        folder: its path, without links.
         kind: of folder.
         plan: all that determines its bytes.
         force: whether a finished one may be replaced.
 
     Yields:
-        The folder to write into; whether the same one is in its place already.
+        The folder to write into; whether the same one is there already.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     with hold(folder):
         if recover(folder, kind) == plan:
             yield folder, True
             return
-        require_place(folder, kind, force=force)
+        require_free(folder, kind, force=force)
         staged = name_staged(folder)
         _prepare(staged, kind, plan)
         yield staged, False
@@ -105,7 +105,7 @@ def write_folder(
         recover(folder, kind)
 
 
-def require_place(folder: Path, kind: FolderKind, *, force: bool) -> None:
+def require_free(folder: Path, kind: FolderKind, *, force: bool) -> None:
     """Refuse a path where no folder of a kind can be put."""
     with suppress(FileNotFoundError):  # the working folder was removed
         if folder in (Path.cwd(), *Path.cwd().parents):
@@ -152,10 +152,10 @@ def _prepare(staged: Path, kind: FolderKind, plan: bytes) -> None:
 
 
 def recover(folder: Path, kind: FolderKind) -> bytes | None:
-    """Finish what a killed command began at the place of a folder; the caller holds the lock.
+    """Finish what a killed command began at the path of a folder; the caller holds the lock.
 
     Returns:
-        The plan of the folder, if it was put in place by a command that did not come to its end.
+        The plan of the folder, if it was committed by a command that did not come to its end.
     """
     staged, aside = name_staged(folder), folder.with_name(_ASIDE.format(folder.name))
     if aside.is_dir() and not folder.exists():  # killed between two renames
@@ -173,7 +173,7 @@ def recover(folder: Path, kind: FolderKind) -> bytes | None:
 
 
 def _exchange(new: Path, old: Path) -> None:
-    """Let two folders change places: in one step on Linux, elsewhere by two renames."""
+    """Exchange two folders: in one step on Linux, elsewhere by two renames."""
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if sys.platform == "linux" and rename is not None:
         sys.audit("os.rename", str(new), str(old), -1, -1)  # as os.rename does
@@ -190,7 +190,7 @@ def _read(path: Path) -> bytes | None:
 
 @contextmanager
 def write_results(folder: Path, *, report: str | None, force: bool = True) -> Iterator[Path]:
-    """Lock a folder, yield an empty one to write into, and put its files in place at the end.
+    """Lock a folder, yield an empty one to write into, and commit its files at the end.
 
     All other files of the folder stay.
 
@@ -225,7 +225,7 @@ def write_results(folder: Path, *, report: str | None, force: bool = True) -> It
                     _refuse_foreign(folder / name)
                 if report is not None:
                     write_seal(staged, names)
-                put_in_place(folder, leaving=before.keys() - names)
+                commit_staged(folder, leaving=before.keys() - names)
             finally:
                 with suppress(OSError):
                     remove_unfinished(folder)
@@ -248,7 +248,7 @@ def _refuse_foreign(path: Path) -> None:
 
 @contextmanager
 def write_files(paths: Iterable[Path], *, force: bool) -> Iterator[Mapping[Path, Path]]:
-    """Lock single files, yield where to write each, and put them in place together at the end.
+    """Lock single files, yield where to write each, and commit them together at the end.
 
     A link is replaced, and not followed. What is not written stays as it is.
 
@@ -307,7 +307,7 @@ def is_interrupted(*paths: Path) -> bool:
     return any((path / UNFINISHED).is_dir() or _stage_of(path).is_dir() for path in paths)
 
 
-def put_in_place(folder: Path, *, leaving: Collection[str] = ()) -> None:
+def commit_staged(folder: Path, *, leaving: Collection[str] = ()) -> None:
     """Move all files of `UNFINISHED` into the folder, the seal last, and remove others."""
     staged = folder / UNFINISHED
     names = sorted(_list_new(staged), key=lambda name: name == SEAL)
@@ -342,8 +342,8 @@ def refuse_datasets(path: Path) -> None:
 
     Call this before anything is written, also before a lock: its file lies beside the folder.
     """
-    place = resolve_links(path)
-    for outer in (place, *place.parents):
+    resolved = resolve_links(path)
+    for outer in (resolved, *resolved.parents):
         _refuse_inside(path, outer)
 
 
@@ -356,9 +356,9 @@ def _refuse_inside(path: Path, outer: Path) -> None:
 def refuse_file(path: Path, *, force: bool) -> None:
     """Refuse to write a file into a dataset, over sealed results, or, without `force`, at all."""
     refuse_datasets(path)
-    place = resolve_links(path.parent) / path.name  # a link to the folder leads to the same file
-    for folder in place.parents:
-        if place.name == SEAL or place.relative_to(folder).as_posix() in _list_sealed(folder):
+    resolved = resolve_links(path.parent) / path.name  # a link to the folder leads to the same file
+    for folder in resolved.parents:
+        if resolved.name == SEAL or resolved.relative_to(folder).as_posix() in _list_sealed(folder):
             raise DatasetError(
                 f"{path}: is one of the results that {SEAL} lists in {folder}; name another file",
                 code="sealed-file",

@@ -7,18 +7,20 @@ import re
 from collections.abc import Iterable
 
 SHOWN = 80  # characters of a wrong name that are compared, and shown in errors
-_LIKE = 0.75  # difflib's ratio: keeps shoos for shoes and vaze for vase; not mobile for bicycle
-_BEGUN = 4  # letters by which a word of a name is known
+_LEAST_LIKENESS = (
+    0.75  # difflib's ratio: keeps shoos for shoes and vaze for vase; not mobile for bicycle
+)
+_FEWEST_LETTERS = 4  # letters by which a word of a name is known
 
 
-def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str, ...]:
-    """Return the known names that share most letters with a name; case is ignored.
+def nearest_names(name: str, known: Iterable[str]) -> tuple[str, ...]:
+    """Return the three known names that have most letters of a name; case is ignored.
 
     >>> nearest_names("Kitchn", ["kitchen", "hall", "KITCHENETTE"])
     ('kitchen', 'KITCHENETTE')
     """
     listed = {one[:SHOWN].casefold(): one for one in known}
-    near = difflib.get_close_matches(name[:SHOWN].casefold(), listed, n=most)
+    near = difflib.get_close_matches(name[:SHOWN].casefold(), listed, n=3)
     return tuple(listed[one] for one in near)
 
 
@@ -33,9 +35,11 @@ def meant_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[str,
     listed = {words: one for one in known if (words := _split_words(one))}
     said = _split_words(name)
     joined = {words.replace(" ", ""): words for words in listed}
-    near = difflib.get_close_matches(said.replace(" ", ""), joined, n=most, cutoff=_LIKE)
+    near = difflib.get_close_matches(said.replace(" ", ""), joined, n=most, cutoff=_LEAST_LIKENESS)
     longer = [words for words in listed if f" {words} " in f" {said} "]
-    cut_off = [words for words in listed if len(said) >= _BEGUN and f" {said}" in f" {words}"]
+    cut_off = [
+        words for words in listed if len(said) >= _FEWEST_LETTERS and f" {said}" in f" {words}"
+    ]
     found = [joined[one] for one in near]
     found += sorted(longer, key=len, reverse=True) + sorted(cut_off, key=len)
     return tuple(listed[words] for words in dict.fromkeys(found))[:most]

@@ -41,22 +41,20 @@ def format_text(rows: Rows, *, header: Sequence[str], numeric: Sequence[str] = (
     )
 
 
-def format_markdown(rows: Rows, *, header: Sequence[str], numeric: Sequence[str] = ()) -> list[str]:
+def format_markdown(rows: Rows, *, header: Sequence[str]) -> list[str]:
     """Return rows as the lines of a Markdown table.
 
     Args:
         rows: of cells; a `|` in a cell is escaped, unless it is already. All other markup is taken
             for what it is: names from a file go through `escape_markdown` or `mark_code` before.
         header: the names of the columns.
-        numeric: names of the columns that are aligned to the right.
 
-    >>> format_markdown([("chair", 12)], header=("class", "n"), numeric=("n",))
-    ['| class | n |', '|---|---:|', '| chair | 12 |']
+    >>> format_markdown([("chair", 12)], header=("class", "n"))
+    ['| class | n |', '|---|---|', '| chair | 12 |']
     """
-    rule = "|".join("---:" if name in numeric else "---" for name in header)
     lines = [[_one_cell(cell) for cell in row] for row in (header, *rows)]
     first, *others = (f"| {' | '.join(line)} |" for line in lines)
-    return [first, f"|{rule}|", *others]
+    return [first, "|".join(["", *("---" for _ in header), ""]), *others]
 
 
 def make_plain(text: str) -> str:

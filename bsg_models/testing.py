@@ -84,7 +84,7 @@ def observe_building(
         visited=np.ones(len(inputs), dtype=bool),
         withheld=np.zeros(inputs.shape, dtype=bool),
         vocabulary=vocabulary,
-        others=np.zeros((len(inputs), len(vocabulary)), dtype=np.int64),
+        unclassified=np.zeros((len(inputs), len(vocabulary)), dtype=np.int64),
         connections=Connections.of_pairs(()),
         surroundings=Surroundings.unknown(nodes=len(inputs)),
     )

@@ -104,9 +104,9 @@ def number_option(name: str, text: str, *, default: int, least: int = 1) -> Deco
     return click.option(name, type=kind, default=default, show_default=True, help=text)
 
 
-def seed_option(text: str = "Random seed.") -> Decorator[Any]:
+def seed_option() -> Decorator[Any]:
     """Return `--seed`."""
-    return number_option("--seed", text, default=0, least=0)
+    return number_option("--seed", "Random seed.", default=0, least=0)
 
 
 def choice_option(name: str, names: list[str], text: str, *, default: str) -> Decorator[Any]:

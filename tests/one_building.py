@@ -54,7 +54,7 @@ def observe_building(
     hidden_share: float | Sequence[float] = 0.5,
     visited: Sequence[bool] | None = None,
     withheld: Sequence[int] = (),
-    others: Sequence[Sequence[float]] | None = None,
+    unclassified: Sequence[Sequence[float]] | None = None,
     vocabulary: tuple[str, ...] = (),
     connected: Sequence[tuple[int, int]] = (),
     scene_id: str = "by hand",
@@ -67,7 +67,7 @@ def observe_building(
         hidden_share: of every node, or one of each, `[N]`.
         visited: `[N]`; everywhere if it is not said.
         withheld: classes that are withheld in all nodes.
-        others: `[N, V]`; nothing if it is not said.
+        unclassified: `[N, V]`; nothing if it is not said.
         vocabulary: `[V]`.
         connected: pairs of rooms.
         scene_id: names the building.
@@ -83,10 +83,10 @@ def observe_building(
         visited=np.ones(nodes, dtype=bool) if visited is None else np.array(visited),
         withheld=np.tile(np.isin(np.arange(classes), list(withheld)), (nodes, 1)),
         vocabulary=vocabulary,
-        others=(
+        unclassified=(
             np.zeros((nodes, len(vocabulary)), dtype=np.int64)
-            if others is None
-            else np.array(others, dtype=np.int64).reshape(nodes, len(vocabulary))
+            if unclassified is None
+            else np.array(unclassified, dtype=np.int64).reshape(nodes, len(vocabulary))
         ),
         connections=Connections.of_pairs(connected),
         surroundings=Surroundings.unknown(nodes=nodes) if surroundings is None else surroundings,

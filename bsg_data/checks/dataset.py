@@ -1,7 +1,7 @@
 """Check that a dataset agrees with its manifest, and its tables with each other.
 
-Nothing here trusts the writer: every fact is read again from the files. The rows of a part are made
-into scene graphs, which must keep their rules and give the same rows again.
+Nothing here trusts the writer: every fact is read again from the files. The rows of a shard are
+made into scene graphs, which must keep their rules and give the same rows again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from bsg_data.scene.class_map import ClassMap, load_class_map, parse_own_map
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_data.scene.scene_graph import SceneGraph
 
-_NAMED = 3  # places named for each fault; the others are counted
+_NAMED = 3  # named of each kind of fault; the others are counted
 _Tables = Mapping[str, pa.Table]
 
 
@@ -54,7 +54,7 @@ def check_dataset(
 ) -> tuple[Fault, ...]:
     """Return all faults of a dataset; an empty list means that it is sound.
 
-    Memory holds one part of the tables or one file of pairs at a time, and a few words per scene.
+    Memory holds one shard or one file of pairs at a time, and a few words per scene.
 
     Args:
         dataset: folder of the dataset.
@@ -109,11 +109,11 @@ class _Check:
         return None if found else table
 
     def add(self, where: str, faults: Iterator[tuple[str, str]]) -> None:
-        """Add faults, each by its place and rule: the first of each rule are named."""
-        for place, rule in faults:
+        """Add faults, each a name and a rule: the first names of each rule are kept."""
+        for name, rule in faults:
             self._times[Fault(where, rule)] += 1
             if self._times[Fault(where, rule)] <= _NAMED:
-                self.faults.append(Fault(where, f"{place}: {rule}"))
+                self.faults.append(Fault(where, f"{name}: {rule}"))
 
     def count_others(self) -> Iterator[Fault]:
         """Yield how many faults of each rule were not named."""
@@ -123,16 +123,16 @@ class _Check:
 
 
 def _check_tables(check: _Check) -> pa.Table:
-    """Check the rows of all parts one after another, and return words of all scenes.
+    """Check the rows of all shards one after another, and return words of all scenes.
 
-    Parts with a damaged file are skipped; that file is a fault already.
+    Shards with a damaged file are skipped; that file is a fault already.
     """
     manifest = check.manifest
     entries = {name: manifest.files_of(name) for name in TABLES}
     numbers = {name: len(some) for name, some in entries.items()}
     if len(set(numbers.values())) > 1:
         found = ", ".join(f"{number} of {name}" for name, number in numbers.items())
-        what = f"expected as many parts of each table, found {found}"
+        what = f"expected as many files of each table, found {found}"
         check.faults.append(Fault(MANIFEST, what))
     maps = _load_class_maps(check)
     totals, scenes = [], [TABLES["scenes"].empty_table()]
@@ -142,7 +142,7 @@ def _check_tables(check: _Check) -> pa.Table:
         tables = {name: table for name, table in pairs if table is not None}
         if len(tables) == len(TABLES):
             scenes.append(tables["scenes"])
-            totals.append(_check_part(check, f"part {number}", tables, maps))
+            totals.append(_check_shard(check, f"shard {number}", tables, maps))
     every = pa.concat_tables(
         table.select(["scene_id", "building", "source", "source_split", "up_axis"])
         for table in scenes
@@ -154,17 +154,17 @@ def _check_tables(check: _Check) -> pa.Table:
     return every
 
 
-def _check_part(
-    check: _Check, part: str, tables: _Tables, maps: Mapping[str, ClassMap | None]
+def _check_shard(
+    check: _Check, shard: str, tables: _Tables, maps: Mapping[str, ClassMap | None]
 ) -> Totals:
-    """Check the scene graphs of one part, and return their sums."""
+    """Check the scene graphs of one shard, and return their sums."""
     ids = tables["scenes"]["scene_id"].to_pylist()
     if len(set(ids)) < len(ids):
         return Totals()  # the order of the scenes tells
     try:
         graphs = list(assemble_graphs(*tables.values()))
     except ValueError as error:
-        check.add("rooms", iter([(part, f"a footprint is no polygon ({error})")]))
+        check.add("rooms", iter([(shard, f"a footprint is no polygon ({error})")]))
         return Totals()
     before = len(check.faults)
     for graph in graphs:
@@ -173,15 +173,15 @@ def _check_part(
         for table, name, rule in find_faults(graph, maps.get(graph.class_map)):
             check.add(table, iter([(", ".join(filter(None, (graph.scene_id, name))), rule)]))
     if len(check.faults) == before:
-        for table, place, rule in _compare(graphs, tables, check.manifest.class_space.classes):
-            check.add(table, iter([(f"{part}{place}", rule)]))
+        for table, row, rule in _compare(graphs, tables, check.manifest.class_space.classes):
+            check.add(table, iter([(f"{shard}{row}", rule)]))
     return count_totals(graphs)
 
 
 def _compare(
     graphs: Sequence[SceneGraph], tables: _Tables, classes: tuple[str, ...]
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield table, place and fault of rows that do not follow from the scene graphs."""
+    """Yield table, row and fault of rows that do not follow from the scene graphs."""
     for name, expected in make_tables(graphs, classes).items():
         found = tables[name]
         if len(found) != len(expected):
@@ -228,8 +228,8 @@ def _check_sums(manifest: Manifest, scenes: pa.Table, totals: Totals) -> Iterato
     for scene, mesh in manifest.meshes.items():
         if mesh.texels != mesh.listed + mesh.snapped + mesh.black + mesh.unlisted:
             yield f"{scene}: the texels of its mesh do not add up"
-        parts = mesh.listed_area + mesh.unlisted_area + mesh.uncoloured_area
-        if not abs(parts - mesh.area) < 0.01:
+        surface = mesh.listed_area + mesh.unlisted_area + mesh.uncoloured_area
+        if not abs(surface - mesh.area) < 0.01:
             yield f"{scene}: the surface of its mesh does not add up"
 
 

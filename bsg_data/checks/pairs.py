@@ -24,7 +24,7 @@ from bsg_data.observation.pairs import (
 )
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 
-_Faults = Iterator[tuple[str, str]]  # place and rule
+_Faults = Iterator[tuple[str, str]]  # name and rule
 
 
 def check_splits(splits: pa.Table, scenes: pa.Table, recipe: SplitRecipe) -> _Faults:
@@ -46,7 +46,7 @@ def check_splits(splits: pa.Table, scenes: pa.Table, recipe: SplitRecipe) -> _Fa
 def check_pairs(
     data: Dataset, splits: pa.Table, read: Callable[[FileEntry], pa.Table | None]
 ) -> _Faults:
-    """Check the pairs file by file against their parts of the tables.
+    """Check the pairs file by file against the tables.
 
     Args:
         data: a dataset with sound tables and pairs.
@@ -55,7 +55,7 @@ def check_pairs(
     """
     entries, recipe = data.manifest.files_of("pairs"), data.manifest.pairs or PairsRecipe()
     split_of, times = _map_scenes(splits, "split"), Counter[str]()
-    for entry in _sort_by_place(entries):
+    for entry in _sort_by_position(entries):
         table = read(entry)
         for scene, rows in () if table is None else _group(table):
             where, split = f"{entry.path}, {scene}", split_of.get(scene)
@@ -74,18 +74,18 @@ def _map_scenes(table: pa.Table, column: str) -> dict[str, str]:
     return dict(zip(table["scene_id"].to_pylist(), table[column].to_pylist(), strict=True))
 
 
-def _sort_by_place(entries: tuple[FileEntry, ...]) -> list[FileEntry]:
+def _sort_by_position(entries: tuple[FileEntry, ...]) -> list[FileEntry]:
     """Return the files of pairs, sorted by their position in their split.
 
-    Every split has its scenes in order, so files of the same parts become neighbours.
+    Every split has its scenes in order, so files of the same shards become neighbours.
     """
     sizes = Counter(split_of_file(entry.path) for entry in entries)
 
-    def place(entry: FileEntry) -> float:
+    def position(entry: FileEntry) -> float:
         split = split_of_file(entry.path)  # `test-00003.parquet`: the fourth of its split
         return int(PurePosixPath(entry.path).stem.rpartition("-")[2]) / sizes[split]
 
-    return sorted(entries, key=place)
+    return sorted(entries, key=position)
 
 
 def _group(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:

@@ -1,6 +1,6 @@
-"""Put datasets in place and change them: the manifest is the commit.
+"""Publish datasets and change them: the manifest is the commit.
 
-    DATASET.partial/           a dataset that is being built; one rename puts it in place
+    DATASET.partial/           a dataset that is being built; one rename publishes it
     DATASET.partial/.build/    plan.json, and a report of every finished shard
     DATASET/splits/, pairs/    files named by their content: replacing dataset.json commits them
 
@@ -33,7 +33,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import flush_folder, hold, list_files, name_finished, resolve_links, write_bytes
 from bsg_data.results import BUILD, FolderKind, recover
 
-_OURS = re.compile(
+_OWN_PATH = re.compile(
     rf"{FILE_PATH.pattern}|{MANIFEST}|{CARD}|{re.escape(CROISSANT)}"
     rf"|(?:{re.escape(BUILD)}|{re.escape(STAGED)})/.*|{KEPT}/[0-9a-f]{{12}}/[^/]+\.csv"
 )
@@ -46,7 +46,7 @@ def is_own(path: str) -> bool:
     >>> is_own("rooms/part-00000.parquet"), is_own("pairs/notes.txt")
     (True, False)
     """
-    return bool(_OURS.fullmatch(name_finished(path)))
+    return bool(_OWN_PATH.fullmatch(name_finished(path)))
 
 
 DATASET = FolderKind("dataset", mark=MANIFEST, owns=lambda _: is_own)
@@ -95,7 +95,7 @@ def name_by_content(
 
     Args:
         dataset: its folder.
-        name: first part of the new name: `splits/ratios`, `pairs/uniform`.
+        name: begins the new name: `splits/ratios`, `pairs/uniform`.
         staged: name of the file below the new one → entry of the staged file; the name "" is that
             of a single file.
     """

@@ -1,8 +1,8 @@
-"""Open a dataset: read its manifest at once, and its tables part by part on demand.
+"""Open a dataset: read its manifest at once, and its tables shard by shard on demand.
 
-Parts stay in memory up to a bound in bytes. A dataset below this bound is read once. To read a
-larger dataset once, ask for its scenes in the order of the tables (`Dataset.in_parts`); memory then
-does not grow.
+Shards stay in memory up to a bound in bytes. A dataset below this bound is read once. To read a
+larger dataset once, ask for its scenes in the order of the tables (`Dataset.in_shards`); memory
+then does not grow.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.arrays import Bools, Counts, Ints
-from bsg_data.dataset.histograms import NO_CATEGORY, OtherObjects, count_cells
+from bsg_data.dataset.histograms import NO_CATEGORY, Unclassified, count_cells
 from bsg_data.dataset.manifest import (
     SPLIT_NAME,
     FileEntry,
@@ -35,7 +35,7 @@ from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surroundings
 
 NAMES = ("train", "val", "test")  # of splits; folds have others
-HELD_BYTES = 256 * 2**20  # bound of the parts in memory
+HELD_BYTES = 256 * 2**20  # bound of the shards in memory
 _NODE_BYTES = 170  # about what is held of a node besides its cells
 _OBJECT_BYTES = 23
 _WORDS = ("scene_id", "category", "kind", "method")  # columns of few words
@@ -90,8 +90,8 @@ class Dataset:
     @cached_property
     def keys(self) -> tuple[str, ...]:
         """The keys of the buildings, in the order of the tables."""
-        told = self._scenes["building"].to_pylist()
-        return tuple(key or scene for key, scene in zip(told, self.scene_ids, strict=True))
+        keys = self._scenes["building"].to_pylist()
+        return tuple(key or scene for key, scene in zip(keys, self.scene_ids, strict=True))
 
     @cached_property
     def _scenes(self) -> pa.Table:
@@ -107,10 +107,10 @@ class Dataset:
         """Say whether the dataset has a scene."""
         return scene_id in self._number
 
-    def in_parts(self, scenes: Iterable[str]) -> Iterator[tuple[str, ...]]:
-        """Yield some scene ids in the order of the tables, those of one part together.
+    def in_shards(self, scenes: Iterable[str]) -> Iterator[tuple[str, ...]]:
+        """Yield some scene ids in the order of the tables, those of one shard together.
 
-        Reading scenes in this order reads each part only once.
+        Reading scenes in this order reads each shard only once.
 
         Raises:
             DatasetError: if a scene is not in the dataset.
@@ -122,32 +122,32 @@ class Dataset:
 
     def building(self, scene_id: str) -> Building:
         """Return what is known of a scene besides the objects outside the classes."""
-        part, place = self._find(scene_id)
-        rows, (starts, connections) = part.rows_of(place), part.connections
+        shard, index = self._find(scene_id)
+        rows, (starts, connections) = shard.rows_of(index), shard.connections
         return Building(
-            part.cells[rows],
-            connections.take(np.s_[starts[place] : starts[place + 1]]),
-            part.surroundings.take(rows, buildings=slice(place, place + 1)),
-            self._nameable[part.sources[place]],
+            shard.cells[rows],
+            connections.take(np.s_[starts[index] : starts[index + 1]]),
+            shard.surroundings.take(rows, buildings=slice(index, index + 1)),
+            self._nameable[shard.sources[index]],
         )
 
     def cells(self, scene_id: str) -> Counts:
         """Return the classified objects of a scene, `[1 + R, C]`, row 0 the null region."""
-        part, place = self._find(scene_id)
-        return part.cells[part.rows_of(place)]
+        shard, index = self._find(scene_id)
+        return shard.cells[shard.rows_of(index)]
 
-    def others(self, scene_id: str) -> OtherObjects:
+    def unclassified(self, scene_id: str) -> Unclassified:
         """Return the objects of a scene outside the classes, by category."""
-        part, place = self._find(scene_id)
-        return part.others(place)
+        shard, index = self._find(scene_id)
+        return shard.unclassified(index)
 
     def nameable(self, scene_id: str) -> Bools:
         """Return the classes that the source of a scene has a word for, `[C]`.
 
         Its buildings say of the others neither that they are there nor that they are not.
         """
-        part, place = self._find(scene_id)
-        return self._nameable[part.sources[place]]
+        shard, index = self._find(scene_id)
+        return self._nameable[shard.sources[index]]
 
     @cached_property
     def _nameable(self) -> dict[str, Bools]:
@@ -161,38 +161,38 @@ class Dataset:
 
     def connections(self, scene_id: str) -> Connections:
         """Return the known connections between rooms of a scene, in the order of the table."""
-        part, place = self._find(scene_id)
-        starts, every = part.connections
-        return every.take(np.s_[starts[place] : starts[place + 1]])
+        shard, index = self._find(scene_id)
+        starts, every = shard.connections
+        return every.take(np.s_[starts[index] : starts[index + 1]])
 
     def surroundings(self, scene_id: str) -> Surroundings:
         """Return what is known of a scene and its rooms besides their objects.
 
         Impossible values, and labels that this version does not list, count as unknown.
         """
-        part, place = self._find(scene_id)
-        return part.surroundings.take(part.rows_of(place), buildings=slice(place, place + 1))
+        shard, index = self._find(scene_id)
+        return shard.surroundings.take(shard.rows_of(index), buildings=slice(index, index + 1))
 
     @cached_property
     def connection_methods(self) -> frozenset[str]:
         """The methods by which connections of this dataset are known (`ADJACENCY_METHODS`)."""
-        every = (part.connections[1].methods for part in self._parts())
+        every = (shard.connections[1].methods for shard in self._shards())
         return frozenset().union(*(np.unique(methods).tolist() for methods in every))
 
     def count_unconnected(self) -> int:
         """Return the number of scenes without known connections."""
-        every = (part.connections[0] for part in self._parts())
+        every = (shard.connections[0] for shard in self._shards())
         return sum(int((np.diff(starts) == 0).sum()) for starts in every)
 
-    def _parts(self) -> Iterator[_Part]:
-        return map(self._part, range(len(self._files)))
+    def _shards(self) -> Iterator[_Shard]:
+        return map(self._shard, range(len(self._files)))
 
-    def _find(self, scene_id: str) -> tuple[_Part, int]:
-        """Return the part of a scene, and its index there."""
+    def _find(self, scene_id: str) -> tuple[_Shard, int]:
+        """Return the shard of a scene, and its index there."""
         number = self._number_of(scene_id)
-        part = int(self._ends.searchsorted(number, side="right"))
-        first = int(self._ends[part - 1]) if part else 0
-        return self._part(part), number - first
+        shard = int(self._ends.searchsorted(number, side="right"))
+        first = int(self._ends[shard - 1]) if shard else 0
+        return self._shard(shard), number - first
 
     def _number_of(self, scene_id: str) -> int:
         if scene_id not in self._number:
@@ -205,18 +205,18 @@ class Dataset:
 
     @cached_property
     def _ends(self) -> Ints:
-        """Number of the first scene after each part."""
+        """Number of the first scene after each shard."""
         return np.cumsum([files["scenes"].rows for files in self._files])
 
     @cached_property
     def _files(self) -> tuple[dict[str, FileEntry], ...]:
-        """The file of every table of each part."""
+        """The file of every table of each shard."""
         files = zip(*map(self.manifest.files_of, TABLES), strict=True)
         return tuple(dict(zip(TABLES, some, strict=True)) for some in files)
 
     @cached_property
-    def _part(self) -> Callable[[int], _Part]:
-        """A function that returns a part by its number and keeps the last ones."""
+    def _shard(self) -> Callable[[int], _Shard]:
+        """A function that returns a shard by its number and keeps the last ones."""
         width = 8 * len(self.manifest.class_space.classes) + _NODE_BYTES
         weights = (
             (files["scenes"].rows + files["rooms"].rows) * width
@@ -224,14 +224,14 @@ class Dataset:
             for files in self._files
         )
         return lru_cache(maxsize=max(2, HELD_BYTES // max(weights, default=1)))(
-            lambda number: _Part(
+            lambda number: _Shard(
                 self.path, self.manifest, self._files[number], self._scenes_of(number)
             )
         )
 
-    def _scenes_of(self, part: int) -> pa.Table:
-        rows = self._files[part]["scenes"].rows
-        return self._scenes.slice(int(self._ends[part]) - rows, rows)
+    def _scenes_of(self, number: int) -> pa.Table:
+        rows = self._files[number]["scenes"].rows
+        return self._scenes.slice(int(self._ends[number]) - rows, rows)
 
 
 @lru_cache(maxsize=8)
@@ -257,7 +257,7 @@ def read_splits(
     table = read_table(dataset, "splits", manifest=manifest).to_pydict()
     splits: dict[str, list[str]] = {}
     for scene, split in zip(table["scene_id"], table["split"], strict=True):
-        if not SPLIT_NAME.fullmatch(split):  # it becomes part of names of files
+        if not SPLIT_NAME.fullmatch(split):  # names of files have it in them
             raise DatasetError(
                 f"{dataset}: {scene} is in split {split!r}; expected train, val, test or fold-N. "
                 "Split again with --force",
@@ -277,20 +277,20 @@ def read_cells(dataset: AnyPath) -> dict[str, Counts]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """A part of every table: B buildings with N nodes and O objects in all.
+class _Shard:
+    """A shard: B buildings with N nodes and O objects in all.
 
     Each table is read on first use, as one array for all buildings with an offset for each.
     """
 
     dataset: Path  # folder of the dataset
     manifest: Manifest  # its manifest
-    files: Mapping[str, FileEntry]  # table → file of this part
+    files: Mapping[str, FileEntry]  # table → file of this shard
     scenes: pa.Table  # its rows of the table of scenes
 
-    def rows_of(self, place: int) -> slice:
-        """Return the rows of the nodes of the scene with an index in the part."""
-        return slice(int(self._starts[place]), int(self._starts[place + 1]))
+    def rows_of(self, index: int) -> slice:
+        """Return the rows of the nodes of the scene with an index in the shard."""
+        return slice(int(self._starts[index]), int(self._starts[index + 1]))
 
     @cached_property
     def cells(self) -> Counts:
@@ -302,13 +302,13 @@ class _Part:
         cells.setflags(write=False)  # all readers of this dataset share it
         return cells
 
-    def others(self, place: int) -> OtherObjects:
+    def unclassified(self, index: int) -> Unclassified:
         """Return the objects of a scene outside the classes, by category."""
-        nodes, kinds, counts, names, starts = self._others
-        some, first = slice(starts[place], starts[place + 1]), int(self._starts[place])
-        return OtherObjects(
+        nodes, kinds, counts, names, starts = self._unclassified
+        some, first = slice(starts[index], starts[index + 1]), int(self._starts[index])
+        return Unclassified(
             names,
-            int(self._starts[place + 1]) - first,
+            int(self._starts[index + 1]) - first,
             nodes[some] - first,
             kinds[some],
             counts[some],
@@ -362,8 +362,8 @@ class _Part:
         return self._find_nodes(table), table["class_index"], table["category"]
 
     @cached_property
-    def _others(self) -> tuple[Ints, Ints, Ints, tuple[str, ...], Ints]:
-        """Row of the node, category and number of all other objects, and the categories' names.
+    def _unclassified(self) -> tuple[Ints, Ints, Ints, tuple[str, ...], Ints]:
+        """Row of the node, category and number of unclassified objects; names of the categories.
 
         They are sorted by node, then by name; at last, where each scene begins, `[B + 1]`.
         """
@@ -374,8 +374,8 @@ class _Part:
         given = [NO_CATEGORY if is_nameless(one) else one for one in words]
         names, kinds = np.unique(np.array(given, dtype=str), return_inverse=True)
         width = len(names)
-        places = encoded.indices.fill_null(len(words) - 1).to_numpy()
-        key = nodes[outside.to_numpy()] * width + kinds[places]
+        codes = encoded.indices.fill_null(len(words) - 1).to_numpy()
+        key = nodes[outside.to_numpy()] * width + kinds[codes]
         pairs, counts = np.unique(key, return_counts=True)
         rows, columns = np.divmod(pairs, width)
         return rows, columns, counts, tuple(names.tolist()), np.searchsorted(rows, self._starts)
@@ -386,8 +386,8 @@ class _Part:
         return rows
 
     def _number_scenes(self, table: pa.Table) -> Ints:
-        """Return the place of the scene of every row of a table."""
+        """Return the index of the scene of every row of a table."""
         words = table["scene_id"].combine_chunks()
-        places = pc.index_in(words.dictionary, value_set=self.scenes["scene_id"])
-        places = np.asarray(places.to_numpy(zero_copy_only=False), dtype=np.int64)
-        return np.asarray(places[words.indices.to_numpy()])
+        numbers = pc.index_in(words.dictionary, value_set=self.scenes["scene_id"])
+        numbers = np.asarray(numbers.to_numpy(zero_copy_only=False), dtype=np.int64)
+        return np.asarray(numbers[words.indices.to_numpy()])

@@ -67,7 +67,7 @@ NO_CATEGORY = ""  # stands for nameless and unmapped objects: nothing to learn f
 
 
 @dataclass(frozen=True, eq=False)
-class OtherObjects:
+class Unclassified:
     """The objects without a class of one scene of N nodes, counted by node and category.
 
     Attributes:
@@ -85,7 +85,7 @@ class OtherObjects:
     counts: Counts
 
     @classmethod
-    def of_cells(cls, categories: tuple[str, ...], cells: Counts) -> OtherObjects:
+    def of_cells(cls, categories: tuple[str, ...], cells: Counts) -> Unclassified:
         """Return the objects of cells `[N, K]`."""
         rows, kinds = np.nonzero(cells)
         return cls(categories, len(cells), rows, kinds, cells[rows, kinds])
@@ -97,7 +97,7 @@ class OtherObjects:
 
     @property
     def columns(self) -> Ints:
-        """The place of each of `names` among the categories, -1 for none."""
+        """The index of each of `names` among the categories, -1 for none."""
         kinds = np.unique(self.kinds)
         columns = np.full(len(self.names), -1)
         columns[kinds] = np.arange(len(kinds))
@@ -106,40 +106,40 @@ class OtherObjects:
     @property
     def cells(self) -> Counts:
         """The counts of these categories as cells, `[N, K]`."""
-        return self.place(self.columns, len(np.unique(self.kinds)))
+        return self.spread(self.columns, len(np.unique(self.kinds)))
 
-    def cut(self, nodes: Ints) -> OtherObjects:
+    def cut(self, nodes: Ints) -> Unclassified:
         """Return the objects of some nodes, whose numbers rise from 0.
 
         Without all of them, those of the null region are left out.
         """
         if len(nodes) == self.nodes:
             return self
-        places = np.full(self.nodes, -1)
-        places[nodes[1:]] = np.arange(1, len(nodes))
-        rows = places[self.rows]
+        row_of = np.full(self.nodes, -1)
+        row_of[nodes[1:]] = np.arange(1, len(nodes))
+        rows = row_of[self.rows]
         kept = np.flatnonzero(rows >= 0)
-        return OtherObjects(self.names, len(nodes), rows[kept], self.kinds[kept], self.counts[kept])
+        return Unclassified(self.names, len(nodes), rows[kept], self.kinds[kept], self.counts[kept])
 
-    def place(self, columns: Ints, width: int) -> Counts:
+    def spread(self, columns: Ints, width: int) -> Counts:
         """Return cells `[N, width]`; `columns` has that of each of `names`, -1 for none."""
-        placed = np.zeros((self.nodes, width), dtype=np.int64)
+        cells = np.zeros((self.nodes, width), dtype=np.int64)
         found = columns[self.kinds]
         some = found >= 0
-        placed[self.rows[some], found[some]] = self.counts[some]
-        return placed
+        cells[self.rows[some], found[some]] = self.counts[some]
+        return cells
 
 
-def choose_vocabulary(others: Iterable[OtherObjects], *, min_scenes: int) -> tuple[str, ...]:
+def choose_vocabulary(unclassified: Iterable[Unclassified], *, min_scenes: int) -> tuple[str, ...]:
     """Return the sorted categories that occur in at least `min_scenes` of the scenes."""
-    scenes = Counter(name for one in others for name in one.categories if name != NO_CATEGORY)
+    scenes = Counter(name for one in unclassified for name in one.categories if name != NO_CATEGORY)
     return tuple(sorted(name for name, number in scenes.items() if number >= min_scenes))
 
 
-def place_columns(categories: Sequence[str], vocabulary: Sequence[str]) -> npt.NDArray[np.int64]:
+def find_columns(categories: Sequence[str], vocabulary: Sequence[str]) -> npt.NDArray[np.int64]:
     """Return the column of the vocabulary of every category, -1 for one that is not in it.
 
-    >>> place_columns(["tap", "zebra"], ["drawer", "tap"]).tolist()
+    >>> find_columns(["tap", "zebra"], ["drawer", "tap"]).tolist()
     [1, -1]
     """
     number = {name: i for i, name in enumerate(vocabulary)}

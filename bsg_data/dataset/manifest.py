@@ -21,13 +21,13 @@ from bsg_data.dataset.terms import Terms
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
-from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_PARTS, MAX_ROWS
+from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_ROWS, MAX_SHARDS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace
+from bsg_data.scene.name_rules import Rule
 from bsg_data.scene.scene_graph import MeshCoverage
-from bsg_data.scene.spoken_names import Rule
 
 FORMAT_VERSION: Final = 1
 # The name of a split is part of the names of files, so no other is read from a file or written.
@@ -79,8 +79,8 @@ class UnmappedEntry(Record):
 def describe_unmapped(names: Mapping[str, int], class_map: ClassMap) -> Iterator[UnmappedEntry]:
     """Yield the names that are not in a class map, with their objects, most frequent first."""
     unknown = [(name, n) for name, n in _rank(names) if class_map.classify(name).category is None]
-    for place, (name, instances) in enumerate(unknown):
-        nearest = class_map.nearest(name) if place < _COMPARED else ()
+    for rank, (name, instances) in enumerate(unknown):
+        nearest = class_map.nearest(name) if rank < _COMPARED else ()
         yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
 
 
@@ -126,10 +126,14 @@ def list_unknown_labels(labels: Mapping[str, int]) -> tuple[UnknownLabel, ...]:
 
 
 class Totals(Record):
-    """Sums over all scenes; `placed`: scenes with geometry; `adjacent`: pairs of rooms."""
+    """Sums over all scenes.
+
+    `labelled`: rooms with a label; `placed`: scenes with geometry; `adjacent`: pairs of rooms.
+    """
 
     scenes: int = 0
     rooms: int = 0
+    labelled: int = 0
     objects: int = 0
     classified: int = 0
     unmapped: int = 0
@@ -137,9 +141,9 @@ class Totals(Record):
     adjacent: int = 0
 
     @classmethod
-    def sum(cls, parts: Iterable[Totals]) -> Totals:
+    def sum(cls, several: Iterable[Totals]) -> Totals:
         """Return the sums of several."""
-        rows = [part.model_dump() for part in parts]
+        rows = [one.model_dump() for one in several]
         return cls(**{name: sum(row[name] for row in rows) for name in cls.model_fields})
 
 
@@ -148,7 +152,7 @@ class SourceEntry(Record):
 
     kind: str  # its name in the catalogue of sources
     version: str | None  # version of the source; None if it has none
-    fingerprint: str  # hash of the annotations of all its scenes
+    fingerprint: str  # of the annotations of all its scenes: the sum of their hashes
     class_map: ClassMapEntry  # the class map of its names
     options: dict[str, int | str] = Field(default_factory=dict)  # options that its bytes depend on
     terms: Terms | None = None  # licence and citation of its data; None if unknown
@@ -158,15 +162,20 @@ class SourceEntry(Record):
     is_complete: bool = True
 
 
+def add_fingerprints(fingerprints: Iterable[str]) -> str:
+    """Return the fingerprint of what several are of, in whatever order."""
+    return f"{sum(int(one, 16) for one in fingerprints) % 2**256:064x}"
+
+
 def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
-    """Return how many parts each table of a dataset has."""
+    """Return how many shards a dataset has."""
     if not 1 <= scenes_per_shard <= MAX_ROWS:
         raise RecipeError(f"scenes_per_shard: expected 1 to {MAX_ROWS:,}, found {scenes_per_shard}")
     shards = -(-scenes // scenes_per_shard)
-    if shards > MAX_PARTS:
+    if shards > MAX_SHARDS:
         raise RecipeError(
-            f"{scenes:,} scenes, {scenes_per_shard:,} per part, make {shards:,} parts; expected at "
-            f"most {MAX_PARTS:,}: set scenes_per_shard={-(-scenes // MAX_PARTS):,} or more"
+            f"{scenes:,} scenes, {scenes_per_shard:,} per shard, make {shards:,} shards; expected "
+            f"at most {MAX_SHARDS:,}: set scenes_per_shard={-(-scenes // MAX_SHARDS):,} or more"
         )
     return shards
 
@@ -276,13 +285,13 @@ def _missing(dataset: Path) -> DatasetError:
             where=dataset,
         )
     message = f"{dataset}: no such folder"
-    place = resolve_links(dataset)
-    growing = place.with_name(f"{place.name}.partial")
+    resolved = resolve_links(dataset)
+    staged = resolved.with_name(f"{resolved.name}.partial")
     if dataset.is_file():
         message = f"{dataset}: is a file; expected the folder of a dataset"
-    elif growing.is_dir():
+    elif staged.is_dir():
         message += (
-            f"; {growing} beside it belongs to a running or interrupted command: run that command "
+            f"; {staged} beside it belongs to a running or interrupted command: run that command "
             "again to continue"
         )
     return DatasetError(message, code="dataset-missing", where=dataset)

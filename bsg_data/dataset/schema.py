@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 import pyarrow as pa
 
-_NO_PLACE = "without geometry"
+_NO_GEOMETRY = "without geometry"
 
 
 def _field(
@@ -27,7 +27,7 @@ def _field(
 
 def _points(*meanings: tuple[str, str]) -> list[pa.Field]:
     return [
-        _field(f"{name}_{axis}", pa.float64(), f"{what}, {shown}", unit="m", null=_NO_PLACE)
+        _field(f"{name}_{axis}", pa.float64(), f"{what}, {shown}", unit="m", null=_NO_GEOMETRY)
         for name, what in meanings
         for axis, shown in (("x", "x"), ("y", "y"), ("z", "z (up)"))
     ]
@@ -84,15 +84,15 @@ ROOMS = pa.schema(
         ),
         _field("source_label", pa.string(), "what the source calls it", null="nothing"),
         *_position("centre of its box", "its box"),
-        _field("floor_index", pa.int16(), "level of its floor, 0 at the bottom", null=_NO_PLACE),
-        _field("floor_z", pa.float64(), "height of its floor", unit="m", null=_NO_PLACE),
+        _field("floor_index", pa.int16(), "level of its floor, 0 at the bottom", null=_NO_GEOMETRY),
+        _field("floor_z", pa.float64(), "height of its floor", unit="m", null=_NO_GEOMETRY),
         _field("floor_area", pa.float64(), "area of its floor", unit="m²", null="not known"),
         _field(
             "footprint",
             pa.list_(pa.field("element", pa.float64(), nullable=False)),
             "its outline from above, convex, against the clock: x0, y0, x1, y1, …",
             unit="m",
-            null=_NO_PLACE,
+            null=_NO_GEOMETRY,
         ),
     ]
 )
@@ -117,7 +117,7 @@ OBJECTS = pa.schema(
         _field("class", pa.string(), "name of its class", null="outside the classes"),
         _field("colour", pa.string(), "RRGGBB in the semantic mesh", null="the source has none"),
         *_position("centroid of its surface", "its box"),
-        _field("area", pa.float64(), "of its surface", unit="m²", null=_NO_PLACE),
+        _field("area", pa.float64(), "of its surface", unit="m²", null=_NO_GEOMETRY),
         *_points(
             ("part_min", "lowest corner of the box of its largest connected part"),
             ("part_max", "highest corner of the box of its largest connected part"),

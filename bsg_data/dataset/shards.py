@@ -48,13 +48,13 @@ _Record = TypeVar("_Record")
 
 
 def write_shards(
-    graphs: Sequence[SceneGraph], folder: AnyPath, *, part: int, class_space: ClassSpace
+    graphs: Sequence[SceneGraph], folder: AnyPath, *, number: int, class_space: ClassSpace
 ) -> tuple[FileEntry, ...]:
-    """Write one part of every table for some scenes, in the order given."""
+    """Write the shard with a number, of some scenes in the order given."""
     return tuple(
         write_parquet(
             Path(folder),
-            f"{name}/part-{part:05d}.parquet",
+            f"{name}/part-{number:05d}.parquet",
             [table],
             table=name,
             class_space=class_space,
@@ -64,7 +64,7 @@ def write_shards(
 
 
 def make_tables(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, pa.Table]:
-    """Return one part of every table for some scenes, in the order given."""
+    """Return the tables of one shard, of some scenes in the order given."""
     columns = _collect_columns(graphs, classes)
     return {name: pa.table(columns[name], schema=schema) for name, schema in TABLES.items()}
 
@@ -179,7 +179,7 @@ def _spread_boxes(name: str, boxes: Sequence[Box | None]) -> _Columns:
 
 
 def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
-    """Assemble scene graphs from one part of every table: the inverse of `make_tables`."""
+    """Assemble scene graphs from the tables of one shard: the inverse of `make_tables`."""
     scenes, rooms, objects, edges = tables
     room_of, object_of = _group(rooms, _read_rooms(rooms)), _group(objects, _read_objects(objects))
     edges = edges.filter(pc.equal(edges["kind"], "adjacent"))
@@ -266,7 +266,7 @@ def write_parquet(
         folder: of the dataset.
         path: path of the file below it.
         tables: its row groups.
-        table: name of the table that it is a part of.
+        table: name of the table that it belongs to.
         class_space: the classes of the dataset.
         **extra: more metadata.
     """
@@ -343,14 +343,14 @@ def read_file(
     with open_listed(dataset, entry, manifest=manifest, dictionaries=dictionaries) as file:
         table = file.read(columns=columns, use_threads=False)
         absent = _list_absent(file.schema_arrow, schema_of(_table_of(entry), manifest.class_space))
-    for place, field in absent.items():
+    for index, field in absent.items():
         if columns is None or field.name in columns:
             nulls = pa.nulls(len(table), field.type)
-            place = place if columns is None else columns.index(field.name)
-            table = table.add_column(place, field, nulls)
+            index = index if columns is None else columns.index(field.name)
+            table = table.add_column(index, field, nulls)
     if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
         for scene in table["scene_id"].to_pylist():
-            if not is_scene_id(scene):  # it becomes part of names of files
+            if not is_scene_id(scene):  # names of files have it in them
                 message = f"{dataset / entry.path}: {scene!r} cannot be part of a file name"
                 raise DatasetError(message, code="scene-id", where=entry.path)
     return table
@@ -379,8 +379,8 @@ def open_listed(
         raise DatasetError(message, code="file-changed", where=entry.path)
     with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
         expected = schema_of(_table_of(entry), manifest.class_space)
-        for place in reversed(_list_absent(file.schema_arrow, expected)):
-            expected = expected.remove(place)
+        for index in reversed(_list_absent(file.schema_arrow, expected)):
+            expected = expected.remove(index)
         for name in dictionaries:
             field = expected.field(name)
             words = field.with_type(pa.dictionary(pa.int32(), field.type))
@@ -394,7 +394,7 @@ def open_listed(
 
 
 def _list_absent(found: pa.Schema, expected: pa.Schema) -> dict[int, pa.Field]:
-    """Return the fields that a file of an earlier version lacks, by their places: they are null."""
+    """Return the fields that a file of an earlier version lacks, by index: they are null."""
     names = set(found.names)
     return {n: one for n, one in enumerate(expected) if one.nullable and one.name not in names}
 

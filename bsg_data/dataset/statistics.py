@@ -1,6 +1,6 @@
 """Count the objects of a dataset by class, by role and by source, and plot the classes.
 
-All counts are added up part by part, so memory holds one part of a table at a time.
+All counts are added up file by file, so memory holds one file of a table at a time.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _SHOWN = 20  # left-out names
 def _stream_objects(
     dataset: AnyPath, columns: list[str], class_map: ClassMap | None
 ) -> Iterator[pa.Table]:
-    """Yield the objects part by part; with a map, `columns` are what it says of their names."""
+    """Yield the objects file by file; with a map, `columns` are what it says of their names."""
     read = ["scene_id", "room_index", *(columns if class_map is None else ["raw_category"])]
     for table in stream_table(Path(dataset), "objects", columns=read):
         if class_map is not None:

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO, cast
 
 from bsg_data.errors import BSGError, SourceError
-from bsg_data.inputs.bounds import DATASET_TABLE, MAX_RATIO, MIB, Bound
+from bsg_data.inputs.bounds import DATASET_TABLE, MAX_RATIO, MIB
 
 PACKED = ".gz"
 Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class of `BSGError`
@@ -29,18 +29,18 @@ class TooLargeError(OSError):
     """Report a file that is not hashed because it is larger than its bound."""
 
 
-def read_bytes(path: Path, bound: Bound, *, error: Refusal = SourceError) -> bytes:
+def read_bytes(path: Path, bound: int, *, error: Refusal = SourceError) -> bytes:
     """Read a file whole, also a pipe or a device; unpacked if its name ends in `.gz`."""
     with open_stream(path, bound, error=error) as file:
         return file.read()
 
 
-def read_member(path: Path, name: str, bound: Bound) -> bytes:
+def read_member(path: Path, name: str, bound: int) -> bytes:
     """Read the one member of a zip that has a name, in whatever folder; nothing goes to disk."""
     with _refusing(path, SourceError, _ZIP_DAMAGE):
         if not path.is_file() and path.exists():
             raise OSError("it is no file")  # a device may have no end
-        if path.stat().st_size > bound.bytes:
+        if path.stat().st_size > bound:
             raise _too_large(path, bound, SourceError)
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
@@ -53,14 +53,14 @@ def read_member(path: Path, name: str, bound: Bound) -> bytes:
                     where=path,
                 )
             with archive.open(found[0]) as member:
-                data = member.read(bound.bytes + 1)
-        if len(data) > bound.bytes:
+                data = member.read(bound + 1)
+        if len(data) > bound:
             raise _too_large(path, bound, SourceError)
         return data
 
 
 @contextmanager
-def open_stream(path: Path, bound: Bound, *, error: Refusal = SourceError) -> Iterator[BinaryIO]:
+def open_stream(path: Path, bound: int, *, error: Refusal = SourceError) -> Iterator[BinaryIO]:
     """Open a file to read it piece by piece, unpacked if its name ends in `.gz`."""
     with (
         _refusing(path, error),
@@ -70,14 +70,14 @@ def open_stream(path: Path, bound: Bound, *, error: Refusal = SourceError) -> It
         yield cast(BinaryIO, stream)
 
 
-def hash_file(path: Path, bound: Bound = DATASET_TABLE) -> str:
+def hash_file(path: Path, bound: int = DATASET_TABLE) -> str:
     """Return the sha256 of the bytes of a file, in hexadecimal digits.
 
     No kind of file that we write may be larger than the usual bound.
     """
     with path.open("rb") as file:
-        if path.stat().st_size > bound.bytes:
-            raise TooLargeError(f"{path}: expected at most {bound.bytes:,} bytes, found more")
+        if path.stat().st_size > bound:
+            raise TooLargeError(f"{path}: expected at most {bound:,} bytes, found more")
         digest = hashlib.sha256()
         while block := file.read(MIB):
             digest.update(block)
@@ -87,7 +87,7 @@ def hash_file(path: Path, bound: Bound = DATASET_TABLE) -> str:
 class _Counted(io.RawIOBase):
     """What is read of a file, counted against its bound."""
 
-    def __init__(self, file: BinaryIO, path: Path, bound: Bound, error: Refusal) -> None:
+    def __init__(self, file: BinaryIO, path: Path, bound: int, error: Refusal) -> None:
         self._packed = file if path.name.casefold().endswith(PACKED) else None
         self._file = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if self._packed else file
         self._path, self._bound, self._error, self._done = path, bound, error, 0
@@ -101,7 +101,7 @@ class _Counted(io.RawIOBase):
         data = self._file.read(len(buffer))
         buffer[: len(data)] = data
         self._done += len(data)
-        if self._done > self._bound.bytes:
+        if self._done > self._bound:
             raise _too_large(self._path, self._bound, self._error)
         taken = self._done if self._packed is None else max(self._packed.tell(), 1)
         if self._done > max(_UNSUSPICIOUS, MAX_RATIO * taken):
@@ -127,6 +127,6 @@ def _refusing(
         raise error(message, code="file-unreadable", where=path) from fault
 
 
-def _too_large(path: Path, bound: Bound, error: Refusal) -> Exception:
-    message = f"{path}: expected at most {bound.bytes:,} bytes, found more"
+def _too_large(path: Path, bound: int, error: Refusal) -> Exception:
+    message = f"{path}: expected at most {bound:,} bytes, found more"
     return error(message, code="file-too-large", where=path)

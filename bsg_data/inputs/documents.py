@@ -17,7 +17,7 @@ from pydantic_core import from_json
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
-from bsg_data.inputs.bounds import MAX_NESTING, Bound
+from bsg_data.inputs.bounds import MAX_NESTING
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -27,7 +27,7 @@ else:
 _PARSER = yaml.CBaseLoader if yaml.__with_libyaml__ else yaml.BaseLoader
 
 
-def read_json(path: Path, bound: Bound, *, error: Refusal = SourceError) -> Any:
+def read_json(path: Path, bound: int, *, error: Refusal = SourceError) -> Any:
     """Read a JSON file, packed or not."""
     data = read_bytes(path, bound, error=error)
     if not data.strip():

@@ -102,8 +102,8 @@ def estimate_hidden_share(
         visited: whether the robot was inside.
         seconds_inside: time that it spent in the room, moving at half a metre per second.
         floor_area: floor area of the room, square metres; used only with `seconds_inside`.
-        floor_in_view: share of the floor that the camera had in view.
-        walls_in_view: share of the walls, seen from above, that the camera had in view.
+        floor_in_view: fraction of the floor that the camera had in view.
+        walls_in_view: fraction of the walls, seen from above, that the camera had in view.
         recall: share of the objects in view that the robot's detector reports.
 
     Returns:
@@ -117,9 +117,9 @@ def estimate_hidden_share(
         >>> round(share.mean, 2), round(share.sd, 2)
         (0.55, 0.2)
     """
-    shares = {"floor_in_view": floor_in_view, "walls_in_view": walls_in_view, "recall": recall}
+    fractions = {"floor_in_view": floor_in_view, "walls_in_view": walls_in_view, "recall": recall}
     sizes = {"seconds_inside": seconds_inside, "floor_area": floor_area}
-    for said, most in ((shares, 1.0), (sizes, math.inf)):
+    for said, most in ((fractions, 1.0), (sizes, math.inf)):
         for name, value in said.items():
             if value is not None:
                 read_number(name, value, most=most)
@@ -138,9 +138,9 @@ def estimate_hidden_share(
 
 
 def _by_view(kind: str, view: float) -> tuple[float, float]:
-    """Return the share of the objects seen, by that of the floor or the walls, and ν."""
-    (most, part, power), size = CURVES[kind]
-    return most * (part * view**power + (1 - part) * view), size
+    """Return the share of the objects seen, by the fraction of the floor or the walls, and ν."""
+    (most, weight, power), size = CURVES[kind]
+    return most * (weight * view**power + (1 - weight) * view), size
 
 
 def _by_seconds(seconds: float, area: float | None) -> tuple[float, float]:

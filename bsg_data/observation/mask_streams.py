@@ -37,7 +37,7 @@ class MaskStreams:
         return len(self._words)
 
     def of(self, stream: str) -> list[np.random.Generator]:
-        """Return the generators of one part of the draws: a key of `_STREAM`."""
+        """Return the generators of one stream of the draws: a key of `_STREAM`."""
         # All at once, from arrays: NumPy seeds more slowly from lists, or between draws.
         last = pack("<I", _STREAM[stream])
         seeds = (np.random.SeedSequence(np.frombuffer(w + last, "<u4")) for w in self._words)
@@ -47,7 +47,7 @@ class MaskStreams:
 def mask_generator(
     recipe: MaskRecipe, *, scene_id: str, draw: int, stream: str
 ) -> np.random.Generator:
-    """Return the generator of one part of one draw of one building."""
+    """Return the generator of one stream of one draw of one building."""
     (rng,) = MaskStreams([recipe], [scene_id], [draw]).of(stream)
     return rng
 

@@ -18,18 +18,18 @@ import pyarrow as pa
 
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.dataset import Building, Dataset
-from bsg_data.dataset.histograms import OtherObjects, place_columns, stack_cells, stack_histograms
+from bsg_data.dataset.histograms import Unclassified, find_columns, stack_cells, stack_histograms
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import Layout, sample_views
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import list_column, read_views, stream_pairs
-from bsg_data.observation.view import View, hide_cells, see_others
+from bsg_data.observation.view import View, hide_cells, see_unclassified
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
 
 BATCH = 256  # buildings in memory at a time
-_place_columns = lru_cache(maxsize=4096)(place_columns)
+_find_columns = lru_cache(maxsize=4096)(find_columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +70,13 @@ class MaskedBuildings:
         return MaskedBuildings(seen, self.targets[rows], self.draws[chosen], self.nodes[rows])
 
 
-def stack_masked(parts: Sequence[MaskedBuildings]) -> MaskedBuildings:
+def stack_masked(several: Sequence[MaskedBuildings]) -> MaskedBuildings:
     """Return one record with the buildings of several, in order."""
     return MaskedBuildings(
-        stack([part.seen for part in parts]),
-        np.concatenate([part.targets for part in parts]),
-        np.concatenate([part.draws for part in parts]),
-        np.concatenate([part.nodes for part in parts]),
+        stack([one.seen for one in several]),
+        np.concatenate([one.targets for one in several]),
+        np.concatenate([one.draws for one in several]),
+        np.concatenate([one.nodes for one in several]),
     )
 
 
@@ -90,7 +90,7 @@ def stream_sampled(
 ) -> Iterator[MaskedBuildings]:
     """Yield mask number `draw` of some buildings in order, `BATCH` at a time.
 
-    Scenes in the order of the tables read each part of these once.
+    Scenes in the order of the tables read each shard of these once.
     """
     for first in range(0, len(scenes), BATCH):
         some = scenes[first : first + BATCH]
@@ -229,7 +229,7 @@ class _Masked:
             visited=np.concatenate([view.visited for view in self.views]),
             withheld=np.concatenate([view.withheld for view in self.views]),
             vocabulary=vocabulary,
-            others=stack_histograms(unclassified, starts[:-1]),
+            unclassified=stack_histograms(unclassified, starts[:-1]),
             connections=stack_connections(connections, starts[:-1].tolist()),
             surroundings=stack_surroundings(surroundings),
         )
@@ -243,8 +243,8 @@ class _Masked:
         """
         if not vocabulary:
             return np.zeros((len(there), 0), dtype=np.int64)
-        seen = see_others(
-            [self.data.others(scene) for scene in self.scenes],
+        seen = see_unclassified(
+            [self.data.unclassified(scene) for scene in self.scenes],
             self.views,
             self.recipes,
             self.streams,
@@ -252,7 +252,7 @@ class _Masked:
             hidden=hidden,
             classes=self.data.manifest.class_space.classes,
         )
-        return np.concatenate([place_others(one, vocabulary) for one in seen])
+        return np.concatenate([count_by_vocabulary(one, vocabulary) for one in seen])
 
 
 def _cut(building: Building, view: View) -> tuple[Connections, Surroundings]:
@@ -263,7 +263,7 @@ def _cut(building: Building, view: View) -> tuple[Connections, Surroundings]:
     return building.connections.among(view.nodes), taken
 
 
-def place_others(unclassified: OtherObjects, vocabulary: tuple[str, ...]) -> Counts:
+def count_by_vocabulary(unclassified: Unclassified, vocabulary: tuple[str, ...]) -> Counts:
     """Return the objects outside the classes in the columns of a vocabulary, `[N, V]` cells."""
-    columns = _place_columns(unclassified.names, vocabulary)
-    return unclassified.place(columns, len(vocabulary))
+    columns = _find_columns(unclassified.names, vocabulary)
+    return unclassified.spread(columns, len(vocabulary))

@@ -9,13 +9,13 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.histograms import OtherObjects, count_cells, to_histograms
+from bsg_data.dataset.histograms import Unclassified, count_cells, to_histograms
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.files import AnyPath
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import Layout, sample_views, sample_withheld
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.view import View, hide_cells, sample_unknown, see_others
+from bsg_data.observation.view import View, hide_cells, sample_unknown, see_unclassified
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace
@@ -77,13 +77,13 @@ def _mask(
 ) -> tuple[PartialGraph, Counts]:
     """Return the partial graph, and the true histograms `[N, C]` of its nodes."""
     ways = Connections.of_pairs((edge.source, edge.target) for edge in graph.adjacency)
-    whole, others, columns = _count(graph, class_space)
+    whole, unclassified, columns = _count(graph, class_space)
     streams = MaskStreams([recipe], [graph.scene_id], [draw])
     views = sample_views([Layout(whole.shape, ways)], [recipe], streams)
     cells = views[0].cut(whole)
     hidden = hide_cells(cells, views, streams)
-    (shown,) = see_others(
-        [others],
+    (shown,) = see_unclassified(
+        [unclassified],
         views,
         [recipe],
         streams,
@@ -91,7 +91,7 @@ def _mask(
         hidden=hidden,
         classes=class_space.classes,
     )
-    seen, view = shown.place(others.columns, len(others.categories)), views[0]
+    seen, view = shown.spread(unclassified.columns, len(unclassified.categories)), views[0]
     rows = {node: row for row, node in enumerate(view.nodes.tolist())}
     rooms = [room for room in graph.rooms if room.room_index in rows]
     partial = PartialGraph(
@@ -124,7 +124,7 @@ def _list_known(
     return tuple((name, index) for index, name in enumerate(names) if not unknown[index])
 
 
-def _count(graph: SceneGraph, class_space: ClassSpace) -> tuple[Counts, OtherObjects, list[int]]:
+def _count(graph: SceneGraph, class_space: ClassSpace) -> tuple[Counts, Unclassified, list[int]]:
     """Return classified cells, the other objects, and the column of each object in both."""
     width = len(class_space.classes)
     names = [
@@ -132,15 +132,15 @@ def _count(graph: SceneGraph, class_space: ClassSpace) -> tuple[Counts, OtherObj
         for obj in graph.objects
     ]
     listed = list(zip(graph.objects, names, strict=True))
-    others = sorted({name for obj, name in listed if obj.class_index is None})
+    kinds = sorted({name for obj, name in listed if obj.class_index is None})
     columns = [
-        width + others.index(name) if obj.class_index is None else obj.class_index
+        width + kinds.index(name) if obj.class_index is None else obj.class_index
         for obj, name in listed
     ]
     rooms = np.array([obj.room_index for obj in graph.objects], dtype=np.int64)
-    shape = (len(graph.rooms) + 1, width + len(others))
+    shape = (len(graph.rooms) + 1, width + len(kinds))
     cells = count_cells(rooms, np.array(columns, dtype=np.int64), shape=shape)
-    return cells[:, :width], OtherObjects.of_cells(tuple(others), cells[:, width:]), columns
+    return cells[:, :width], Unclassified.of_cells(tuple(kinds), cells[:, width:]), columns
 
 
 def _know(room: Room, view: View, row: int) -> KnownRoom:

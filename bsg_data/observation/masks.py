@@ -16,7 +16,7 @@ shares are right in the mean. `MASKS` has one row for each mask:
   are searched. The fraction applies to the rooms that are not searched.
 - `tour`: a building that is being found. The robot goes from room to room, and has found some
   rooms; the others are not in its graph. Those that it found it explored as under `explore`. The
-  fraction is the share of the rooms that it found.
+  fraction is that of the rooms that it found.
 - `mixed`: six draws in ten use `tour`, with any number of rooms, the others one of the five masks
   above it, with equal probability. The view does not say which. A model trained under it fits any
   way of exploring.
@@ -48,10 +48,12 @@ from bsg_data.registry import Registry
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 
 # A glimpsed room shows something, so partly seen rooms hide more to keep the building's fraction.
-# They give up at most this part of what they show.
+# They give up at most this fraction of what they show.
 _GLIMPSES_OF_SHOWN = 0.5
 _TOURS = 0.6  # of the draws of `mixed`
-_BESIDE = 2  # places in the list of rooms: a source lists rooms that are near one after the other
+_BESIDE = (
+    2  # positions in the list of rooms: a source lists rooms that are near one after the other
+)
 
 
 class Mask(ABC):
@@ -217,7 +219,7 @@ class _Tour(Mask):
         connections: Connections,
         rng: np.random.Generator,
     ) -> View:
-        """Find the share of the rooms that the recipe says, at least one, or its number of them."""
+        """Find the fraction of the rooms that the recipe says, at least one, or its number."""
         number = max(1, round(recipe.fraction * (shape[0] - 1)))
         hidden, plan = float(rng.uniform(*recipe.exploration.hidden)), recipe.exploration
         return self.find(
@@ -283,8 +285,8 @@ class _Mixed(Mask):
             number = int(shape[0] ** rng.random())
             plan = recipe.exploration
             return TOUR.find(number, shape, recipe.fraction, plan, connections=connections, rng=rng)
-        parts: tuple[Mask, ...] = (UNIFORM, ROOMS, FRONTIER, EXPLORE, SEARCH)
-        chosen = parts[int(rng.integers(len(parts)))]
+        masks: tuple[Mask, ...] = (UNIFORM, ROOMS, FRONTIER, EXPLORE, SEARCH)
+        chosen = masks[int(rng.integers(len(masks)))]
         return chosen.look(shape, recipe, connections=connections, rng=rng)
 
 
@@ -401,7 +403,7 @@ def _walk(
     """Return the rooms from 0, those that are entered first, in the order of entering them.
 
     Over connections the robot starts in a random room and goes on in a random one beside those that
-    it was in; where a connected part is exhausted, in any other. Where nothing is known, every room
+    it was in; where these are exhausted, in any other. Where nothing is known, every room
     neighbours every other.
     """
     if not (plan.connected and len(connections)):

@@ -20,7 +20,8 @@ from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
 
-_OF_NODES = ("inputs", "hidden_share", "visited", "withheld", "others")  # arrays of a row a node
+# arrays of a row a node
+_OF_NODES = ("inputs", "hidden_share", "visited", "withheld", "unclassified")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Observation:
         withheld: `[N, C]` whether a class is withheld at a node: then all of it is hidden there,
             whatever the hidden share.
         vocabulary: `[V]` categories outside the classes.
-        others: `[N, V]` seen objects outside the classes, by the vocabulary.
+        unclassified: `[N, V]` seen objects outside the classes, by the vocabulary.
         connections: connections between rooms, by rows.
         surroundings: what is known of nodes and buildings besides objects.
     """
@@ -48,7 +49,7 @@ class Observation:
     visited: Bools
     withheld: Bools
     vocabulary: tuple[str, ...]
-    others: Counts
+    unclassified: Counts
     connections: Connections
     surroundings: Surroundings
 
@@ -58,7 +59,7 @@ class Observation:
         scene_id: str,
         view: View,
         cells: Counts,
-        others: Counts,
+        unclassified: Counts,
         *,
         vocabulary: tuple[str, ...],
         connections: Connections,
@@ -73,7 +74,7 @@ class Observation:
             visited=view.visited,
             withheld=view.withheld,
             vocabulary=vocabulary,
-            others=to_histograms(others),
+            unclassified=to_histograms(unclassified),
             connections=connections,
             surroundings=surroundings,
         )
@@ -199,13 +200,13 @@ def observe_search(
     withheld = (view.withheld | wanted) & outside
     if is_missed:
         withheld = withheld | wanted
-    seen, others = (np.where(outside, *two) for two in zip(left, there, strict=True))
+    seen, unclassified = (np.where(outside, *two) for two in zip(left, there, strict=True))
     seen[withheld] = 0
     return Observation.of_building(
         scene_id,
         replace(view, withheld=withheld).search(searched).blind(blind),
         seen,
-        others,
+        unclassified,
         vocabulary=vocabulary,
         connections=connections,
         surroundings=surroundings,

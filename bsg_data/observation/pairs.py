@@ -103,7 +103,7 @@ def write_pairs(
             message = f"{dataset}: has pairs already; --force replaces them"
             raise DatasetError(message, code="pairs-exist", where=dataset)
         splits = read_splits(dataset, manifest=manifest)
-        # Sort the files of all splits by their scenes: files of the same parts become neighbours.
+        # Sort the files of all splits by their scenes: files of the same shards become neighbours.
         plan = sorted(
             (
                 (f"{split}-{number:05d}.parquet", scenes[start : start + SCENES_PER_FILE])
@@ -112,8 +112,8 @@ def write_pairs(
             ),
             key=lambda file: file[1][0],
         )
-        place = dataset.absolute()  # a worker may run in another folder
-        tasks = [(place, data.sha256, name, scenes, recipe) for name, scenes in plan]
+        folder = dataset.absolute()  # a worker may run in another folder
+        tasks = [(folder, data.sha256, name, scenes, recipe) for name, scenes in plan]
         written = list(run_all(_write_file, tasks, executor=executor, progress=progress))
         for scene in chain.from_iterable(scenes for _, scenes in written):
             if left_out is not None:

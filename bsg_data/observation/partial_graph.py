@@ -27,7 +27,7 @@ from pydantic import (
 )
 
 from bsg_data.arrays import Bools, Counts, Ints
-from bsg_data.dataset.histograms import count_cells, place_columns, to_histograms
+from bsg_data.dataset.histograms import count_cells, find_columns, to_histograms
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
@@ -91,7 +91,7 @@ _Corners = Annotated[
     AfterValidator(lambda ends: Box(*ends)),
 ]
 _AS_CORNERS = GetPydanticSchema(lambda _, handler: handler.generate_schema(_Corners | None))
-Share = Annotated[float, Field(ge=0, le=1, strict=True)]
+StrictFraction = Annotated[float, Field(ge=0, le=1, strict=True)]
 Score = Annotated[float, Number, Field(ge=0, le=1)]
 Hours = Annotated[float, Number, Field(ge=0, le=1e6)]
 Stay = Annotated[float, Number, Field(gt=0, le=1e9)]
@@ -159,7 +159,7 @@ class KnownRoom:
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     name: Annotated[Id, Field(alias="id")]
-    hidden_share: Share
+    hidden_share: StrictFraction
     visited: Annotated[bool, Field(strict=True)] = True
     label: Text | None = None
     position: Position | None = None
@@ -168,7 +168,7 @@ class KnownRoom:
     floor_index: Annotated[int, Number, Field(ge=-1000, le=1000)] | None = None
     floor_area: Annotated[float, Number, Field(gt=0, le=MAX_FLOOR_AREA)] | None = None
     room_type: Annotated[RoomType | None, PlainValidator(check_room_type)] = None
-    hidden_share_sd: Share = 0.0
+    hidden_share_sd: StrictFraction = 0.0
 
     @property
     def share(self) -> ShareBelief:
@@ -286,7 +286,7 @@ class PartialGraph:
             self.scene_id,
             View(visited, share, without, np.arange(len(cells))),
             cells,
-            self._others(vocabulary),
+            self._count_unclassified(vocabulary),
             vocabulary=vocabulary,
             connections=Connections.of_pairs(self.adjacency),
             surroundings=Surroundings.of_graph(self, self.rooms),
@@ -301,7 +301,7 @@ class PartialGraph:
         ]
         return self._count(np.array(known, dtype=np.int64), len(self.class_space.classes))
 
-    def _others(self, vocabulary: Sequence[str]) -> Counts:
+    def _count_unclassified(self, vocabulary: Sequence[str]) -> Counts:
         """Return the seen objects outside the classes, counted by a vocabulary, `[1 + R, V]`."""
         known = [
             (obj.room_index, obj.category)
@@ -311,7 +311,7 @@ class PartialGraph:
             and not is_nameless(obj.category)
             and obj.is_evidence
         ]
-        columns = place_columns([category for _, category in known], vocabulary)
+        columns = find_columns([category for _, category in known], vocabulary)
         pairs = np.stack([[room for room, _ in known], columns], axis=-1).astype(np.int64)
         return self._count(pairs[columns >= 0], len(vocabulary))
 

@@ -60,8 +60,8 @@ from bsg_data.observation.partial_graph import (
     Position,
     Score,
     SeenObject,
-    Share,
     Stay,
+    StrictFraction,
     Text,
     spell_id,
 )
@@ -130,10 +130,10 @@ class RobotGraphError(SourceError):
 class _Room(KnownRoom):
     """A room as a robot says it: its hidden share, or how it looked at the room."""
 
-    hidden_share: Share | None = None  # type: ignore[assignment]
+    hidden_share: StrictFraction | None = None  # type: ignore[assignment]
     seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
-    floor_in_view: Share | None = None
-    walls_in_view: Share | None = None
+    floor_in_view: StrictFraction | None = None
+    walls_in_view: StrictFraction | None = None
 
 
 def _know(room: _Room) -> KnownRoom:
@@ -184,7 +184,7 @@ class _Graph(Record):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
     version: Annotated[Literal[1], Number] = 1
     scene_id: Id
-    hidden_share: Share | None = None
+    hidden_share: StrictFraction | None = None
     building_kind: Annotated[Text | None, AfterValidator(check_building_kind)] = None
     source: Id | None = None
     # One fault is told: millions of them would take minutes and gigabytes.
@@ -433,7 +433,7 @@ def _find(name: str, index: Mapping[str, int], where: str) -> int:
 
 
 def _explain(error: ValidationError, said: Any) -> str:
-    """Return place and kind of a fault: `room 'kitchen': hidden_share: Input should be …`.
+    """Return key and kind of a fault: `room 'kitchen': hidden_share: Input should be …`.
 
     A key that is unknown comes first, for what is missing may stand under it.
     """
@@ -456,8 +456,8 @@ def _explain(error: ValidationError, said: Any) -> str:
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
     elif path == ["rooms"] and fault["type"] == "tuple_type":
         what = f"{what}, found {show_value(said.get('partial', said)['rooms'])}; {_MAP_HINT}"
-    place = ".".join(str(one)[:SHOWN] for one in path)
-    return ": ".join(filter(None, (entry, place, what)))
+    keys = ".".join(str(one)[:SHOWN] for one in path)
+    return ": ".join(filter(None, (entry, keys, what)))
 
 
 def _name_entry(entries: Any, kind: str, number: int) -> str:
@@ -515,7 +515,7 @@ def _encode_room(room: KnownRoom) -> dict[str, Any]:
 def _plain(said: RoomType | None) -> RoomType | None:
     """Return labels without what they were read from."""
     if isinstance(said, Mapping):
-        return {str(label): share for label, share in said.items()}
+        return {str(label): probability for label, probability in said.items()}
     return None if said is None else str(said)
 
 

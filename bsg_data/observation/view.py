@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
-from bsg_data.dataset.histograms import OtherObjects
+from bsg_data.dataset.histograms import Unclassified
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
@@ -166,11 +166,11 @@ def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Co
     """
     draws, width = len(streams) // len(views), cells.shape[1]
     share = np.concatenate([view.hidden_share for view in views])
-    places, flat = np.flatnonzero(cells), cells.reshape(-1)
-    ends = places.searchsorted(np.cumsum([0, *(len(view.nodes) * width for view in views)]))
+    filled, flat = np.flatnonzero(cells), cells.reshape(-1)
+    ends = filled.searchsorted(np.cumsum([0, *(len(view.nodes) * width for view in views)]))
     hidden = np.zeros((draws, flat.size), dtype=cells.dtype)
-    hidden[:, places] = _hide(
-        flat[places], share[places // width], ends, views, streams.of("classified")
+    hidden[:, filled] = _hide(
+        flat[filled], share[filled // width], ends, views, streams.of("classified")
     )
     withheld = np.concatenate([view.withheld for view in views]).reshape(-1)
     if withheld.any():
@@ -231,7 +231,7 @@ def sample_unknown(
     recipe: MaskRecipe,
     *,
     classes: int,
-    unclassified: OtherObjects | None = None,
+    unclassified: Unclassified | None = None,
 ) -> tuple[Bools, Ints]:
     """Sample which classes `[C]` the robot's detector does not know, and which other kinds.
 
@@ -247,8 +247,8 @@ def sample_unknown(
     return unknown, kinds[rng.random(len(kinds)) > known]
 
 
-def see_others(
-    unclassified: Sequence[OtherObjects],
+def see_unclassified(
+    unclassified: Sequence[Unclassified],
     views: Sequence[View],
     recipes: Sequence[MaskRecipe],
     streams: MaskStreams,
@@ -256,7 +256,7 @@ def see_others(
     there: Counts,
     hidden: Counts,
     classes: Sequence[str],
-) -> list[OtherObjects]:
+) -> list[Unclassified]:
     """Sample which objects outside the classes are seen in each of M buildings.
 
     Parts of a thing are hidden with it, if the recipe says so: each part is attached to a random
@@ -290,13 +290,13 @@ def see_others(
             if len(unknown):
                 left[np.isin(one.kinds, unknown)] = 0
     return [
-        OtherObjects(one.names, one.nodes, one.rows, one.kinds, left)
+        Unclassified(one.names, one.nodes, one.rows, one.kinds, left)
         for one, left in zip(found, seen, strict=True)
     ]
 
 
 def _find_rates(
-    found: Sequence[OtherObjects],
+    found: Sequence[Unclassified],
     views: Sequence[View],
     recipes: Sequence[MaskRecipe],
     *,

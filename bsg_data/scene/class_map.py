@@ -29,7 +29,7 @@ from bsg_data.scene.class_space import (
     read_published,
     read_rows,
 )
-from bsg_data.scene.spoken_names import (
+from bsg_data.scene.name_rules import (
     RULES_VERSION,
     Rule,
     change_number,
@@ -151,9 +151,9 @@ class ClassMap:
             return None
         return replace(min(found, key=lambda one: len(str(one.category))), rule="spelling")
 
-    def nearest(self, name: str, *, count: int = 3) -> tuple[str, ...]:
+    def nearest(self, name: str) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
-        return nearest_names(normalise_name(name), self.normalised, most=count)
+        return nearest_names(normalise_name(name), self.normalised)
 
 
 class PublishedMap(NamedTuple):
@@ -261,8 +261,8 @@ def read_own_map(path: Path) -> OwnMap:
             where=path,
         )
     found = {
-        part: read_bytes(file, CLASS_MAP, error=ClassMapError)
-        for part, suffix in _FILES.items()
+        name: read_bytes(file, CLASS_MAP, error=ClassMapError)
+        for name, suffix in _FILES.items()
         if (file := path.with_suffix(suffix)).is_file()
     }
     return OwnMap(name=path.stem, **{"spellings": b"", **found})
@@ -270,8 +270,8 @@ def read_own_map(path: Path) -> OwnMap:
 
 def write_own_map(own: OwnMap, folder: Path) -> Path:
     """Write the files of a class map into a folder, and return the path of its `NAME.csv`."""
-    for part, suffix in _FILES.items():
-        if (data := getattr(own, part)) is not None:
+    for name, suffix in _FILES.items():
+        if (data := getattr(own, name)) is not None:
             write_bytes(folder / f"{own.name}{suffix}", data)
     return folder / f"{own.name}{SUFFIX}"
 
@@ -327,16 +327,16 @@ def _parse_map(
     rules: bool = True,
 ) -> ClassMap:
     space, definitions = parse_class_space(space_name, classes)
-    parts = frozenset(
+    building_parts = frozenset(
         row[0] for _, row in read_rows(f"{version}.structure.csv", structure, ("category",))
     )
-    entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, parts)
+    entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, building_parts)
     plain = ClassMap(
         version=version,
         sha256=_hash(spellings, classes),
         space=space,
         definitions=definitions,
-        structure=parts,
+        structure=building_parts,
         entries=entries,
         normalised=normalised,
     )
@@ -362,8 +362,8 @@ def _parse_map(
     )
 
 
-def _hash(*parts: bytes) -> str:
-    return hashlib.sha256(b"".join(parts)).hexdigest()
+def _hash(*files: bytes) -> str:
+    return hashlib.sha256(b"".join(files)).hexdigest()
 
 
 def _list_synonyms(

@@ -92,7 +92,9 @@ def read_published(file: str) -> bytes:
     if f"{hashlib.sha256(data).hexdigest()}  {file}" not in published:
         raise ClassMapError(
             f"mappings/{file} is not the published file (sha256 differs from SHA256SUMS): "
-            "published files never change; reinstall the package, or give your version a new name"
+            "published files never change; reinstall the package, or give your version a new name",
+            code="file-changed",
+            where=file,
         )
     return data
 

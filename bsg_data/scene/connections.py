@@ -30,20 +30,20 @@ class Connections:
         return len(self.pairs)
 
     @classmethod
-    def of_pairs(cls, pairs: Iterable[tuple[int, int]], *, method: str = GIVEN) -> Connections:
-        """Return connections of unknown length."""
+    def of_pairs(cls, pairs: Iterable[tuple[int, int]]) -> Connections:
+        """Return the connections that a robot gives, of unknown length."""
         array = np.array(list(pairs), dtype=np.int64).reshape(-1, 2)
-        return cls(array, np.full(len(array), method), np.full(len(array), np.nan))
+        return cls(array, np.full(len(array), GIVEN), np.full(len(array), np.nan))
 
     def take(self, rows: npt.NDArray[np.integer] | npt.NDArray[np.bool_] | slice) -> Connections:
         """Return some of the connections."""
         return Connections(self.pairs[rows], self.methods[rows], self.lengths[rows])
 
     def among(self, nodes: npt.NDArray[np.int64]) -> Connections:
-        """Return the connections between some nodes, whose indices rise, by their place there."""
-        places = np.full(max(self.pairs.max(initial=0), nodes.max(initial=0)) + 1, -1)
-        places[nodes] = np.arange(len(nodes))
-        moved = places[self.pairs]
+        """Return the connections between some nodes, whose indices rise, by their index there."""
+        row_of = np.full(max(self.pairs.max(initial=0), nodes.max(initial=0)) + 1, -1)
+        row_of[nodes] = np.arange(len(nodes))
+        moved = row_of[self.pairs]
         kept = (moved >= 0).all(axis=1)
         return Connections(moved[kept], self.methods[kept], self.lengths[kept])
 
@@ -51,12 +51,12 @@ class Connections:
 NO_CONNECTIONS = Connections.of_pairs(())
 
 
-def stack_connections(parts: Sequence[Connections], offsets: Sequence[int]) -> Connections:
+def stack_connections(several: Sequence[Connections], offsets: Sequence[int]) -> Connections:
     """Return the connections of several buildings, moved by the first node of each."""
-    if not parts:
+    if not several:
         return Connections.of_pairs(())
     return Connections(
-        np.concatenate([part.pairs + first for part, first in zip(parts, offsets, strict=True)]),
-        np.concatenate([part.methods for part in parts]),
-        np.concatenate([part.lengths for part in parts]),
+        np.concatenate([one.pairs + first for one, first in zip(several, offsets, strict=True)]),
+        np.concatenate([one.methods for one in several]),
+        np.concatenate([one.lengths for one in several]),
     )

@@ -44,7 +44,7 @@ _MENDED, _REPLACED = 6, 7
 _MARKS = re.compile(r"['’ʼ`´]|(?<=\b\w)\.|[\u0300-\u036f]")  # of possession, short forms, accents
 _HUMP = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])")
 _WORDS = re.compile(r"\d+(?:st|nd|rd|th)\b|[^\W\d_]+")
-_PARTS = re.compile(r"[/&+(),;:|]|\b(?:and|or|of|for|on|in|at|by|near|with)\b")
+_BETWEEN = re.compile(r"[/&+(),;:|]|\b(?:and|or|of|for|on|in|at|by|near|with)\b")
 _PLURALS = {"children": "child", "people": "person"}
 # Words beside the kind of a room that say which one it is.
 _WHICH = (
@@ -139,10 +139,10 @@ def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
 
 
 def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
-    """Yield the words of a name, without what says which room it is, and of each of its parts."""
+    """Yield the words of a name, without what says which room it is, and of each of its pieces."""
     plain = _MARKS.sub("", unicodedata.normalize("NFKD", _HUMP.sub(" ", name))).casefold()
-    for part in dict.fromkeys((plain, *_PARTS.split(plain))):
-        said = [word for word in _WORDS.findall(part) if not word[0].isdecimal()]
+    for piece in dict.fromkeys((plain, *_BETWEEN.split(plain))):
+        said = [word for word in _WORDS.findall(piece) if not word[0].isdecimal()]
         words = tuple(map(_singular, said))
         yield words
         while words and _BEHIND.fullmatch(words[-1]):
@@ -170,8 +170,8 @@ def _mend(key: str) -> str | None:
         return None
     rows, size = _read_labels(), len(key)
     same = _group_keys().get((key[0], size), [])
-    others = (_group_keys().get((key[0], n), []) for n in (size - 1, size + 1))
-    shifted = [*same, *chain.from_iterable(others)]
+    near_sizes = (_group_keys().get((key[0], n), []) for n in (size - 1, size + 1))
+    shifted = [*same, *chain.from_iterable(near_sizes)]
     replaced = same if size >= _REPLACED else []
     for listed, differs in ((shifted, _is_shifted), (replaced, _is_replaced)):
         near = [word for one, word in listed if differs(*_cut_common(one, key))]
@@ -273,12 +273,12 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
             f"expected 1 to {_MOST_LABELS} labels, found {len(said)}; leave it out, or give null"
         )
     found: dict[str, float] = {}
-    for word, share in said.items():
+    for word, probability in said.items():
         most, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
-        share = read_number(show_value(word), share, most=most, wanted=wanted)
+        probability = read_number(show_value(word), probability, most=most, wanted=wanted)
         label = _find_label(word)
-        if label is not None and share > 0:
-            found[label] = found.get(label, 0.0) + share
+        if label is not None and probability > 0:
+            found[label] = found.get(label, 0.0) + probability
     total = math.fsum(said.values())
     if total > 1 + _ROUNDING:
         raise RecipeError(f"expected probabilities that add up to 1 or less, found {total:g}")
@@ -324,8 +324,8 @@ def name_nearest(word: str) -> str:
 
 
 @cache
-def _place_labels() -> dict[str, int]:
-    return {label: place for place, label in enumerate(list_room_labels())}
+def _index_labels() -> dict[str, int]:
+    return {label: index for index, label in enumerate(list_room_labels())}
 
 
 def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
@@ -336,11 +336,11 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     Raises:
         RecipeError: as `check_room_type`.
     """
-    known, places = check_room_type(said), _place_labels()
-    row = np.zeros(len(places))
-    for label, share in ({known: 1.0} if isinstance(known, str) else known or {}).items():
-        if (read := known_label(label)) in places:
-            row[places[read]] += share
+    known, index = check_room_type(said), _index_labels()
+    row = np.zeros(len(index))
+    for label, probability in ({known: 1.0} if isinstance(known, str) else known or {}).items():
+        if (read := known_label(label)) in index:
+            row[index[read]] += probability
     if row.any():
         row += max(0.0, 1 - row.sum()) / len(row)
         row /= row.sum()

@@ -129,10 +129,10 @@ class Surroundings:
 EVIDENCE = tuple(one.name for one in fields(Surroundings))
 
 
-def stack_surroundings(parts: Sequence[Surroundings]) -> Surroundings:
+def stack_surroundings(several: Sequence[Surroundings]) -> Surroundings:
     """Return the surroundings of several buildings, one or more, in order."""
     return Surroundings(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in EVIDENCE)
+        *(np.concatenate([getattr(one, name) for one in several]) for name in EVIDENCE)
     )
 
 
@@ -236,10 +236,10 @@ def _measure_rooms(rooms: pa.Table) -> Floats:
 
 def _mark_labels(rooms: pa.Table) -> Floats:
     """Return 1 at the label of every room `[R, L]`; all 0 for a label that this version lacks."""
-    places = {label: place for place, label in enumerate(list_room_labels())}
+    index = {label: number for number, label in enumerate(list_room_labels())}
     labels = rooms["label"].to_pylist()
-    found = [places.get(label and known_label(label), len(places)) for label in labels]
-    return np.eye(len(places) + 1, len(places))[found]
+    found = [index.get(label and known_label(label), len(index)) for label in labels]
+    return np.eye(len(index) + 1, len(index))[found]
 
 
 def _find(word: str | None, listed: Sequence[str]) -> int:

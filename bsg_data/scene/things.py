@@ -15,8 +15,8 @@ from functools import cache
 from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space, read_published, read_rows
+from bsg_data.scene.name_rules import singulars, take_apart
 from bsg_data.scene.room_label import known_label, label_of
-from bsg_data.scene.spoken_names import singulars, take_apart
 from bsg_data.spelling import show_value
 
 _FILE = "things-v1.csv"
@@ -34,19 +34,19 @@ class Thing:
     name: str
     spellings: tuple[str, ...]  # its other names
     wider: str | None  # the class that every such thing is of
-    # (common label of a room, share of the searches that begin there), the likeliest first. Labels
+    # (common label of a room, P(a search begins there)), the likeliest first. Labels
     # that only other buildings have are among them: divide by the sum over the rooms that there are
     rooms: tuple[tuple[str, float], ...]
     home: float  # P(a home has at least one)
 
-    def share_in(self, label: str) -> float:
-        """Return the share of rooms with a label: its own, or that of the label models read for it.
+    def probability_in(self, label: str) -> float:
+        """Return P(a search begins in a room with a label), or with the label models read for it.
 
         Ask it for the rooms that there are. The table's own labels are never translated: medicine
         is in a pharmacy, which models read as a storage room, but in no storage room of a home.
         """
-        shares = dict(self.rooms)
-        return shares.get(label, shares.get(known_label(label), 0.0))
+        rooms = dict(self.rooms)
+        return rooms.get(label, rooms.get(known_label(label), 0.0))
 
 
 def list_things() -> tuple[Thing, ...]:

@@ -12,7 +12,7 @@ from functools import cache
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.spoken_names import take_apart
+from bsg_data.scene.name_rules import take_apart
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 VOCABULARIES = "vocabularies-v1.csv"

@@ -20,7 +20,6 @@ from bsg_data.errors import (
     find_io_error,
 )
 from bsg_data.inputs.bounded_file import PACKED, hash_file, read_bytes
-from bsg_data.inputs.bounds import Bound
 from bsg_data.recipes import name_fault
 from bsg_data.sources.source import FoundScenes, SceneRef
 
@@ -40,10 +39,10 @@ def find_files(path: Path, suffix: str, *, expected: str, is_path: bool = False)
     root = path if path.is_dir() else path.parent
     refs = []
     for file in files:
-        place = file.relative_to(root)
+        location = file.relative_to(root)
         name = file.name.removesuffix(PACKED).removesuffix(suffix) or file.name
-        scene_id = "-".join((*place.parts[:-1], name)) if is_path else name
-        refs.append(SceneRef(scene_id, place.as_posix(), fingerprint(file)))
+        scene_id = "-".join((*location.parts[:-1], name)) if is_path else name
+        refs.append(SceneRef(scene_id, location.as_posix(), fingerprint(file)))
     found = keep_one_copy(refs, digest=lambda ref: hash_file(root / ref.location))
     return replace(found, unreadable=unreadable)
 
@@ -180,7 +179,7 @@ def state_of(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-def read_listed(path: Path, bound: Bound, *, expected: str) -> bytes:
+def read_listed(path: Path, bound: int, *, expected: str) -> bytes:
     """Read a file that has the fingerprint of when it was listed; unpacked."""
     require_fingerprint(path, fingerprint(path), expected)
     return read_bytes(path, bound)
@@ -223,7 +222,7 @@ def malformed(path: Path, number: int, line: str, *, expected: str) -> Annotatio
 def validate(
     model: type[Model], document: object, *, where: Path | str, expected: str, code: str
 ) -> Model:
-    """Return the record of a document; the error names the place of its first fault."""
+    """Return the record of a document; the error names the key of its first fault."""
     try:
         return model.model_validate(document)
     except ValidationError as error:

@@ -101,8 +101,8 @@ class CobieSheets:
             )
         notes: Counter[str] = Counter()
         rooms = _list_rooms(sheets, notes)
-        places = {name: number for number, name in enumerate(_index(sheets["space"]))}
-        objects, doors = _place_components(sheets, places, class_map, notes)
+        regions = {name: number for number, name in enumerate(_index(sheets["space"]))}
+        objects, doors = _list_components(sheets, regions, class_map, notes)
         graph = assemble(
             objects,
             ref=ref,
@@ -131,8 +131,8 @@ def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
-        if unpacked > COBIE.bytes:
-            raise ValueError(f"it unpacks to {unpacked:,} bytes; at most {COBIE.bytes:,} are read")
+        if unpacked > COBIE:
+            raise ValueError(f"it unpacks to {unpacked:,} bytes; at most {COBIE:,} are read")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what cells look like
             book = openpyxl.load_workbook(
@@ -157,9 +157,9 @@ def _read_rows(sheet: Any) -> Iterator[_Row]:
         row = [_text(value) for value in values]
         cells += sum(map(bool, row))
         letters += sum(map(len, row))  # many cells may name one text of the file
-        if cells > MAX_CELLS or letters > COBIE.bytes or max(map(len, row), default=0) > MAX_CELL:
+        if cells > MAX_CELLS or letters > COBIE or max(map(len, row), default=0) > MAX_CELL:
             raise ValueError(
-                f"sheet {sheet.title}: more than {MAX_CELLS:,} cells, {COBIE.bytes:,} letters, or "
+                f"sheet {sheet.title}: more than {MAX_CELLS:,} cells, {COBIE:,} letters, or "
                 f"{MAX_CELL:,} letters in one cell"
             )
         if number == MAX_SHEET_ROWS or any(row[MAX_SHEET_COLUMNS:]):
@@ -190,8 +190,8 @@ def _is_silent(text: str) -> bool:
     """Return whether a cell says nothing; `n/a: n/a` of a classification does not, either."""
     if len(text) > _LONGEST_SILENT:
         return False
-    parts = ("".join(_WORD.findall(part)).casefold() for part in text.split(":"))
-    return bool(_FORMULA.fullmatch(text)) or all(part in _SILENT for part in parts)
+    pieces = ("".join(_WORD.findall(piece)).casefold() for piece in text.split(":"))
+    return bool(_FORMULA.fullmatch(text)) or all(piece in _SILENT for piece in pieces)
 
 
 def _key(name: str) -> str:
@@ -286,9 +286,9 @@ def _number(text: str | None) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _place_components(
+def _list_components(
     sheets: _Sheets,
-    places: Mapping[str, int],
+    regions: Mapping[str, int],
     class_map: ClassMap,
     notes: Counter[str],
 ) -> tuple[list[AnnotatedObject], list[tuple[int, int]]]:
@@ -301,18 +301,18 @@ def _place_components(
         if word is None:
             notes["components have no type in the sheet Type: their own words name them"] += 1
             word = _name_type(row, class_map)
-        rooms = _find_rooms(row.get("space", ""), places, notes)
+        rooms = _find_rooms(row.get("space", ""), regions, notes)
         if class_map.classify(word).category == "door" and len(rooms) == 2:
             doors.append((rooms[0], rooms[1]))
         objects.append(AnnotatedObject(number, rooms[0] if rooms else -1, word))
     return objects, doors
 
 
-def _find_rooms(said: str, places: Mapping[str, int], notes: Counter[str]) -> list[int]:
-    """Return the rooms that a component lists, once each; commas or semicolons part them."""
-    parts = (part for part in re.split("[,;]", said) if not _is_silent(part))
-    names = [said] if _key(said) in places else list(parts)
-    known = [places[_key(name)] for name in names if _key(name) in places]
+def _find_rooms(said: str, regions: Mapping[str, int], notes: Counter[str]) -> list[int]:
+    """Return the rooms that a component lists, once each; commas or semicolons are between them."""
+    pieces = (piece for piece in re.split("[,;]", said) if not _is_silent(piece))
+    names = [said] if _key(said) in regions else list(pieces)
+    known = [regions[_key(name)] for name in names if _key(name) in regions]
     if not names:
         notes["components name no space: they belong to the building"] += 1
     notes["names of spaces of components are not in the sheet Space"] += len(names) - len(known)
@@ -330,8 +330,8 @@ def _name_type(row: _Row, class_map: ClassMap) -> str:
 
 def _find_noun(text: str) -> str:
     """Return what a name says first: `Cabinet` of `Cabinet-915 x 610`, `Chair` of `M_Chair-A`."""
-    parts = (part.strip() for part in _ENDS.split(text))
-    return next((part for part in parts if part.casefold() not in _PREFIXES), "")
+    pieces = (piece.strip() for piece in _ENDS.split(text))
+    return next((piece for piece in pieces if piece.casefold() not in _PREFIXES), "")
 
 
 ROW = SourceRow(

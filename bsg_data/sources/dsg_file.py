@@ -38,18 +38,18 @@ Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
 Triple = tuple[Metres | None, Metres | None, Metres | None]  # null stands for what is not finite
 
 
-class _Part(BaseModel):
+class _Entry(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
-class _Quaternion(_Part):
+class _Quaternion(_Entry):
     w: Annotated[float, Field(ge=-1.01, le=1.01)] = 1.0
     x: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
     y: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
     z: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
 
 
-class _BoundingBox(_Part):
+class _BoundingBox(_Entry):
     type: str | int = "INVALID"
     min: Triple | None = None
     max: Triple | None = None
@@ -58,7 +58,7 @@ class _BoundingBox(_Part):
     turn: Annotated[_Quaternion, Field(alias="world_R_center")] = _Quaternion()
 
 
-class _Attributes(_Part):
+class _Attributes(_Entry):
     type: Annotated[str, Field(max_length=200)] = ""
     name: Annotated[str, Field(max_length=1000)] = ""
     position: Triple | None = None
@@ -67,29 +67,29 @@ class _Attributes(_Part):
     metadata: Any = None
 
 
-class _Node(_Part):
+class _Node(_Entry):
     id: Number
     layer: Small
     partition: Small = 0
     attributes: _Attributes
 
 
-class _Edge(_Part):
+class _Edge(_Entry):
     source: Number
     target: Number
 
 
-class _LayerKey(_Part):
+class _LayerKey(_Entry):
     layer: Small
     partition: Small = 0
 
 
-class _Metadata(_Part):
+class _Metadata(_Entry):
     labelspaces: dict[str, tuple[tuple[Small, str], ...]] = {}
     bsg: Any = None
 
 
-class _Graph(_Part):
+class _Graph(_Entry):
     nodes: tuple[_Node, ...]
     edges: tuple[_Edge, ...]
     layer_names: dict[str, _LayerKey | Small] = {}
@@ -104,13 +104,13 @@ class DSGNode:
     """A node of a robot's graph."""
 
     id: int  # its symbol as a number, unique in the file
-    index: int  # the number of its symbol, 3 of `O(3)`; its place among its kind if numbers repeat
+    index: int  # the number of its symbol, 3 of `O(3)`; its rank among its kind if numbers repeat
     name: str | None  # its own; None if that is its symbol, or empty
     label: int | None  # the number of its label; None without one
     label_name: str | None  # the name that the file has for its label; None without one
     position: Point | None  # metres; None where it is not finite
     box: Box | None  # axis-aligned, around the node's own; metres; None without one
-    room: int | None = None  # place of its room among the rooms; None without one, and for rooms
+    room: int | None = None  # number of its room among the rooms; None without one, and for rooms
     # what its metadata say under `bsg`; empty without
     said: Mapping[str, Any] = field(default_factory=dict)
 
@@ -126,7 +126,7 @@ class DSGFile:
 
     rooms: tuple[DSGNode, ...]  # in the order of their ids
     objects: tuple[DSGNode, ...]  # in the order of their ids
-    adjacency: tuple[tuple[int, int], ...]  # pairs of places of rooms, ascending and once each
+    adjacency: tuple[tuple[int, int], ...]  # pairs of numbers of rooms, ascending and once each
     # what its metadata say under `bsg`; empty without
     said: Mapping[str, Any] = field(default_factory=dict)
 
@@ -164,13 +164,13 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
             where=path,
         )
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
-    place = {node.id: number for number, node in enumerate(rooms)}
+    number_of = {node.id: number for number, node in enumerate(rooms)}
     above = _find_parents(graph, path)
-    ends = [(place.get(edge.source), place.get(edge.target)) for edge in graph.edges]
+    ends = [(number_of.get(edge.source), number_of.get(edge.target)) for edge in graph.edges]
     joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
     return DSGFile(
         rooms=_describe(rooms, graph, {}, {}),
-        objects=_describe(objects, graph, above, place),
+        objects=_describe(objects, graph, above, number_of),
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
         said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
     )
@@ -209,18 +209,18 @@ def _find_parents(graph: _Graph, path: Path) -> dict[int, int]:
     return parents
 
 
-def _find_room(node: int, above: Mapping[int, int], place: Mapping[int, int]) -> int | None:
-    """Return the place of the first room above a node, by way of places; layers only rise."""
+def _find_room(node: int, above: Mapping[int, int], number_of: Mapping[int, int]) -> int | None:
+    """Return the number of the first room above a node, by way of places; layers only rise."""
     at = above.get(node)
     while at is not None:
-        if at in place:
-            return place[at]
+        if at in number_of:
+            return number_of[at]
         at = above.get(at)
     return None
 
 
 def _describe(
-    nodes: list[_Node], graph: _Graph, above: Mapping[int, int], place: Mapping[int, int]
+    nodes: list[_Node], graph: _Graph, above: Mapping[int, int], number_of: Mapping[int, int]
 ) -> tuple[DSGNode, ...]:
     indices = [node.id & _INDEX for node in nodes]
     if len(set(indices)) < len(indices) or max(indices, default=0) >= 2**31:
@@ -239,8 +239,8 @@ def _describe(
             label=label,
             label_name=None if label is None else named.get(label) or None,
             position=_point(held.position),
-            box=None if held.bounding_box is None else _surround(held.bounding_box),
-            room=_find_room(node.id, above, place),
+            box=None if held.bounding_box is None else _enclose(held.bounding_box),
+            room=_find_room(node.id, above, number_of),
             said=_what_is_said(_what_is_said(held.metadata).get("bsg")),
         )
         found.append(one)
@@ -254,7 +254,7 @@ def _point(values: Triple | None) -> Point | None:
     return (x, y, z) if math.isfinite(x + y + z) else None
 
 
-def _surround(box: _BoundingBox) -> Box | None:
+def _enclose(box: _BoundingBox) -> Box | None:
     """Return the axis-aligned box around a box; None for an invalid one.
 
     Newer files have `dimensions` around `world_P_center`. Older ones have `min` and `max`, which

@@ -11,12 +11,11 @@ from typing import Generic, TypeVar
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import MIB, Bound
+from bsg_data.inputs.bounds import LABEL_TABLE
 from bsg_data.inputs.documents import decode
 from bsg_data.spelling import meant_names, show_value
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
-_BOUND = Bound("table of room labels, CSV", 16 * MIB)
 Key = TypeVar("Key")
 
 
@@ -24,7 +23,7 @@ Key = TypeVar("Key")
 class LabelTable(Generic[Key]):
     """A table of labels."""
 
-    labels: Mapping[Key, tuple[str, str]]  # key → its label, maybe empty, and the place in the file
+    labels: Mapping[Key, tuple[str, str]]  # key → its label, maybe empty, and its line
     unread: tuple[str, ...]  # columns that are not read
 
 
@@ -36,20 +35,20 @@ def read_label_table(
     Args:
         path: of the table.
         columns: the columns that are read, the label last, each with its further names.
-        key_of: makes the key of a row, from its place in the file and its other cells.
+        key_of: makes the key of a row, from its line and its other cells.
 
     Raises:
         SourceError: if it is no such table; it names the line.
     """
     rows = _read_rows(path)
     header = [name.strip() for name in rows[0][1]] if rows else []
-    places = _find_columns(path, header, columns)
+    wanted = _find_columns(path, header, columns)
     labels: dict[Key, tuple[str, str]] = {}
     for where, row in rows[1:]:
         if len(row) != len(header):
             message = f"{where}: expected {len(header)} fields, as the header; found {len(row)}"
             raise SourceError(message, code="row-ragged", where=where)
-        *cells, label = (row[place].strip() for place in places)
+        *cells, label = (row[column].strip() for column in wanted)
         first, line = labels.setdefault(key_of(where, cells), (label, where))
         if first != label:
             key = ", ".join(f"{name} {cell}" for name, cell in zip(columns, cells, strict=False))
@@ -59,13 +58,13 @@ def read_label_table(
                 code="rows-disagree",
                 where=where,
             )
-    unread = (name for place, name in enumerate(header) if place not in places)
+    unread = (name for column, name in enumerate(header) if column not in wanted)
     return LabelTable(labels, tuple(unread))
 
 
 def _read_rows(path: Path) -> list[tuple[str, list[str]]]:
-    """Return the rows that are not empty, each with its place."""
-    data = read_bytes(path, _BOUND)
+    """Return the rows that are not empty, each with its line."""
+    data = read_bytes(path, LABEL_TABLE)
     try:
         text = io.StringIO(decode(data), newline="")
         separator = "\t" if ".tsv" in path.name.casefold() else ","
@@ -81,7 +80,7 @@ def _read_rows(path: Path) -> list[tuple[str, list[str]]]:
 def _find_columns(
     path: Path, header: Sequence[str], columns: Mapping[str, tuple[str, ...]]
 ) -> list[int]:
-    """Return the place of each column, by the first of its names that is there."""
+    """Return the number of each column, by the first of its names that is there."""
     twice = next((name for at, name in enumerate(header) if name and name in header[:at]), None)
     if twice:
         raise SourceError(f"{path}: the column {twice!r} twice", code="column-twice", where=path)

@@ -79,7 +79,7 @@ class _Entry(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
-class _Place(_Entry):
+class _Position(_Entry):
     x: _Metres
     y: _Metres
     z: _Metres
@@ -103,7 +103,7 @@ def _require_both(one: str, other: str, values: Mapping[str, Any]) -> None:
 
 class _LayoutRoom(_Entry):
     label: _Label | None = None
-    centroid: _Place | None = None
+    centroid: _Position | None = None
     dims: _Size | None = None
 
     @model_validator(mode="after")

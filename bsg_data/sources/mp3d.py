@@ -181,7 +181,7 @@ class House:
         elif kind == "O":
             region = _refer(line, 2, "a region", self.regions)
             category = _refer(line, 3, "a category", self.categories)
-            self.objects.append((region, category, _surround(_points(line, 4, 4))))
+            self.objects.append((region, category, _enclose(_points(line, 4, 4))))
         elif kind not in ("H", *_COUNTED):
             raise ValueError("a line of H, L, R, P, S, V, I, C, O or E")
         self.counted[kind] += 1
@@ -205,13 +205,13 @@ def parse_house(text: str, *, path: Path) -> House:
     if house.counted["H"] != 1:
         raise malformed(path, header, found, expected="one header in all, a line of H")
     told = (*found.split(), *("" for _ in _COUNTED))
-    for place, kind in enumerate(_COUNTED, start=3):
+    for column, kind in enumerate(_COUNTED, start=3):
         there = str(house.counted[kind])
-        if kind in _REQUIRED and told[place] != there:
-            expected = f"{there} lines of {kind} as field {place + 1} of H"
+        if kind in _REQUIRED and told[column] != there:
+            expected = f"{there} lines of {kind} as field {column + 1} of H"
             raise malformed(path, header, found, expected=expected)
-        if kind in _OPTIONAL and told[place] != there:
-            said = f"H counts {told[place] or 'no'} {kind} lines, and {there} are there"
+        if kind in _OPTIONAL and told[column] != there:
+            said = f"H counts {told[column] or 'no'} {kind} lines, and {there} are there"
             house.lacking.append(f"{said}: {_OPTIONAL[kind]}")
             if _OPTIONAL[kind] == _FLOORS:  # a polygon without some of its lines is another
                 for region in house.regions:
@@ -259,7 +259,7 @@ def _box(line: Sequence[str], at: int) -> Box | None:
     return Box.around(_points(line, at, 2))
 
 
-def _surround(oriented: Floats) -> Box | None:
+def _enclose(oriented: Floats) -> Box | None:
     """Return the axis-aligned box around an oriented one; None for an empty one.
 
     It is `[4, 3]`: centre, two axes and radii. The axes are unit vectors, and the third is their

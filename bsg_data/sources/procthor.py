@@ -58,7 +58,7 @@ class _Entry(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
-class _Place(_Entry):
+class _Position(_Entry):
     x: _Metres
     y: _Metres
     z: _Metres
@@ -67,7 +67,7 @@ class _Place(_Entry):
 class _Room(_Entry):
     id: Annotated[str, Field(pattern=r"^room\|[0-9]{1,6}$")]
     room_type: Annotated[_Name, Field(alias="roomType")]
-    corners: Annotated[tuple[_Place, ...], Field(alias="floorPolygon", min_length=3)]
+    corners: Annotated[tuple[_Position, ...], Field(alias="floorPolygon", min_length=3)]
 
     @property
     def number(self) -> int:
@@ -81,13 +81,13 @@ class _Door(_Entry):
 
 class _Wall(_Entry):
     room_id: Annotated[str | None, Field(alias="roomId")] = None
-    polygon: tuple[_Place, ...] = ()
+    polygon: tuple[_Position, ...] = ()
 
 
 class _Thing(_Entry):
     id: _Name
     asset: Annotated[_Name, Field(alias="assetId")]
-    position: _Place
+    position: _Position
     children: tuple[_Thing, ...] = ()
 
 
@@ -168,8 +168,8 @@ class ProcTHORHouses:
         name = f"{index:05d}-{digest[:12]}" if index < _NUMBERED else digest[:12]
         stem = file.name.split(".")[0]
         split = stem if stem in _SPLITS else None
-        place, building = f"{file.name}:{number}", digest[:12]
-        return SceneRef(name, place, digest, source_split=split, building=building)
+        location, building = f"{file.name}:{number}", digest[:12]
+        return SceneRef(name, location, digest, source_split=split, building=building)
 
 
 def _digest(text: bytes) -> str:
@@ -201,9 +201,9 @@ def _stream(file: Path) -> _Houses:
     is_lines = ".jsonl" in file.name
     unit = "line" if is_lines else "house"
 
-    def refuse(said: str, **place: Any) -> SourceError:
+    def refuse(said: str, **fault: Any) -> SourceError:
         after = f", after {unit} {number}" if number else ""
-        return SourceError(f"{file}{after}{said.removeprefix(str(file))}", **place)
+        return SourceError(f"{file}{after}{said.removeprefix(str(file))}", **fault)
 
     with open_stream(file, PROCTHOR_LINES if is_lines else PROCTHOR, error=refuse) as opened:
         texts = iter(lambda: opened.readline(MAX_HOUSE + 1), b"") if is_lines else _split(opened)
@@ -257,7 +257,7 @@ def _fetch(file: Path, number: int) -> bytes:
     several files in turns, those of a file in their order. So each thread goes on in each file
     where it was, and begins again only for an earlier house.
     """
-    state = (os.getpid(), *state_of(file))  # after a fork, two would move one file's place
+    state = (os.getpid(), *state_of(file))  # after a fork, two would move one file's position
     known, last, houses = _streams.open.pop(file, (None, 0, None))
     if houses is None or known != state or number <= last:
         houses = _stream(file)
@@ -294,8 +294,8 @@ def _list_objects(house: _House) -> Iterator[AnnotatedObject]:
         region = int(match[1]) if match else -1
         if region not in floors:
             region = _find_room(thing.position, floors)
-        name, place = name_asset(thing.asset), _upright(thing.position)
-        yield AnnotatedObject(number, region, name, centroid=place)
+        name, position = name_asset(thing.asset), _upright(thing.position)
+        yield AnnotatedObject(number, region, name, centroid=position)
 
 
 def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
@@ -304,11 +304,11 @@ def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
         yield from _unpack(thing.children)
 
 
-def _find_room(place: _Place, floors: Mapping[int, Sequence[tuple[float, float]]]) -> int:
-    """Return the room whose floor a place is above; -1, the null region, outside of all."""
+def _find_room(position: _Position, floors: Mapping[int, Sequence[tuple[float, float]]]) -> int:
+    """Return the room whose floor a position is above; -1, the null region, outside of all."""
     from shapely import Point, Polygon  # Imported here because importing shapely is slow.
 
-    point = Point(place.x, place.z)
+    point = Point(position.x, position.z)
     return next((n for n, floor in floors.items() if Polygon(floor).contains(point)), -1)
 
 
@@ -338,9 +338,9 @@ def _list_doors(house: _House) -> Iterator[tuple[int, int]]:
             yield rooms[door.room0], rooms[door.room1]
 
 
-def _upright(place: _Place) -> tuple[float, float, float]:
-    """Return a place with Z up; swapping two axes makes a left-handed frame right-handed."""
-    return place.x, place.z, place.y
+def _upright(position: _Position) -> tuple[float, float, float]:
+    """Return a position with Z up; swapping two axes makes a left-handed frame right-handed."""
+    return position.x, position.z, position.y
 
 
 ROW = SourceRow(

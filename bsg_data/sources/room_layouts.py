@@ -51,31 +51,31 @@ def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     rooms of the layout, its connections replace those of the mesh, if it says any. All other rooms
     and connections stay as they are.
     """
-    places = _find_rooms(graph, layout)
+    index_of = _find_rooms(graph, layout)
     rooms, is_placed = list(graph.rooms), graph.up_axis is not None
     for number, laid in layout.rooms.items():
-        place = places[number] - 1
-        room = _label(rooms[place], laid)
-        rooms[place] = room if is_placed else _place(room, laid)
+        row = index_of[number] - 1
+        room = _label(rooms[row], laid)
+        rooms[row] = room if is_placed else _place(room, laid)
     is_moved = not is_placed and any(laid.box for laid in layout.rooms.values())
     laid_out = replace(graph, rooms=find_storeys(rooms) if is_moved else tuple(rooms))
     if layout.connections is None:
         return laid_out
-    own = {places[number] for number in layout.rooms}
+    own = {index_of[number] for number in layout.rooms}
     kept = tuple(edge for edge in graph.adjacency if not {edge.source, edge.target} <= own)
-    pairs = [(places[one], places[other]) for one, other in layout.connections]
+    pairs = [(index_of[one], index_of[other]) for one, other in layout.connections]
     return connect(replace(laid_out, adjacency=kept), pairs, method="layout")
 
 
 def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
     """Return the room index of every key that a room has in a layout."""
     by_region = layout.by_region
-    places = {r.region_id if by_region else r.room_index: r.room_index for r in graph.rooms}
-    beyond = [number for number in layout.rooms if number not in places]
+    index_of = {r.region_id if by_region else r.room_index: r.room_index for r in graph.rooms}
+    beyond = [number for number in layout.rooms if number not in index_of]
     if not beyond:
-        return places
+        return index_of
     count, room = f"{len(graph.rooms)} rooms of {graph.scene_id}", min(beyond)
-    said = f"region {room} is no region id of the {count} ({_join(sorted(places))})"
+    said = f"region {room} is no region id of the {count} ({_join(sorted(index_of))})"
     raise LayoutError(
         f"{said if by_region else f'room_{room} is not among the {count}'}; the layout "
         f"({len(layout.rooms)} rooms) is of another scene or another version",

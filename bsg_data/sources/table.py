@@ -191,7 +191,7 @@ _OPTIONAL = tuple(name for name in _FIELDS if name not in _REQUIRED)
 _ROW = TypeAdapter(_TableRow)
 _Facts = dict[str, dict[str, Any]]  # room → what some row says of it, a column of `_FACTS` each
 _Scene = tuple[list[_TableRow], _Facts]  # the rows by their keys
-_Placed = tuple[_TableRow, str]  # a row and its place in the file
+_Listed = tuple[_TableRow, str]  # a row and its line
 
 
 @dataclass(frozen=True)
@@ -266,9 +266,9 @@ class ObjectTable:
         """Read one scene; the order of its rows does not matter."""
         rows, facts = fetch_listed(ref, self.path, lambda: self._read()[0][ref.scene_id], _digest)
         regions = number_rooms(facts)
-        placed = [(regions.get(row.room, -1), row) for row in rows if row.category]
-        placed.sort(key=lambda pair: (pair[0], pair[1].key))
-        each = (pair for pair in placed for _ in range(pair[1].count or 1))
+        listed = [(regions.get(row.room, -1), row) for row in rows if row.category]
+        listed.sort(key=lambda pair: (pair[0], pair[1].key))
+        each = (pair for pair in listed for _ in range(pair[1].count or 1))
         objects = [
             AnnotatedObject(number, region, row.category, centroid=row.centroid, box=row.box)
             for number, (region, row) in enumerate(each, start=1)
@@ -299,11 +299,11 @@ def _read_table(
     wanted = {_fold(name) for name in (*_FIELDS, *dict(named).values())}
     lines = _read_parquet(path, wanted) if name.endswith(".parquet") else _read_csv(path)
     header = [str(column).strip() for column in next(lines, ("", []))[1]]
-    places = _find_columns(path, header, dict(named))
+    columns = _find_columns(path, header, dict(named))
     notes: Counter[str] = Counter()
-    spelt = _read_rows(path, lines, header, places, notes)
+    spelt = _read_rows(path, lines, header, columns, notes)
     names = _settle({spelling: len(rows) for spelling, rows in spelt.items()})
-    scenes: dict[str, list[_Placed]] = {}
+    scenes: dict[str, list[_Listed]] = {}
     for spelling, scene in names.items():
         scenes.setdefault(scene, []).extend(spelt.pop(spelling))
     found: dict[str, _Scene] = {}
@@ -314,7 +314,7 @@ def _read_table(
         facts = _gather_facts(rows, f"{path}: scene {scene}")
         found[scene] = (sorted((row for row, _ in rows), key=lambda row: row.key), facts)
     said = [
-        _note_unread(_list_unread(header, places), places),
+        _note_unread(_list_unread(header, columns), columns),
         _note("buildings of several spellings, each read as one", _list_several(names)),
         _note("rooms of several spellings, each read as one", several),
         *(f"{what}: {times:,}" for what, times in sorted(notes.items())),
@@ -323,15 +323,15 @@ def _read_table(
 
 
 def _read_csv(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
-    """Yield the header, then the place and the fields of every line that is not empty.
+    """Yield the header, then the line and the fields of every line that is not empty.
 
     The csv module knows the line of a fault, also where a field has several; pandas does not.
     """
     number = 0
 
-    def refuse(said: str, **place: Any) -> SourceError:
+    def refuse(said: str, **fault: Any) -> SourceError:
         after = f", after line {number}" if number else ""
-        return SourceError(f"{path}{after}{said.removeprefix(str(path))}", **place)
+        return SourceError(f"{path}{after}{said.removeprefix(str(path))}", **fault)
 
     separator = "\t" if ".tsv" in path.name.casefold() else ","
     try:
@@ -364,7 +364,7 @@ def _read_lines(path: Path, file: BinaryIO) -> Iterator[str]:
 
 
 def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Sequence[Any]]]:
-    """Yield the names of the columns, then the place and the values of every row."""
+    """Yield the names of the columns, then the line and the values of every row."""
     with open_parquet_file(path, most=MAX_OBJECT_ROWS) as file, refusing_damage(path):
         leaves = [file.schema.column(at) for at in range(len(file.schema))]
     words = [
@@ -406,9 +406,9 @@ def _list_values(column: pa.Array) -> list[Any]:
 
 
 def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
-    """Return field → place of its column, spelt as asked, else in other letters or spaces."""
+    """Return field → number of its column, spelt as asked, else in other letters or spaces."""
     exact, alike = _index(header), _index(map(_fold, header))
-    places: dict[str, int] = {}
+    columns: dict[str, int] = {}
     for field in _FIELDS:
         asked = named.get(field, field).strip()
         found = exact.get(asked) or alike.get(_fold(asked), [])
@@ -418,25 +418,25 @@ def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -
             message = f"{path}: the column {asked!r} twice{shown}"
             raise SourceError(message, code="column-twice", where=path)
         if found:
-            places[field] = found[0]
-    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(places)]
+            columns[field] = found[0]
+    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(columns)]
     for field in (*named, *_REQUIRED, *chain.from_iterable(groups)):
-        if field not in places:
-            raise _lack_column(path, field, named.get(field, field), header, places)
-    return places
+        if field not in columns:
+            raise _lack_column(path, field, named.get(field, field), header, columns)
+    return columns
 
 
 def _index(names: Iterable[str]) -> dict[str, list[int]]:
-    places: dict[str, list[int]] = {}
-    for place, name in enumerate(names):
-        places.setdefault(name, []).append(place)
-    return places
+    numbers: dict[str, list[int]] = {}
+    for number, name in enumerate(names):
+        numbers.setdefault(name, []).append(number)
+    return numbers
 
 
 def _lack_column(
-    path: Path, field: str, asked: str, header: Sequence[str], places: Mapping[str, int]
+    path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
 ) -> SourceError:
-    near = meant_names(asked, _list_unread(header, places)[:_SHOWN], most=1)
+    near = meant_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
     hint = f"did you mean {near[0]}? Then give the option {field}={near[0]}" if near else ""
     if len(header) == 1:
         hint = next((said for mark, said in _MARKS.items() if mark in header[0]), hint)
@@ -449,30 +449,30 @@ def _lack_column(
     )
 
 
-def _list_unread(header: Sequence[str], places: Mapping[str, int]) -> list[str]:
-    read = set(places.values())
-    return [column for place, column in enumerate(header) if place not in read]
+def _list_unread(header: Sequence[str], columns: Mapping[str, int]) -> list[str]:
+    read = set(columns.values())
+    return [name for number, name in enumerate(header) if number not in read]
 
 
 def _read_rows(
     path: Path,
     lines: Iterable[tuple[str, Sequence[Any]]],
     header: Sequence[str],
-    places: Mapping[str, int],
+    columns: Mapping[str, int],
     notes: Counter[str],
-) -> dict[str, list[_Placed]]:
+) -> dict[str, list[_Listed]]:
     """Return the rows of every spelling of a building; count cells and rows that say nothing."""
-    spelt: dict[str, list[_Placed]] = {}
+    spelt: dict[str, list[_Listed]] = {}
     objects = 0
     for line, cells in lines:
         where = f"{path}, {line}"
         if len(cells) != len(header):
             message = f"{where}: expected {len(header)} fields, as the header; found {len(cells)}"
             raise SourceError(message, code="row-ragged", where=where)
-        if all(str(cells[at]).strip() == header[at] for at in places.values()):  # tables joined
+        if all(str(cells[at]).strip() == header[at] for at in columns.values()):  # tables joined
             notes["rows that repeat the header, left out"] += 1
             continue
-        said = {field: _clean(cells[at], notes, field) for field, at in places.items()}
+        said = {field: _clean(cells[at], notes, field) for field, at in columns.items()}
         given = {field: value for field, value in said.items() if value is not None}
         if not given:  # spreadsheets have empty rows at their ends
             continue
@@ -553,7 +553,7 @@ def _fold(name: str) -> str:
     return " ".join(name.casefold().split())
 
 
-def _settle_rooms(rows: Sequence[_Placed]) -> tuple[Sequence[_Placed], dict[str, str]]:
+def _settle_rooms(rows: Sequence[_Listed]) -> tuple[Sequence[_Listed], dict[str, str]]:
     """Return the rows of a building with one name for every room, and the names."""
     times = Counter(row.room for row, _ in rows if row.room)
     for row, _ in rows:
@@ -579,8 +579,8 @@ def _list_several(names: Mapping[str, str]) -> list[str]:
     return [f"{name} ({_list_some(spelt, _NAMED)})" for name, spelt in sorted(several.items())]
 
 
-def _note_unread(unread: Sequence[str], places: Container[str]) -> str:
-    free = [field for field in _OPTIONAL if field not in places]
+def _note_unread(unread: Sequence[str], columns: Container[str]) -> str:
+    free = [field for field in _OPTIONAL if field not in columns]
     hints = [ask_if_meant(column, free) for column in unread[:_SHOWN]]
     shown = [
         f"{column} ({hint})" if hint else column
@@ -598,35 +598,35 @@ def _list_some(things: Sequence[str], most: int) -> str:
     return shown if len(things) <= most else f"{shown} and {len(things) - most:,} more"
 
 
-def _gather_facts(rows: Sequence[_Placed], where: str) -> _Facts:
+def _gather_facts(rows: Sequence[_Listed], where: str) -> _Facts:
     """Return what the rows of a scene say of its rooms; refuse rows that disagree."""
     facts: _Facts = {row.room: {} for row, _ in rows if row.room}
     for row, line in rows:
-        place = f"{where}, {line}"
+        at_line = f"{where}, {line}"
         said = {name: value for name in _FACTS if (value := getattr(row, name)) is not None}
         for name, value in said.items():
             known = facts[row.room].setdefault(name, value)
             if value != known and _fold(str(value)) != _fold(str(known)):
                 raise SourceError(
-                    f"{place}, column {name}: expected {known!r} for room {row.room!r}, as an "
+                    f"{at_line}, column {name}: expected {known!r} for room {row.room!r}, as an "
                     f"earlier one says; found {value!r}",
                     code="rows-disagree",
-                    where=place,
+                    where=at_line,
                 )
             facts[row.room][name] = min(value, known)  # in whatever order the rows stand
         for other in row.connected:
             if other not in facts or other == row.room:
                 raise SourceError(
-                    f"{place}, column connected: expected names of other rooms with ; between "
+                    f"{at_line}, column connected: expected names of other rooms with ; between "
                     f"them; found {other!r}. A room without objects is a row without a category",
                     code="room-unknown",
-                    where=place,
+                    where=at_line,
                 )
     return facts
 
 
 def number_rooms(names: Iterable[str]) -> dict[str, int]:
-    """Return the region id of every room: its name where all are numbers, else its place by name.
+    """Return the region id of every room: its name where all are numbers, else its number by name.
 
     >>> number_rooms(["7", "3"]), number_rooms(["room 10", "room 9"])
     ({'3': 3, '7': 7}, {'room 9': 0, 'room 10': 1})
@@ -636,13 +636,13 @@ def number_rooms(names: Iterable[str]) -> dict[str, int]:
         numbers = {name: int(name) for name in ordered}
         if len(set(numbers.values())) == len(numbers):
             return numbers
-    return {name: place for place, name in enumerate(ordered)}
+    return {name: number for number, name in enumerate(ordered)}
 
 
 def _by_digits(name: str) -> tuple[list[Any], str]:
     """Order names as people do: `room 9` before `room 10`."""
-    parts = _DIGITS.split(name)  # text and numbers in turn, text first
-    return [int(part) if place % 2 else part for place, part in enumerate(parts)], name
+    pieces = _DIGITS.split(name)  # text and numbers in turn, text first
+    return [int(piece) if turn % 2 else piece for turn, piece in enumerate(pieces)], name
 
 
 def _describe_rooms(

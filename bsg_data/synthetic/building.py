@@ -29,7 +29,7 @@ _HM3D_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scene
 _VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
 
-Placed = tuple[str, int]  # raw name, region id
+_Named = tuple[str, int]  # raw name, region id
 
 
 class SyntheticError(RecipeError, ValueError):
@@ -46,9 +46,11 @@ class SyntheticRates(Record):
     model_config = ConfigDict(extra="ignore")
 
     categories: tuple[str, ...]  # corrected names `[C]`
-    # mean place of a category in the list of its room, 0 first and 1 last `[C + 1]`
+    # mean position of a category in the list of its room, 0 first and 1 last `[C + 1]`
     order: tuple[float, ...]
-    regularity: tuple[float, ...]  # share of the mean count that neither varies nor grows `[C + 1]`
+    regularity: tuple[
+        float, ...
+    ]  # fraction of the mean count that neither varies nor grows `[C + 1]`
     structure: tuple[int, ...]  # 1 for walls, floors, doors, ..., 0 for furnishing `[C + 1]`
     style: tuple[float, ...]  # spread of a category between buildings `[C + 1]`
     burst: tuple[float, ...]  # spread of a category between rooms `[C + 1]`
@@ -144,7 +146,7 @@ def synthesise(
     regions = _draw_regions(rates, len(types), rng)
     counts = _draw_counts(rates, types, rng)
     if size.objects is not None:
-        counts = _share_objects(counts, size.objects, rng)
+        counts = _apportion(counts, size.objects, rng)
     rows = _number_rows(rates, _draw_names(rates, types, regions, counts, rng), rng)
     split, scene_id, name = name_building(seed, number, size)
     return SyntheticBuilding(scene_id, name, split, rows, tuple(zip(regions, types, strict=True)))
@@ -154,9 +156,9 @@ def name_building(seed: int, number: int, size: BuildingSize) -> tuple[str, str,
     """Return split, scene id and hash of a building."""
     said = f"synthetic/{seed}/{number}" + ("" if size == USUAL else f"/{size.name}")
     value = int.from_bytes(hashlib.sha256(said.encode()).digest(), "big")
-    name = "".join(_ALPHABET[value // 62**place % 62] for place in range(11))
-    nines, place = divmod(number, _VAL_EVERY)
-    split, scene = ("val", 800 + nines) if place == _VAL_EVERY - 1 else ("train", number - nines)
+    name = "".join(_ALPHABET[value // 62**turn % 62] for turn in range(11))
+    nines, turn = divmod(number, _VAL_EVERY)
+    split, scene = ("val", 800 + nines) if turn == _VAL_EVERY - 1 else ("train", number - nines)
     return split, f"{number if number >= _HM3D_SCENES else scene:05d}-{name}", name
 
 
@@ -234,14 +236,14 @@ def _draw_names(
     regions: tuple[int, ...],
     every: Counts,
     rng: np.random.Generator,
-) -> list[Placed]:
+) -> list[_Named]:
     """Sample the name and region of every instance from counts `[R, C + 1]`, room by room."""
     usual = np.array(rates.rates)[:, :-1] + 1e-9
     scarce = usual.mean(axis=0) <= np.median(usual.mean(axis=0))  # stand in for the rare ones
     weights = [np.array([weight for _, weight in known]) for known in rates.spellings]
     stand_ins: list[int] = []
     spelt: list[list[int]] = [[] for _ in rates.categories]
-    placed = []
+    named = []
     for region, kind, counts in zip(regions, types, every, strict=True):
         present = np.flatnonzero(counts)
         listed = np.argsort(np.array(rates.order)[present] + rng.normal(0, 0.25, len(present)))
@@ -250,18 +252,18 @@ def _draw_names(
             if category == len(rates.categories):
                 category = _urn(stand_ins, rates.novelty[1], usual[kind] * scarce, rng)
             spelling = _urn(spelt[category], rates.novelty[0], weights[category], rng)
-            placed.append((rates.spellings[category][spelling][0], region))
-    return placed
+            named.append((rates.spellings[category][spelling][0], region))
+    return named
 
 
 def _number_rows(
-    rates: SyntheticRates, placed: list[Placed], rng: np.random.Generator
+    rates: SyntheticRates, named: list[_Named], rng: np.random.Generator
 ) -> tuple[AnnotatedObject, ...]:
     """Fill the null region, move strays away from their rooms, and give ids and colours."""
-    listed = list(placed)
+    listed = list(named)
     if rng.random() < rates.null_region:
-        listed += [(placed[int(i)][0], NULL_REGION) for i in rng.integers(0, len(placed), 3)]
-    for _ in range(rng.poisson(rates.stray * len({region for _, region in placed}))):
+        listed += [(named[int(i)][0], NULL_REGION) for i in rng.integers(0, len(named), 3)]
+    for _ in range(rng.poisson(rates.stray * len({region for _, region in named}))):
         moved = listed.pop(int(rng.integers(len(listed))))
         listed.insert(int(rng.integers(len(listed) + 1)), moved)
     colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
@@ -285,7 +287,7 @@ def _draw_many_types(rates: SyntheticRates, rooms: int, rng: np.random.Generator
     return [int(kind) for kind in np.repeat(np.arange(len(means)), numbers)]
 
 
-def _share_objects(counts: Counts, objects: int, rng: np.random.Generator) -> Counts:
+def _apportion(counts: Counts, objects: int, rng: np.random.Generator) -> Counts:
     """Return counts per room and category `[R, C]` of a stated sum, in proportion to others.
 
     Every room has at least one object.

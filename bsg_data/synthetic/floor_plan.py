@@ -42,7 +42,7 @@ class Rectangle:
         return Rectangle((a - margin, b - margin), (c + margin, d + margin))
 
     def cut(self, axis: int, low: float, high: float) -> Rectangle:
-        """Return the part of the rectangle between two places on an axis."""
+        """Return the rectangle between two coordinates on an axis."""
         start, end = list(self.low), list(self.high)
         start[axis], end[axis] = low, high
         return Rectangle((start[0], start[1]), (end[0], end[1]))
@@ -58,7 +58,7 @@ class Rectangle:
 class _Doorway:
     """An opening in the wall of two rooms."""
 
-    rooms: tuple[int, int]  # places of the two in the plan
+    rooms: tuple[int, int]  # indices of the two in the plan
     axis: int  # the axis that the wall runs along, 0 or 1
     span: tuple[float, float]  # where the opening starts and ends on that axis
 
@@ -67,7 +67,7 @@ class _Doorway:
 class Stairs:
     """Stairs from one storey to the next."""
 
-    rooms: tuple[int, int]  # places in the plan of the lower and the upper room
+    rooms: tuple[int, int]  # indices in the plan of the lower and the upper room
     rectangle: Rectangle  # what they cover, inside both rooms
 
 
@@ -113,8 +113,8 @@ def draw_floor_plan(
     if with_stairs and rooms > 1:
         storeys = 3 if rooms > 17 and len(with_stairs) > 1 and rng.random() < 0.4 else 2
     groups = [
-        sorted(part.tolist(), key=lambda room: (room not in hallways, room))
-        for part in np.array_split(np.array(order), storeys)
+        sorted(storey.tolist(), key=lambda room: (room not in hallways, room))
+        for storey in np.array_split(np.array(order), storeys)
     ]
     area = max(sum(rng.lognormal(2.5, 0.25) for _ in group) for group in groups)
     width = float(np.sqrt(area * rng.uniform(1.2, 1.9)))
@@ -160,10 +160,10 @@ def _divide(whole: Rectangle, rooms: int, rng: np.random.Generator) -> list[Rect
 
 def _columns(whole: Rectangle, columns: list[int], rng: np.random.Generator) -> list[Rectangle]:
     """Cut a rectangle into columns of one room or of two, one behind the other."""
-    shares = np.cumsum(rng.uniform(0.7, 1.3, len(columns)) * np.sqrt(columns))
-    places = [_snap(place) for place in shares / shares[-1] * whole.sides()[0]]
+    sums = np.cumsum(rng.uniform(0.7, 1.3, len(columns)) * np.sqrt(columns))
+    ends = [_snap(end) for end in sums / sums[-1] * whole.sides()[0]]
     rectangles = []
-    for start, end, rooms in zip([0.0, *places[:-1]], places, columns, strict=True):
+    for start, end, rooms in zip([0.0, *ends[:-1]], ends, columns, strict=True):
         column = whole.cut(0, whole.low[0] + start, whole.low[0] + end)
         middle = _snap(column.sides()[1] * rng.uniform(0.4, 0.6)) + column.low[1]
         if rooms == 1:
@@ -189,18 +189,18 @@ def _draw_doorways(
             start = shared.low[axis] + WALL / 2 + _snap(rng.uniform(0, room - 0.05))
             walls.append(_Doorway((a, b), axis, (start, start + DOORWAY)))
     hall = group[0] if len(group) >= 4 else -1
-    part = {room: room for room in group}
+    group_of = {room: room for room in group}
     walls = [walls[int(i)] for i in rng.permutation(len(walls))]
     for door in sorted(walls, key=lambda door: hall not in door.rooms):
-        a, b = (part[room] for room in door.rooms)
+        a, b = (group_of[room] for room in door.rooms)
         apart = a != b and hall not in door.rooms
         if apart or rng.random() < (_TO_HALL if hall in door.rooms else _TO_NEIGHBOUR):
-            part = {room: a if root == b else root for room, root in part.items()}
+            group_of = {room: a if root == b else root for room, root in group_of.items()}
             yield door
     for door in walls:  # a room whose only wall is the hall's
-        a, b = (part[room] for room in door.rooms)
+        a, b = (group_of[room] for room in door.rooms)
         if a != b:
-            part = {room: a if root == b else root for room, root in part.items()}
+            group_of = {room: a if root == b else root for room, root in group_of.items()}
             yield door
 
 

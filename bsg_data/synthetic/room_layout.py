@@ -66,7 +66,7 @@ def draw_layout(
 
 
 def _list_stairs(rates: SyntheticRates, building: SyntheticBuilding) -> set[int]:
-    """Return the places of the rooms in which the annotation lists stairs."""
+    """Return the indices of the rooms in which the annotation lists stairs."""
     spelt = zip(rates.categories, rates.spellings, strict=True)
     names = {raw for category, raws in spelt if category in STAIRS for raw, _ in raws}
     regions = {row.region_id for row in building.rows if row.name in names}

@@ -122,9 +122,9 @@ def _read_document(path: Path, named: Path) -> Any:
         raise RobotGraphError(
             f"{named}: no JSON ({str(error)[:200]})", code="json-malformed", where=named
         ) from error
-    if len(data) > ROBOT.bytes:
+    if len(data) > ROBOT:
         raise RobotGraphError(
-            f"{named}: expected at most {ROBOT.bytes:,} bytes", code="file-too-large", where=named
+            f"{named}: expected at most {ROBOT:,} bytes", code="file-too-large", where=named
         )
     return document
 
@@ -137,10 +137,10 @@ def _read_standard_input() -> bytes:
             "name a file instead of -",
             code="standard-input-closed",
         )
-    data = bytes(stream.read(SPARK_DSG.bytes + 1))
-    if len(data) > SPARK_DSG.bytes:
+    data = bytes(stream.read(SPARK_DSG + 1))
+    if len(data) > SPARK_DSG:
         raise BSGError(
-            f"standard input: expected at most {SPARK_DSG.bytes:,} bytes", code="file-too-large"
+            f"standard input: expected at most {SPARK_DSG:,} bytes", code="file-too-large"
         )
     return data
 

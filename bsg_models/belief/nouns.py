@@ -25,7 +25,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.files import write_bytes
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import read_published
-from bsg_data.scene.spoken_names import singulars
+from bsg_data.scene.name_rules import singulars
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 

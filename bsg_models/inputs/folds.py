@@ -59,5 +59,5 @@ def scenes_of(data: Dataset, split: Split, *, fold: int | None = None) -> tuple[
 
 def vocabulary_of(data: Dataset, scenes: Sequence[str], *, min_scenes: int) -> tuple[str, ...]:
     """Return the categories outside the classes that occur in enough of some scenes."""
-    others = (data.others(scene) for some in data.in_parts(scenes) for scene in some)
-    return choose_vocabulary(others, min_scenes=min_scenes)
+    unclassified = (data.unclassified(scene) for some in data.in_shards(scenes) for scene in some)
+    return choose_vocabulary(unclassified, min_scenes=min_scenes)

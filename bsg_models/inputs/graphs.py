@@ -30,8 +30,8 @@ from bsg_models.inputs.nodes import to_nodes
 def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | None = None) -> Data:
     """Return an observation as one graph, in which buildings are not connected with each other.
 
-    It has `x` `[N, C]`, `others` `[N, V]`, `edge_index` `[2, E]`, `is_building`, `visited` and
-    `hidden_share` `[N]`, `withheld` `[N, C]`, and `y` `[N, C]` if the targets are given.
+    It has `x` `[N, C]`, `unclassified` `[N, V]`, `edge_index` `[2, E]`, `is_building`, `visited`
+    and `hidden_share` `[N]`, `withheld` `[N, C]`, and `y` `[N, C]` if the targets are given.
 
     Its surroundings are `floor_area` `[N]` in square metres, 0 if unknown; `labels` `[N, L]`, all 0
     if unknown; `building_kind` and `source` `[N]`, each an index in `BUILDING_KINDS` and
@@ -48,7 +48,7 @@ def to_graph(seen: Observation, *, edges: Sequence[EdgeSet], targets: Counts | N
         x=nodes.x,
         edge_index=torch.from_numpy(list_edges(seen, edges)),
         is_building=nodes.is_building,
-        others=nodes.others,
+        unclassified=nodes.unclassified,
         visited=nodes.visited,
         hidden_share=nodes.hidden_share,
         withheld=torch.from_numpy(seen.withheld.copy()),
@@ -158,7 +158,7 @@ class MaskedGraphs(GraphDataset):  # type: ignore[misc]
                 `mask`.
             fold: to test on, in a dataset of folds.
             edges: of the graphs.
-            vocabulary: categories of `others`.
+            vocabulary: categories of `unclassified`.
         """
         data = path if isinstance(path, Dataset) else Dataset.open(path)
         scenes = scenes_of(data, split, fold=fold)

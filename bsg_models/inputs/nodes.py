@@ -53,7 +53,7 @@ class Nodes(Arrays):
     visited: Array  # [N]
     hidden_share: Array  # [N]
     share: Array  # [N, C] hidden share by node and class, as `Observation.cell_share`
-    others: Array  # [N, V] seen objects outside the classes
+    unclassified: Array  # [N, V] seen objects outside the classes
     evidence: dict[str, Array]  # [N, width] of rows of `EVIDENCE`
 
     @property
@@ -95,7 +95,7 @@ def to_nodes(
         visited=seen.visited,
         hidden_share=seen.hidden_share,
         share=_floats(seen.cell_share),
-        others=_floats(seen.others),
+        unclassified=_floats(seen.unclassified),
         evidence=evidence,
     )
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from bsg_data.arrays import Floats
-from bsg_data.files import PLAIN_TEXT, noting_failures, stem_of, write_figure
+from bsg_data.files import PLAIN_TEXT, FigureError, noting_failures, stem_of, write_figure
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.details import ShownNodes
 from bsg_models.evaluation.metrics import correlation_matrix, normalise
@@ -42,11 +42,13 @@ def plot_evaluation(
     predicted, true = shown.totals[rooms], shown.targets[rooms]
     drawn: dict[str, Path] = {}
     with noting_failures(notes):
+        _require_rooms(predicted)
         figure = _plot_class_errors(predicted - true, classes)
         path = folder / f"{stem}-class-errors.png"
         _save(figure, path, title=f"{name}: error in number, rooms")
         drawn["error in number per class, rooms"] = path
     with noting_failures(notes):
+        _require_rooms(predicted)
         figure = _plot_correlations({"predicted": predicted, "true": true}, classes)
         path = folder / f"{stem}-correlations.png"
         _save(figure, path, title=f"{name}: correlations of the classes over rooms")
@@ -56,6 +58,11 @@ def plot_evaluation(
         _save(_plot_building(shown, classes), path, title=f"{name}: building {building}")
         drawn[f"histogram and distribution of {building}"] = path
     return drawn
+
+
+def _require_rooms(predicted: Floats) -> None:
+    if not len(predicted):
+        raise FigureError("no building that was measured has a room")
 
 
 def _plot_class_errors(errors: Floats, classes: Sequence[str]) -> Figure:

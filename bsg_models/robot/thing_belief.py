@@ -197,7 +197,7 @@ def believe_thing(
     times: Counter[str] = Counter()
     for kind in kinds:
         times.update(kind)  # expected number of rooms of a kind
-    shares = {kind: thing.share_in(kind) for kind in times}
+    shares = {kind: thing.probability_in(kind) for kind in times}
     for absent, share in thing.rooms:
         near = next((one for one in _STANDS_IN.get(absent, ()) if one in times), None)
         if absent not in times and near is not None:
@@ -213,7 +213,9 @@ def believe_thing(
         weights = weights + left * alike / alike.sum()
     weights = weights + _ANYWHERE / max(1, len(weights))
     # Other buildings have what people search for in their kinds of rooms.
-    ours = sum(thing.share_in(kind) for kind in _ROOMS_OF.get(graph.building_kind or "home", ()))
+    ours = sum(
+        thing.probability_in(kind) for kind in _ROOMS_OF.get(graph.building_kind or "home", ())
+    )
     likely = thing.home if ours < _OURS else max(thing.home, _ELSEWHERE)
     rate = -math.log1p(-min(likely, _MOST_HOMES))
     seen = np.array([1 - room.hidden_share for room in graph.rooms])

@@ -21,8 +21,8 @@ from bsg_data.scene.class_map import (
     read_real_words,
 )
 from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.name_rules import SHORT, index_words, is_typo, mend, singulars
 from bsg_data.scene.room_label import read_room
-from bsg_data.scene.spoken_names import SHORT, index_words, is_typo, mend, singulars
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.belief.nouns import Noun, NounTable, split_head

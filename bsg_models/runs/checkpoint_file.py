@@ -50,7 +50,7 @@ def open_checkpoint(path: Path) -> Iterator[tuple[BinaryIO, dict[str, Any]]]:
 def _read_header(file: BinaryIO, path: Path) -> bytes:
     """Return the JSON of a safetensors file, which begins with its length."""
     size, length = os.fstat(file.fileno()).st_size, int.from_bytes(file.read(_LENGTH), "little")
-    if size > CHECKPOINT.bytes or length > min(size - _LENGTH, CHECKPOINT_HEADER.bytes):
+    if size > CHECKPOINT or length > min(size - _LENGTH, CHECKPOINT_HEADER):
         raise CheckpointError(
             f"{path}: not a readable checkpoint (it is cut off, too large, or not safetensors)"
         )

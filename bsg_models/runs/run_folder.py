@@ -16,7 +16,7 @@ from bsg_data.files import hold, list_files
 from bsg_data.results import (
     SEAL,
     UNFINISHED,
-    put_in_place,
+    commit_staged,
     read_seal,
     refuse_datasets,
     refuse_other_results,
@@ -87,7 +87,7 @@ def _replace(run: Path) -> None:
     new = {*list_files(run / UNFINISHED)}
     sealed = {*(read_seal(run / UNFINISHED) or ())}
     leaving = {*_list_run(run)} - new if sealed <= new else ()  # one that moved: all has left
-    put_in_place(run, leaving=leaving)
+    commit_staged(run, leaving=leaving)
     remove_unfinished(run)
 
 

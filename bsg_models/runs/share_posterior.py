@@ -123,7 +123,7 @@ def _forget(graph: PartialGraph, seen: Observation, groups: Sequence[Ints]) -> O
     shares = np.array([room.hidden_share for room in graph.rooms])
     for first, group in zip(copies.starts.tolist(), groups, strict=False):
         rooms = first + group
-        for counts in (copies.inputs, copies.others):
+        for counts in (copies.inputs, copies.unclassified):
             counts[first] -= counts[rooms].sum(axis=0)
             counts[rooms] = 0
         told = shares.copy()

@@ -11,10 +11,10 @@ import numpy as np
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.masked_buildings import place_others
+from bsg_data.observation.masked_buildings import count_by_vocabulary
 from bsg_data.observation.masks import Layout, sample_views
 from bsg_data.observation.observation import Observation, observe_search, stack
-from bsg_data.observation.view import hide_cells, see_others
+from bsg_data.observation.view import hide_cells, see_unclassified
 from bsg_data.recipes import MaskRecipe
 from bsg_models.search.simulator import Answer
 from bsg_models.zoo.model import BeliefModel
@@ -53,8 +53,8 @@ class ModelBeliefs:
         self._connections = data.connections(scene_id)
         self._surroundings = data.surroundings(scene_id)
         self._blind = ~data.nameable(scene_id)
-        every, classes = data.others(scene_id), data.manifest.class_space.classes
-        self._others = place_others(every, model.vocabulary)
+        every, classes = data.unclassified(scene_id), data.manifest.class_space.classes
+        self._unclassified = count_by_vocabulary(every, model.vocabulary)
         numbers: list[int] = np.unique(draws).tolist()
         many, recipes = len(numbers), [mask] * len(numbers)
         streams = MaskStreams(recipes, [scene_id] * many, numbers)
@@ -63,13 +63,13 @@ class ModelBeliefs:
         views = [view.in_building(len(self._cells)) for view in drawn]
         there = np.concatenate([self._cells] * many)
         hidden = hide_cells(there, views, streams)
-        seen = see_others(
+        seen = see_unclassified(
             [every] * many, views, recipes, streams, there=there, hidden=hidden, classes=classes
         )
         left = (there - hidden).reshape(many, *self._cells.shape)
         self._left = {
-            number: (view, cells, place_others(others, model.vocabulary))
-            for number, view, cells, others in zip(numbers, views, left, seen, strict=True)
+            number: (view, cells, count_by_vocabulary(unclassified, model.vocabulary))
+            for number, view, cells, unclassified in zip(numbers, views, left, seen, strict=True)
         }
         self._remembered: dict[bytes, Answer] = {}
 
@@ -129,12 +129,12 @@ class ModelBeliefs:
         return stack([self._observe_one(state, width) for state in states])
 
     def _observe_one(self, state: Counts, width: int) -> Observation:
-        view, classified, others = self._left[int(state[0])]
+        view, classified, unclassified = self._left[int(state[0])]
         return observe_search(
             self._scene_id,
             view,
-            there=(self._cells, self._others),
-            left=(classified, others),
+            there=(self._cells, self._unclassified),
+            left=(classified, unclassified),
             searched=state[1 + width :] > 0,
             artifacts=state[1 : 1 + width],
             blind=self._blind,

@@ -200,7 +200,7 @@ class _OneBuilding(nn.Module):
             visited=visited > 0,
             hidden_share=hidden_share,
             share=share,
-            others=others,
+            unclassified=others,
             evidence={name: told[name] for name in EVIDENCE if name in self._network.config.reads},
         )
         learned = to_distribution(self._network.forward(self._weights, nodes))

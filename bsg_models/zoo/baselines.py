@@ -78,7 +78,7 @@ class _TrainMeanModel(BeliefModel):
         """Average the histograms of the training buildings and of their rooms."""
         scenes = scenes_of(data, "train", fold=choice.fold)
         rooms, buildings, of_rooms, of_buildings = np.zeros((4, len(self.room_mean)))
-        for some in data.in_parts(scenes):
+        for some in data.in_shards(scenes):
             for scene in some:
                 histograms, known = to_histograms(data.cells(scene)), data.nameable(scene)
                 rooms += (len(histograms) - 1) * known

@@ -126,7 +126,7 @@ class NodeFeatures:
             parts.append(1 - looked_for)
         shown = [seen]
         if "categories" in self.reads:
-            present = noise.overlook(floats(nodes.others > 0), self.category_dropout)
+            present = noise.overlook(floats(nodes.unclassified > 0), self.category_dropout)
             shown.append(linear(weights, _EMBEDDING, present))
             parts.append(shown[-1])
         if "building" in self.reads:

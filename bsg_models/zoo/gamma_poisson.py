@@ -94,7 +94,7 @@ def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
     Rooms whose source has no word for a class are left out; if all are, it is absent in one.
     """
     tallies = [Counter[int]() for _ in data.manifest.class_space.classes]
-    for some in data.in_parts(scenes):
+    for some in data.in_shards(scenes):
         rooms = np.concatenate([data.cells(scene)[1:] for scene in some])
         sizes = [len(data.cells(scene)) - 1 for scene in some]
         known = np.repeat([data.nameable(scene) for scene in some], sizes, axis=0)

@@ -247,7 +247,7 @@ def read_rooms(
     A class that the source has no word for counts as `most` + 1.
     """
     rooms: dict[str, npt.NDArray[np.uint8]] = {}
-    for some in data.in_parts(scenes):
+    for some in data.in_shards(scenes):
         for scene in some:
             counts = np.minimum(data.cells(scene)[1:], most)
             rooms[scene] = np.where(data.nameable(scene), counts, most + 1).astype(np.uint8)

@@ -152,12 +152,12 @@ class CountNetwork(CalibratedModel):
     def nodes_of(self, seen: Observation, targets: Counts | None = None) -> Nodes:
         """Return an observation as the arrays that the network reads."""
         if seen.vocabulary != self.vocabulary:
-            others = self._others_of(seen)
-            seen = replace(seen, vocabulary=self.vocabulary, others=others)
+            unclassified = self._find_unclassified(seen)
+            seen = replace(seen, vocabulary=self.vocabulary, unclassified=unclassified)
         edges = self.edges_of(seen)
         return to_nodes(seen, edges=edges, targets=targets, reads=self.config.reads)
 
-    def _others_of(self, seen: Observation) -> Counts:
+    def _find_unclassified(self, seen: Observation) -> Counts:
         """Return no categories for an observation that has none, `[N, V]`."""
         if seen.vocabulary:
             raise MismatchError(

@@ -1,4 +1,4 @@
-"""`bsg-data map`: list, show and compare class maps."""
+"""`bsg-data map`: list and show class maps, and measure what they cover."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _WITHOUT_CLASS = {
 
 @click.group("map", cls=CommandGroup)
 def class_maps() -> None:
-    """List, show, measure and compare class maps.
+    """List and show class maps, and measure what they cover.
 
     \b
     Example:
@@ -116,91 +116,60 @@ def _map_show(category: str, class_map: str, as_json: bool) -> None:
 @dataset_argument
 @click.option(
     "--class-map",
+    "names",
+    multiple=True,
     shell_complete=complete_class_map,
-    help="Use this map instead of the dataset's own: a version, or your NAME.csv.",
+    help="Look up all objects in this map instead: a version, or your NAME.csv. Repeat it to "
+    "compare maps.",
 )
+@click.option("--classes", "by_class", is_flag=True, help="Count every class, too.")
 @json_option
-def _map_coverage(dataset: Path, class_map: str | None, as_json: bool) -> None:
-    """Measure how much of a dataset a class map covers.
+def _map_coverage(dataset: Path, names: tuple[str, ...], by_class: bool, as_json: bool) -> None:
+    """Measure how much of a dataset class maps cover.
+
+    Without --class-map, these are the maps that the dataset was built with. --classes adds the
+    instances of each class, the rooms with at least one, and the rooms with two or more.
 
     \b
     Example:
       bsg-data map coverage dataset
+      bsg-data map coverage dataset --class-map hm3d45-v1 --class-map hm3d45-v2 --classes
     """
-    loaded = None if class_map is None else bsg_data.load_class_map(class_map)
-    coverage = extend.measure_coverage(dataset, loaded)
-    if as_json:
-        print_json(coverage)
-        return
-    left_out = coverage.pop("most_left_out")
-    names = bsg_data.read_manifest(dataset).class_map_names if loaded is None else loaded.version
-    rows = [(what, _show(value)) for what, value in coverage.items()]
-    print_text(format_text(rows, header=("", names)))
-    if left_out:
-        most = [(name, f"{count:,}") for name, count in left_out.items()]
-        header = ("most frequent left out", "instances")
-        print_text("\n" + format_text(most, header=header))
-
-
-@class_maps.command("compare")
-@dataset_argument
-@click.option(
-    "--class-map",
-    "class_maps",
-    multiple=True,
-    required=True,
-    shell_complete=complete_class_map,
-    help="A published version, or your NAME.csv; repeat it for each map.",
-)
-@json_option
-def _map_compare(dataset: Path, class_maps: tuple[str, ...], as_json: bool) -> None:
-    """Compare class maps on the objects of a dataset.
-
-    The output has the coverage of each map. For each class it has the instances, the rooms with at
-    least one, and the rooms with two or more.
-
-    \b
-    Example:
-      bsg-data map compare dataset --class-map hm3d45-v1 --class-map hm3d45-v2
-    """
-    maps = [bsg_data.load_class_map(name) for name in dict.fromkeys(class_maps)]
-    built = {source.class_map.version for source in bsg_data.read_manifest(dataset).sources}
-    if len(built) > 1:
+    manifest = bsg_data.read_manifest(dataset)
+    if names and len({source.class_map.version for source in manifest.sources}) > 1:
         print_note(
-            f"each map looks up all objects, although the dataset was built with several maps "
-            f"({', '.join(sorted(built))}); `bsg-data map coverage` counts it as built"
+            "each map looks up all objects, although the dataset was built with several maps "
+            f"({manifest.class_map_names}); without --class-map they are counted as built"
         )
-    coverages, frames = {}, {}
-    for one in maps:
-        coverages[one.version] = extend.measure_coverage(dataset, one)
-        del coverages[one.version]["most_left_out"]
-        frames[one.version] = {row.pop("class"): row for row in extend.count_classes(dataset, one)}
+    found: dict[str, dict[str, Any]] = {}
+    for name in names or (manifest.class_map_names,):
+        one = bsg_data.load_class_map(name) if names else None  # as built
+        found[name] = extend.measure_coverage(dataset, one)
+        if by_class:
+            rows = extend.count_classes(dataset, one)
+            found[name]["classes"] = {row.pop("class"): row for row in rows}
     if as_json:
-        print_json(
-            {
-                name: {"coverage": coverage, "classes": frames[name]}
-                for name, coverage in coverages.items()
-            }
-        )
-        return
-    first = next(iter(coverages.values()))
-    rows = [(what, *(_show(one[what]) for one in coverages.values())) for what in first]
-    print_text(format_text(rows, header=("", *coverages)))
-    header = (
-        *("class", *(f"instances {name}" for name in frames)),
-        *(f"{what} {name}" for what in ("rooms", "two or more") for name in frames),
-    )
-    columns = [
-        {name: row[column] for name, row in frame.items()}
-        for column in ("instances", "rooms", "doubles")
-        for frame in frames.values()
-    ]
-    cells = [
-        (name, *(f"{column[name]:,}" if name in column else "-" for column in columns))
-        for name in sorted({name for frame in frames.values() for name in frame})
-    ]
-    print_text("\n" + format_text(cells, header=header))
+        print_json(found)
+    else:
+        print_text("\n\n".join(_format_coverage(found)))
 
 
-def _show(value: float) -> str:
-    return f"{value:,}" if isinstance(value, int) else f"{value:.1%}"
+def _format_coverage(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the tables of `map coverage`: numbers, names left out, and classes if counted."""
+    columns = list(found.values())
+    numbers = [name for name, value in columns[0].items() if not isinstance(value, dict)]
+    shares = [name for name in numbers if name.startswith("share")]
+    rows = [(n, *(f"{one[n]:.1%}" if n in shares else one[n] for one in columns)) for n in numbers]
+    yield format_text(rows, header=("", *found), numeric=tuple(found))
+    for name, one in found.items():
+        if most := list(one["most_left_out"].items()):
+            yield format_text(most, header=(f"most left out by {name}", "instances"))
+    if "classes" in columns[0]:
+        counts = {"instances": "instances", "rooms": "rooms", "doubles": "two or more"}
+        header = [f"{said} {name}" for said in counts.values() for name in found]
+        known = [one["classes"] for one in columns]
+        rows = [
+            (word, *(one[word][n] if word in one else "-" for n in counts for one in known))
+            for word in sorted(set().union(*known))
+        ]
+        yield format_text(rows, header=("class", *header), numeric=header)

@@ -19,7 +19,7 @@ from bsg_cli.terminal import Command, print_text
     type=float,
     nargs=3,
     metavar="TRAIN VAL TEST",
-    help="Three shares that add up to 1.  [default: 0.8 0.1 0.1]",
+    help="Three fractions that add up to 1.  [default: 0.8 0.1 0.1]",
 )
 @click.option(
     "--official",

@@ -21,9 +21,10 @@ def format_totals(manifest: extend.Manifest) -> str:
     placed = (
         f"; {t.placed:,} with geometry, {t.adjacent:,} pairs of adjacent rooms" if t.placed else ""
     )
+    labelled = f"; {t.labelled:,} rooms with a label" if t.labelled else ""
     return (
         f"{t.scenes:,} scenes, {t.rooms:,} rooms, {t.objects:,} objects, "
-        f"{t.classified:,} in {len(space.classes)} classes of {space.name}{maps}{placed}"
+        f"{t.classified:,} in {len(space.classes)} classes of {space.name}{maps}{placed}{labelled}"
     )
 
 
@@ -96,9 +97,9 @@ def _mesh_line(meshes: list[extend.MeshCoverage]) -> str:
 
     texels, snapped = total("texels"), ["snapped"] if total("snapped") else []
     shown = ("listed", *snapped, "black", "unlisted")
-    shares = ", ".join(f"{total(name) / max(texels, 1):.1%} {name}" for name in shown)
-    shares = shares.replace(" black", " black (background)")
-    pixels = f"of {texels:,} texels {shares}; " if texels else ""
+    fractions = ", ".join(f"{total(name) / max(texels, 1):.1%} {name}" for name in shown)
+    fractions = fractions.replace(" black", " black (background)")
+    pixels = f"of {texels:,} texels {fractions}; " if texels else ""
     listed = total("listed_area") / max(total("area"), 1e-9)
     return (
         f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {total('area'):,.0f} m² is of listed "

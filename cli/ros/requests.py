@@ -24,8 +24,8 @@ from bsg_data.observation.partial_graph import (
     PartialGraph,
     Position,
     Score,
-    Share,
     Stay,
+    StrictFraction,
     spell_id,
 )
 from bsg_data.observation.partial_graph import MoreRooms as MoreRoomsNumber
@@ -115,10 +115,10 @@ class Entered(_Request):
     """The robot is in a room, or has seen more of it."""
 
     room: Id
-    floor_in_view: Share | None = None
-    walls_in_view: Share | None = None
+    floor_in_view: StrictFraction | None = None
+    walls_in_view: StrictFraction | None = None
     seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
-    hidden_share: Share | None = None
+    hidden_share: StrictFraction | None = None
 
 
 class Searched(_Request):
@@ -133,7 +133,7 @@ class Discovered(_Request):
 
     room: Id
     beside: Ids = ()
-    room_type: Name | dict[Name, Share] | None = None
+    room_type: Name | dict[Name, StrictFraction] | None = None
     position: Position | None = None
     floor_area: Metres | None = None
 
@@ -142,7 +142,7 @@ class Describe(_Request):
     """More is known of a room."""
 
     room: Id
-    room_type: Name | dict[Name, Share] | None = None
+    room_type: Name | dict[Name, StrictFraction] | None = None
     label: Name | None = None
     position: Position | None = None
     floor_area: Metres | None = None

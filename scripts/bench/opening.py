@@ -53,12 +53,12 @@ def measure(hm3d: Path | None) -> Iterator[Speed]:
 def read(path: Path) -> int:
     """Open a dataset and ask for all that models read; return the number of classified objects."""
     data, objects = Dataset.open(path), 0
-    for scenes in data.in_parts(data.scene_ids):
+    for scenes in data.in_shards(data.scene_ids):
         for scene in scenes:
             objects += int(data.cells(scene).sum())
             data.connections(scene)
             data.surroundings(scene)
-            data.others(scene)
+            data.unclassified(scene)
     return objects
 
 

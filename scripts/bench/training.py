@@ -173,9 +173,10 @@ class Explored(GraphDataset):
 
     def read(self, data: Dataset, scene: str, vocabulary: tuple[str, ...]) -> tuple[list, ...]:
         """Return objects, other objects, neighbours and evidence of a building."""
-        cells, others, around = data.cells(scene), data.others(scene), data.surroundings(scene)
+        cells, unclassified = data.cells(scene), data.unclassified(scene)
+        around = data.surroundings(scene)
         number = {word: place for place, word in enumerate(vocabulary)}
-        columns = [number.get(word, -1) for word in others.categories]
+        columns = [number.get(word, -1) for word in unclassified.categories]
         neighbours = [[] for _ in cells]
         for a, b in data.connections(scene).pairs.tolist():
             neighbours[a].append(b)
@@ -187,7 +188,7 @@ class Explored(GraphDataset):
             np.argwhere(cells).repeat(cells[cells > 0], axis=0).tolist(),
             [
                 (room, columns[kind])
-                for room, kind in np.argwhere(others.cells).tolist()
+                for room, kind in np.argwhere(unclassified.cells).tolist()
                 if columns[kind] >= 0
             ],
             neighbours,
@@ -200,7 +201,7 @@ class Explored(GraphDataset):
 
     def get(self, idx: int) -> Data:
         """Return a building under a new mask: rooms found on a walk, some of them entered."""
-        objects, others, neighbours, evidence = self.buildings[idx]
+        objects, unclassified, neighbours, evidence = self.buildings[idx]
         rooms = list(range(1, len(neighbours)))
         found = self.walk(neighbours, random.choice(rooms)) if random.random() < 0.6 else rooms
         rows = {0: 0, **{room: row for row, room in enumerate(found, start=1)}}
@@ -221,7 +222,7 @@ class Explored(GraphDataset):
                 if not withheld[0, kind] and random.random() >= share[rows[room]]:
                     x[rows[room], kind] += 1
         shown = np.zeros((len(rows), self.words), dtype=np.float32)
-        for room, word in others:
+        for room, word in unclassified:
             if room in rows and random.random() >= share[rows[room]]:
                 shown[rows[room], word] = shown[0, word] = 1
         x[0], y[0] = x.sum(axis=0), y.sum(axis=0)
@@ -229,7 +230,7 @@ class Explored(GraphDataset):
         return Data(
             x=torch.from_numpy(x),
             y=torch.from_numpy(y),
-            others=torch.from_numpy(shown),
+            unclassified=torch.from_numpy(shown),
             hidden=torch.tensor(share).clamp(0.0, 1.0),
             visited=torch.tensor([1.0] + [float(room in entered) for room in found]),
             withheld=torch.from_numpy(withheld),
@@ -285,10 +286,10 @@ class PlainSAGE(nn.Module):
     def describe(self, batch: Batch) -> torch.Tensor:
         """Return the features of the nodes."""
         number, room = batch.batch, batch.is_room[:, None]
-        others = batch.others
+        unclassified = batch.unclassified
         if self.training:
-            others = others * (torch.rand_like(others) >= self.overlooked)
-        seen, words = (batch.x > 0).float(), self.features["embedding"](others)
+            unclassified = unclassified * (torch.rand_like(unclassified) >= self.overlooked)
+        seen, words = (batch.x > 0).float(), self.features["embedding"](unclassified)
         looked = torch.cat([1 - batch.withheld, torch.ones_like(words)], dim=1)
         looked = looked * batch.visited[:, None] * room
         shown = torch.cat([seen, words], dim=1) * looked
@@ -370,7 +371,7 @@ def require_alike(theirs: nn.Module, ours: Network, masked: MaskedBuildings) -> 
         batch.update(
             {
                 "batch": nodes.building,
-                "others": (nodes.others > 0).float(),
+                "unclassified": (nodes.unclassified > 0).float(),
                 "hidden": nodes.hidden_share,
                 "visited": nodes.visited.float(),
                 "withheld": (nodes.share >= 1).float(),

@@ -86,8 +86,8 @@ def report_homes(models: Sequence[str], homes: Sequence[Home]) -> ResultsTable:
 
 def limit_detector(seen: Observation, known: Bools) -> Observation:
     """Return what a robot sees whose detector knows some classes `[C]` and no other word."""
-    inputs, others = np.where(known, seen.inputs, 0), np.zeros_like(seen.others)
-    return replace(seen, inputs=inputs, others=others, withheld=seen.withheld | ~known)
+    inputs, unclassified = np.where(known, seen.inputs, 0), np.zeros_like(seen.unclassified)
+    return replace(seen, inputs=inputs, unclassified=unclassified, withheld=seen.withheld | ~known)
 
 
 def tally_known(masked: MaskedBuildings, presence: Any, known: Bools) -> Shares:

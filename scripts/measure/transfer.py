@@ -73,7 +73,7 @@ def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> d
 
 
 def group_copies(rooms: Mapping[str, Sequence[Hashable]]) -> list[tuple[str, ...]]:
-    """Return the groups of buildings whose rooms have equal contents, also through others.
+    """Return the groups of buildings whose rooms have equal contents, also through unclassified.
 
     >>> group_copies({"a": [1, 2], "b": [3], "c": [2, 4], "d": [4], "e": []})
     [('a', 'c', 'd'), ('b',), ('e',)]
@@ -101,10 +101,10 @@ def deal_groups(groups: Sequence[tuple[str, ...]], *, number: int) -> dict[str, 
 
 def list_contents(data: Dataset, scene: str) -> Iterator[Hashable]:
     """Yield the contents of each larger room of a scene: counts of classes and categories."""
-    cells, others = data.cells(scene), data.others(scene)
+    cells, unclassified = data.cells(scene), data.unclassified(scene)
     for room in range(1, len(cells)):
-        if cells[room].sum() + others.cells[room].sum() >= LEAST_THINGS:
-            counted = zip(others.categories, others.cells[room].tolist(), strict=True)
+        if cells[room].sum() + unclassified.cells[room].sum() >= LEAST_THINGS:
+            counted = zip(unclassified.categories, unclassified.cells[room].tolist(), strict=True)
             outside = frozenset((name, count) for name, count in counted if count)
             yield cells[room].tobytes(), outside
 

@@ -200,7 +200,7 @@ def _rarest_category(
         return 0, []
     times = dict.fromkeys(names, 0)
     for scene in train:
-        for name in names & set(data.others(scene).categories):
+        for name in names & set(data.unclassified(scene).categories):
             times[name] += 1
     rare = sorted(names - set(vocabulary_of(data, train, min_scenes=wanted)))
     listed = ", ".join(map(repr, rare[:5]))

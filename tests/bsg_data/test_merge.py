@@ -24,7 +24,7 @@ from bsg_data.synthetic.buildings import write_synthetic
 def synthetic(tmp_path: Path) -> Path:
     """Ten synthetic buildings as a dataset."""
     list(write_synthetic(tmp_path / "made", scenes=10, seed=3))
-    build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "synthetic")
+    build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "synthetic", scenes_per_shard=20)
     return tmp_path / "synthetic"
 
 
@@ -48,6 +48,8 @@ def test_a_merge_holds_the_buildings_of_both_in_order(
     assert all(graph == parts[graph.scene_id] for graph in graphs)
     assert {source.kind for source in merged.sources} == {"hm3d", "synthetic"}
     assert merged.split is None
+    # 12 buildings in shards of 5 and 10 in shards of 20: the larger ones hold all
+    assert [file.rows for file in merged.files_of("scenes")] == [20, 2]
     assert check_dataset(tmp_path / "both") == ()
     card = (tmp_path / "both" / "README.md").read_text("utf-8")
     front = yaml.safe_load(card.split("---")[1])

@@ -12,7 +12,7 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, load_class_map
-from bsg_data.scene.spoken_names import take_apart
+from bsg_data.scene.name_rules import take_apart
 from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
 
 MAPS = [load_class_map(name) for name in ("hm3d45-v2", "hm3d-wide-v1")]

@@ -65,7 +65,7 @@ def case() -> Case:
         visited=VISITED,
         withheld=np.zeros((4, 2), dtype=bool),
         vocabulary=(),
-        others=np.zeros((4, 0), dtype=np.int64),
+        unclassified=np.zeros((4, 0), dtype=np.int64),
         connections=Connections.of_pairs(()),
         surroundings=Surroundings.unknown(nodes=4),
     )

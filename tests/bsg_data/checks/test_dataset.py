@@ -266,8 +266,8 @@ def test_sums_of_the_manifest_that_do_not_add_up_are_found(placed: Path) -> None
 
 
 @pytest.fixture(scope="module")
-def _in_parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("in_parts")
+def _in_shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("in_shards")
     list(write_synthetic(folder / "buildings", scenes=10, seed=3))
     build_dataset(HM3DFolder(folder / "buildings"), folder / "dataset", scenes_per_shard=3)
     split_dataset(folder / "dataset", SplitRecipe())
@@ -276,46 +276,46 @@ def _in_parts(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def in_parts(_in_parts: Path, tmp_path: Path) -> Path:
+def in_shards(_in_shards: Path, tmp_path: Path) -> Path:
     """Ten buildings in four parts, split, with two draws; each test has its own copy."""
-    return Path(shutil.copytree(_in_parts, tmp_path / "in_parts"))
+    return Path(shutil.copytree(_in_shards, tmp_path / "in_shards"))
 
 
 @pytest.mark.parametrize("held", [1, 2**28])
 def test_the_truth_is_the_same_however_little_of_it_is_held(
-    in_parts: Path, monkeypatch: pytest.MonkeyPatch, held: int
+    in_shards: Path, monkeypatch: pytest.MonkeyPatch, held: int
 ) -> None:
     monkeypatch.setattr("bsg_data.dataset.dataset.HELD_BYTES", held)
-    assert check_dataset(in_parts) == ()
+    assert check_dataset(in_shards) == ()
 
 
 @pytest.mark.parametrize(
     ("value", "expected"),
     [("first", "is there twice"), ("key", "has two scene ids"), ("0-A", "is not sorted by")],
 )
-def test_scenes_of_another_part_are_known(in_parts: Path, value: str, expected: str) -> None:
-    data = Dataset.open(in_parts)
+def test_scenes_of_another_part_are_known(in_shards: Path, value: str, expected: str) -> None:
+    data = Dataset.open(in_shards)
     column = "building" if value == "key" else "scene_id"
     name = {"first": data.scene_ids[0], "key": data.keys[0]}.get(value, value)
-    edit(in_parts, "scenes/part-00003.parquet", setting(column, name))
-    found = find_faults(in_parts)
+    edit(in_shards, "scenes/part-00003.parquet", setting(column, name))
+    found = find_faults(in_shards)
     assert any(expected in line for line in found), found
 
 
-def test_objects_of_all_parts_are_counted_together(in_parts: Path) -> None:
-    for entry in read_manifest(in_parts).files_of("objects"):
-        edit(in_parts, entry.path, lambda frame: frame.assign(colour="red"))
-    objects = sum(entry.rows for entry in read_manifest(in_parts).files_of("objects"))
-    *named, more = check_dataset(in_parts)
+def test_objects_of_all_parts_are_counted_together(in_shards: Path) -> None:
+    for entry in read_manifest(in_shards).files_of("objects"):
+        edit(in_shards, entry.path, lambda frame: frame.assign(colour="red"))
+    objects = sum(entry.rows for entry in read_manifest(in_shards).files_of("objects"))
+    *named, more = check_dataset(in_shards)
     assert [fault.what.partition(": ")[2] for fault in named] == ["colour is not RRGGBB"] * 3
     assert more.what == f"… and {objects - 3} more: colour is not RRGGBB"
 
 
-def test_a_table_with_a_part_too_few_is_named(in_parts: Path) -> None:
-    manifest = read_manifest(in_parts)
+def test_a_table_with_a_part_too_few_is_named(in_shards: Path) -> None:
+    manifest = read_manifest(in_shards)
     last = manifest.files_of("rooms")[-1]
-    (in_parts / last.path).unlink()
+    (in_shards / last.path).unlink()
     files = tuple(entry for entry in manifest.files if entry != last)
-    commit_manifest(in_parts, manifest.model_copy(update={"files": files}))
-    found = [fault.what for fault in check_dataset(in_parts)]
+    commit_manifest(in_shards, manifest.model_copy(update={"files": files}))
+    found = [fault.what for fault in check_dataset(in_shards)]
     assert any("4 of scenes, 3 of rooms, 4 of objects, 4 of edges" in what for what in found)

@@ -93,13 +93,14 @@ def test_the_cells_of_an_estate_by_hand(estate: Dataset) -> None:
 
 
 def test_the_other_objects_of_an_estate_by_hand(estate: Dataset) -> None:
-    house = estate.others(HOUSE)
+    house = estate.unclassified(HOUSE)
     assert house.categories == (NO_CATEGORY, "floor", "wall")
     assert house.cells.tolist() == [[0, 0, 0], [0, 0, 1], [2, 0, 0], [0, 1, 1]]
-    assert (estate.others(SHED).categories, estate.others(SHED).cells.shape) == ((), (3, 0))
-    lawn = estate.others(LAWN)
+    shed, ruin = estate.unclassified(SHED), estate.unclassified(RUIN)
+    assert (shed.categories, shed.cells.shape) == ((), (3, 0))
+    lawn = estate.unclassified(LAWN)
     assert (lawn.categories, lawn.cells.tolist()) == (("floor",), [[1]])
-    assert (estate.others(RUIN).categories, estate.others(RUIN).cells.shape) == ((), (1, 0))
+    assert (ruin.categories, ruin.cells.shape) == ((), (1, 0))
 
 
 def test_the_connections_of_an_estate_by_hand(estate: Dataset) -> None:
@@ -150,23 +151,23 @@ def assert_alike(data: Dataset) -> None:
         scene = graph.scene_id
         assert scene in data
         counted = np.zeros((1 + len(graph.rooms), 45), dtype=int)
-        others: dict[tuple[int, str], int] = {}
+        unclassified: dict[tuple[int, str], int] = {}
         for obj in graph.objects:
             if obj.class_index is not None:
                 counted[obj.room_index, obj.class_index] += 1
                 continue
             nameless = obj.category is None or is_nameless(obj.category)
             key = obj.room_index, NO_CATEGORY if nameless else str(obj.category)
-            others[key] = others.get(key, 0) + 1
+            unclassified[key] = unclassified.get(key, 0) + 1
         np.testing.assert_array_equal(data.cells(scene), counted)
         np.testing.assert_array_equal(cells[scene], counted)
-        one = data.others(scene)
-        assert list(one.categories) == sorted({name for _, name in others})
+        one = data.unclassified(scene)
+        assert list(one.categories) == sorted({name for _, name in unclassified})
         there = {
             (int(room), one.categories[kind]): int(one.cells[room, kind])
             for room, kind in np.argwhere(one.cells)
         }
-        assert there == others
+        assert there == unclassified
         space, ours = data.manifest.class_space, data.surroundings(scene)
         robots = mask_scene(graph, MaskRecipe(), draw=0, class_space=space).observation()
         assert same_surroundings(ours, robots.surroundings)
@@ -227,7 +228,7 @@ def test_a_dataset_of_many_parts_keeps_as_many_as_a_bound_allows(
     )
     manifest = read_manifest(dataset)
     small = Dataset(dataset, manifest, hash_manifest(dataset))
-    for scenes in small.in_parts(small.scene_ids):
+    for scenes in small.in_shards(small.scene_ids):
         for scene in scenes:
             np.testing.assert_array_equal(small.cells(scene), whole[scene])
     parts = [entry.path for entry in manifest.files_of("objects")]
@@ -239,21 +240,21 @@ def test_a_dataset_of_many_parts_keeps_as_many_as_a_bound_allows(
 
 def test_a_vocabulary_is_what_enough_buildings_have(dataset: Path) -> None:
     data = Dataset.open(dataset)
-    others = [data.others(scene) for scene in data.scene_ids]
-    everywhere = choose_vocabulary(others, min_scenes=12)
+    unclassified = [data.unclassified(scene) for scene in data.scene_ids]
+    everywhere = choose_vocabulary(unclassified, min_scenes=12)
     assert "wall" in everywhere
     assert NO_CATEGORY not in everywhere
-    assert choose_vocabulary(others, min_scenes=13) == ()
-    assert set(everywhere) <= set(choose_vocabulary(others, min_scenes=1))
+    assert choose_vocabulary(unclassified, min_scenes=13) == ()
+    assert set(everywhere) <= set(choose_vocabulary(unclassified, min_scenes=1))
 
 
-def test_scenes_in_parts_come_in_the_order_of_the_tables(dataset: Path) -> None:
+def test_scenes_in_shards_come_in_the_order_of_the_tables(dataset: Path) -> None:
     data = Dataset.open(dataset)
     parts = [entry.rows for entry in data.manifest.files_of("scenes")]
-    every = list(data.in_parts(reversed(data.scene_ids)))
+    every = list(data.in_shards(reversed(data.scene_ids)))
     assert [len(part) for part in every] == parts
     assert tuple(scene for part in every for scene in part) == data.scene_ids
     some = {data.scene_ids[0], data.scene_ids[-1]}
-    assert [set(part) for part in data.in_parts(some)] == (
+    assert [set(shard) for shard in data.in_shards(some)] == (
         [some] if len(parts) == 1 else [{data.scene_ids[0]}, {data.scene_ids[-1]}]
     )

@@ -86,7 +86,7 @@ def publish(folder: Path, graphs: list[SceneGraph]) -> None:
         sources=(SourceEntry(kind="hm3d", version=None, fingerprint="", class_map=CLASS_MAP),),
         scenes_per_shard=16,
         totals=Totals(),
-        files=write_shards(graphs, folder, part=0, class_space=CLASS_SPACE),
+        files=write_shards(graphs, folder, number=0, class_space=CLASS_SPACE),
     )
     write_bytes(folder / "dataset.json", encode_manifest(manifest))
     assert read_manifest(folder) == manifest
@@ -124,7 +124,7 @@ def test_a_building_by_hand(tmp_path: Path) -> None:
         adjacency=(Edge(1, 2, "adjacent", "door", None),),
         class_map="hm3d45-v1",
     )
-    write_shards([graph], tmp_path, part=0, class_space=CLASS_SPACE)
+    write_shards([graph], tmp_path, number=0, class_space=CLASS_SPACE)
     tables = {
         name: pq.read_table(tmp_path / name / "part-00000.parquet").to_pydict() for name in TABLES
     }

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import DatasetError
-from bsg_data.inputs.bounds import Bound
 from bsg_data.inputs.documents import parse_json, parse_toml, parse_yaml, read_json
 
 words = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
@@ -57,7 +56,7 @@ def test_a_file_of_json_is_read_with_the_error_of_its_reader(tmp_path: Path) -> 
     path = tmp_path / "a.json"
     path.write_text("[1")
     with refuses(DatasetError, "json-malformed", path):
-        read_json(path, Bound("", 9), error=DatasetError)
+        read_json(path, 9, error=DatasetError)
 
 
 plain_words = st.text(st.characters(codec="ascii", categories=["L", "N"]), min_size=1, max_size=8)

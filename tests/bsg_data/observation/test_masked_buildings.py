@@ -60,12 +60,13 @@ def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(dataset: Path, stra
         same = stored.take(np.flatnonzero(stored.draws == draw))
         np.testing.assert_array_equal(fresh.targets, same.targets)
         np.testing.assert_array_equal(fresh.draws, same.draws)
-        bare = sample_masked(data, scenes, mask=recipe, draw=draw).seen.others
-        assert (bare.shape, bare.dtype) == ((len(fresh.seen.inputs), 0), fresh.seen.others.dtype)
+        bare = sample_masked(data, scenes, mask=recipe, draw=draw).seen.unclassified
+        assert bare.shape == (len(fresh.seen.inputs), 0)
+        assert bare.dtype == fresh.seen.unclassified.dtype
         wall = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=("zzqx", "wall"))
-        np.testing.assert_array_equal(wall.seen.others[:, 1], fresh.seen.others[:, 1])
-        assert not wall.seen.others[:, 0].any()
-        for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
+        np.testing.assert_array_equal(wall.seen.unclassified[:, 1], fresh.seen.unclassified[:, 1])
+        assert not wall.seen.unclassified[:, 0].any()
+        for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "unclassified"):
             np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)
         ours, theirs = fresh.seen.surroundings, same.seen.surroundings
         assert same_surroundings(ours, theirs)
@@ -82,8 +83,8 @@ def test_pairs_that_another_numpy_drew_are_read_as_they_tell(
 
     monkeypatch.setattr("bsg_data.observation.masked_buildings.sample_views", views_of)
     seen = read_all(Dataset.open(dataset), "train", vocabulary=("wall",)).seen
-    assert not seen.others[seen.hidden_share == 1].any()
-    assert seen.others.any()
+    assert not seen.unclassified[seen.hidden_share == 1].any()
+    assert seen.unclassified.any()
 
 
 def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path) -> None:
@@ -109,11 +110,11 @@ def test_a_detector_overlooks_words_in_every_room_and_stored_pairs_agree(dataset
     data = Dataset.open(dataset)
     stored = read_all(data, "train", vocabulary=VOCABULARY)
     assert not stored.seen.inputs[stored.seen.withheld].any()
-    words = stored.seen.others[stored.seen.is_building] > 0  # each building has every word
+    words = stored.seen.unclassified[stored.seen.is_building] > 0  # each building has every word
     assert 0 < words.mean() < 1
     for draw in range(4):
         scenes = data.splits["train"]
         fresh = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=VOCABULARY)
         same = stored.take(np.flatnonzero(stored.draws == draw))
-        for name in ("inputs", "withheld", "others"):
+        for name in ("inputs", "withheld", "unclassified"):
             np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)

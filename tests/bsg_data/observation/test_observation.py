@@ -12,7 +12,7 @@ from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import Surroundings
 
 HOME = surround_rooms([12, None], [None, "kitchen"], building_kind="home", source="hm3d")
-FIELDS = ("starts", "inputs", "hidden_share", "visited", "withheld", "others")
+FIELDS = ("starts", "inputs", "hidden_share", "visited", "withheld", "unclassified")
 
 
 def same(a: Observation, b: Observation) -> bool:
@@ -80,8 +80,8 @@ def search(
     searched: list[int],
     artifact: int,
     view: View | None = None,
-    others: list[list[int]],
-    others_left: list[list[int]] | None = None,
+    unclassified: list[list[int]],
+    unclassified_left: list[list[int]] | None = None,
     blind: list[int] | None = None,
 ) -> Observation:
     """Observe a search; every room was visited and hides half, if no view is given."""
@@ -89,8 +89,8 @@ def search(
     return observe_search(
         "home",
         view or View.of_rooms(np.full(nodes - 1, 0.5), classes=len(cells[0])),
-        there=(np.array(cells), np.array(others)),
-        left=(np.array(left), np.array(others_left or others)),
+        there=(np.array(cells), np.array(unclassified)),
+        left=(np.array(left), np.array(unclassified_left or unclassified)),
         searched=np.isin(np.arange(nodes), searched),
         artifacts=np.array([artifact]),
         blind=np.isin(np.arange(len(cells[0])), blind or []),
@@ -104,15 +104,15 @@ def test_a_moment_of_a_search_by_hand() -> None:
     seen = search(
         [[1, 1], [4, 2], [0, 6], [2, 2]],  # the null region, then three rooms
         [[1, 1], [2, 1], [0, 3], [1, 1]],
-        others=[[0], [5], [1], [2]],
-        others_left=[[0], [2], [1], [0]],
+        unclassified=[[0], [5], [1], [2]],
+        unclassified_left=[[0], [2], [1], [0]],
         searched=[1],
         artifact=1,
     )
     assert seen.inputs.tolist() == [[1 + 4 + 0 + 1, 2], [4, 2], [0, 0], [1, 0]]
     assert seen.hidden_share.tolist() == pytest.approx([0.5 * 2 / 3, 0.0, 0.5, 0.5])
     assert seen.withheld.tolist() == [[False, True], [False, False], [False, True], [False, True]]
-    assert seen.others.tolist() == [[0 + 5 + 1 + 0], [5], [1], [0]]
+    assert seen.unclassified.tolist() == [[0 + 5 + 1 + 0], [5], [1], [0]]
     assert seen.visited.all()
 
 
@@ -125,7 +125,7 @@ def test_what_a_mask_told_of_rooms_stays_until_they_are_searched() -> None:
         [[0, 0], [3, 3], [3, 3], [3, 3], [3, 3]],
         [[0, 0], [3, 3], [0, 2], [0, 1], [0, 0]],
         view=view,
-        others=[[0]] * 5,
+        unclassified=[[0]] * 5,
         searched=[3],
         artifact=1,
     )
@@ -143,6 +143,6 @@ def test_what_a_mask_told_of_rooms_stays_until_they_are_searched() -> None:
 
 def test_what_a_source_cannot_name_is_not_absent_in_a_searched_room() -> None:
     cells = [[0, 0], [1, 0], [2, 0]]
-    seen = search(cells, cells, searched=[1], artifact=0, others=[[0]] * 3, blind=[1])
+    seen = search(cells, cells, searched=[1], artifact=0, unclassified=[[0]] * 3, blind=[1])
     assert seen.withheld[1].tolist() == [False, True]
     assert seen.cell_share[1].tolist() == [0.0, 1.0]

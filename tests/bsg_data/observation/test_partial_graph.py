@@ -72,7 +72,7 @@ def test_an_observation_by_hand() -> None:
     assert seen.scene_ids == ("home",)
     assert seen.starts.tolist() == [0, 3]
     np.testing.assert_array_equal(seen.inputs, GRAPH.histograms())
-    assert seen.others.tolist() == [[0, 1], [0, 1], [0, 0]]
+    assert seen.unclassified.tolist() == [[0, 1], [0, 1], [0, 0]]
     assert seen.vocabulary == ("drawer", "tap")
     assert seen.hidden_share.tolist() == [0.5, 0.5, 1.0]
     assert seen.visited.tolist() == [True, True, False]
@@ -82,7 +82,7 @@ def test_an_observation_by_hand() -> None:
     assert seen.connections.methods.tolist() == ["given"]
     assert np.isnan(seen.connections.lengths).all()
     plain = GRAPH.observation()
-    assert plain.others.shape == (3, 0)
+    assert plain.unclassified.shape == (3, 0)
     assert not plain.withheld.any()
 
 

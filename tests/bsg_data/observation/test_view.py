@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from bsg_data.arrays import Counts
-from bsg_data.dataset.histograms import OtherObjects
+from bsg_data.dataset.histograms import Unclassified
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import sample_view
-from bsg_data.observation.view import View, hide_cells, sample_hidden, see_others
+from bsg_data.observation.view import View, hide_cells, sample_hidden, see_unclassified
 from bsg_data.recipes import MaskRecipe
 
 NOBODY = np.zeros(4, dtype=bool)
@@ -51,15 +51,15 @@ def test_views_agree_in_single_precision() -> None:
 
 CURTAINS = np.array([[1, 0], [3, 5], [0, 5], [2, 0]])  # of four nodes; the second class is beds
 RODS = np.array([[2, 4], [3, 2], [2, 2], [4, 0]])  # curtain rods, and lamps that are no parts
-OTHERS = OtherObjects.of_cells(("curtain rod", "lamp"), RODS)
+UNCLASSIFIED = Unclassified.of_cells(("curtain rod", "lamp"), RODS)
 
 
 def hide(recipe: MaskRecipe, draw: int) -> tuple[Counts, Counts]:
     """Return what is hidden of the curtains and beds, and of the rods and lamps."""
     view = sample_view(CURTAINS.shape, recipe, scene_id="s", draw=draw)
     hidden = sample_hidden(CURTAINS, view, recipe, scene_id="s", draw=draw)
-    (seen,) = see_others(
-        [OTHERS],
+    (seen,) = see_unclassified(
+        [UNCLASSIFIED],
         [view],
         [recipe],
         MaskStreams([recipe], ["s"], [draw]),
@@ -67,7 +67,7 @@ def hide(recipe: MaskRecipe, draw: int) -> tuple[Counts, Counts]:
         hidden=hidden,
         classes=("curtain", "bed"),
     )
-    return hidden, RODS - seen.place(np.arange(2), 2)
+    return hidden, RODS - seen.spread(np.arange(2), 2)
 
 
 def test_parts_are_seen_only_with_a_whole() -> None:

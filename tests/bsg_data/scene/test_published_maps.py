@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import csv
+import shutil
 import unicodedata
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
 from conftest import REPOSITORY
+from refusals import refuses
 
+from bsg_data.errors import ClassMapError
+from bsg_data.results import require_seal
 from bsg_data.scene.class_map import load_class_map, normalise_name
+from bsg_data.scene.class_space import read_published
 
 MAPPINGS = REPOSITORY / "mappings"
 # A published map never changes: a new map is a new version, added here.
@@ -51,6 +57,27 @@ def test_published_maps_never_change() -> None:
     maps = {name: load_class_map(name) for name in MAPS}
     assert {name: one.sha256 for name, one in maps.items()} == PUBLISHED
     assert {name: (one.former or one).sha256 for name, one in maps.items()} == FORMER
+
+
+def test_every_file_of_data_is_listed_with_its_hash() -> None:
+    """Texts for people are not: `README.md`, and what says how a file was made."""
+    data = {path.name for path in MAPPINGS.iterdir() if path.suffix not in (".md", ".py", "")}
+    assert data == set(require_seal(MAPPINGS) or ())
+    for name in sorted(data):
+        assert read_published(name) == (MAPPINGS / name).read_bytes()
+
+
+def test_a_changed_file_is_found_when_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mappings = Path(shutil.copytree(MAPPINGS, tmp_path / "mappings"))
+    monkeypatch.setattr("bsg_data.scene.class_space.files", lambda package: mappings)
+    for name in ("class_maps.csv", "labels-ade20k.csv", "nouns-v1.safetensors", "things-v1.csv"):
+        data = bytearray((mappings / name).read_bytes())
+        data[len(data) // 2] ^= 1
+        (mappings / name).write_bytes(data)
+        with refuses(ClassMapError, "file-changed", name):
+            read_published(name)
 
 
 @each_map

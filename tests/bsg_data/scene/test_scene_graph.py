@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from bsg_data.scene.connections import GIVEN, Connections, stack_connections
@@ -26,7 +28,7 @@ def test_nodes_are_the_building_then_rooms_then_objects() -> None:
 
 def test_connections_of_buildings_are_numbered_one_after_another() -> None:
     nothing = Connections.of_pairs(())
-    doors = Connections.of_pairs([(1, 2)], method="door")
+    doors = replace(Connections.of_pairs([(1, 2)]), methods=np.array(["door"]))
     every = stack_connections([doors, nothing, Connections.of_pairs([(1, 3)])], [0, 3, 4])
     assert every.pairs.tolist() == [[1, 2], [5, 7]]
     assert every.methods.tolist() == ["door", GIVEN]

@@ -22,7 +22,7 @@ def first_room(word: str, *rooms: str) -> str | None:
     """Return which of these rooms a person would search first."""
     thing = find_thing(word)
     assert thing is not None, word
-    return max(rooms, key=thing.share_in)
+    return max(rooms, key=thing.probability_in)
 
 
 def test_names_are_sorted_and_every_row_is_whole() -> None:
@@ -161,16 +161,16 @@ def test_a_person_looks_there_first(building: tuple[str, ...], word: str, room: 
 def test_a_printer_room_has_no_toilet_and_a_server_room_no_bed(word: str) -> None:
     thing = find_thing(word)
     assert thing is not None
-    assert thing.share_in("copy room") == thing.share_in("computer room") == 0
+    assert thing.probability_in("copy room") == thing.probability_in("computer room") == 0
 
 
 def test_a_label_that_models_read_as_another_has_its_own_share_or_that_of_the_other() -> None:
     medicine, bed = find_thing("medicine"), find_thing("hospital bed")
     assert medicine is not None
     assert bed is not None
-    assert medicine.share_in("pharmacy") > 0 == medicine.share_in("storage room")
+    assert medicine.probability_in("pharmacy") > 0 == medicine.probability_in("storage room")
     assert "examination room" not in dict(bed.rooms)
-    assert bed.share_in("examination room") == bed.share_in("infirmary") > 0
+    assert bed.probability_in("examination room") == bed.probability_in("infirmary") > 0
 
 
 def test_every_everyday_thing_is_known() -> None:

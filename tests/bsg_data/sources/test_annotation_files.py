@@ -8,7 +8,6 @@ from pathlib import Path
 from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
-from bsg_data.inputs.bounds import Bound
 from bsg_data.sources.annotation_files import (
     decode,
     fingerprint,
@@ -42,7 +41,7 @@ def test_a_fingerprint_tells_files_apart(tmp_path: Path) -> None:
 
 
 def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
-    path, bound = tmp_path / "a", Bound("", 9)
+    path, bound = tmp_path / "a", 9
     path.write_text("1")
     known = fingerprint(path)
     assert read_listed(path, bound, expected=known) == b"1"

@@ -258,7 +258,7 @@ def test_a_spreadsheet_that_is_none_or_unpacks_beyond_its_bound(tmp_path: Path) 
         read(path)
     bomb = io.BytesIO()
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for number in range(COBIE.bytes // 2**25 + 1):
+        for number in range(COBIE // 2**25 + 1):
             archive.writestr(f"xl/{number}.xml", bytes(2**25))
     path.write_bytes(bomb.getvalue())
     with refuses(SourceError, "spreadsheet-malformed", path):

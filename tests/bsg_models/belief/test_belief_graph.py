@@ -85,7 +85,7 @@ def test_a_model_reads_a_partial_graph_as_it_reads_a_masked_building(
         ours, theirs = partial.observation(vocabulary=vocabulary), masked.seen.take([number])
         assert ours.scene_ids == theirs.scene_ids == (scene,)
         assert ours.vocabulary == theirs.vocabulary == vocabulary
-        for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "others"):
+        for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "unclassified"):
             np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name), name)
         np.testing.assert_array_equal(ours.connections.pairs, theirs.connections.pairs)
 

@@ -30,7 +30,7 @@ def two_rooms() -> MaskedBuildings:
         visited=np.ones(3, dtype=bool),
         withheld=np.zeros((3, 2), dtype=bool),
         vocabulary=(),
-        others=np.zeros((3, 0), dtype=np.int64),
+        unclassified=np.zeros((3, 0), dtype=np.int64),
         connections=Connections(np.zeros((0, 2), dtype=np.int64), np.zeros(0, str), np.zeros(0)),
         surroundings=Surroundings.unknown(nodes=3),
     )

@@ -30,7 +30,7 @@ def test_a_graph_by_hand() -> None:
                 hidden_share=[0.5, 0.25, 1.0],
                 visited=[True, True, False],
                 withheld=[1],
-                others=[[7], [7], [0]],
+                unclassified=[[7], [7], [0]],
                 vocabulary=("tap",),
                 connected=[(1, 2)],
                 surroundings=surround_rooms(
@@ -41,10 +41,10 @@ def test_a_graph_by_hand() -> None:
         ]
     )
     graph = to_graph(seen, edges=("up", "adjacent"), targets=2 * seen.inputs)
-    assert graph.x.dtype == graph.y.dtype == graph.others.dtype == torch.float32
+    assert graph.x.dtype == graph.y.dtype == graph.unclassified.dtype == torch.float32
     assert graph.x.tolist() == [[4, 1], [3, 1], [0, 0], [9, 9]]
     assert graph.y.tolist() == [[8, 2], [6, 2], [0, 0], [18, 18]]
-    assert graph.others.tolist() == [[7], [7], [0], [0]]
+    assert graph.unclassified.tolist() == [[7], [7], [0], [0]]
     assert graph.edge_index.tolist() == [[1, 1, 2, 2], [0, 2, 0, 1]]
     assert graph.is_building.tolist() == [True, False, False, True]
     assert graph.visited.tolist() == [True, True, False, True]
@@ -79,7 +79,7 @@ def test_many_buildings_are_one_graph_as_pyg_batches_them(
     graphs = MaskedGraphs(masked, edges=edges)
     (batch,) = DataLoader(graphs, batch_size=len(graphs))
     whole = to_graph(masked.seen, edges=edges, targets=masked.targets)
-    seen_as = ("x", "y", "others", "edge_index", "is_building", "visited", "hidden_share")
+    seen_as = ("x", "y", "unclassified", "edge_index", "is_building", "visited", "hidden_share")
     for name in (*seen_as, "floor_area", "labels", "building_kind", "source"):
         assert torch.equal(batch[name], whole[name]), name
     assert torch.equal(batch.withheld, whole.withheld)

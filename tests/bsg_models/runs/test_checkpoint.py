@@ -106,8 +106,8 @@ def test_a_header_of_another_program_or_version_is_refused(
         (10, 17),
         (0, 4),
         (2**63, 100),
-        (10, CHECKPOINT.bytes + 1),
-        (CHECKPOINT_HEADER.bytes + 1, CHECKPOINT.bytes),
+        (10, CHECKPOINT + 1),
+        (CHECKPOINT_HEADER + 1, CHECKPOINT),
     ],
 )
 def test_what_is_cut_off_or_too_large_is_not_read(tmp_path: Path, header: int, size: int) -> None:

@@ -31,7 +31,7 @@ def names(masked: MaskedBuildings) -> list[tuple[str, int]]:
 
 def same(one: MaskedBuildings, other: MaskedBuildings) -> bool:
     a, b = one.seen, other.seen
-    arrays = ("starts", "inputs", "hidden_share", "visited", "withheld", "others")
+    arrays = ("starts", "inputs", "hidden_share", "visited", "withheld", "unclassified")
     return (
         names(one) == names(other)
         and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in arrays)

@@ -39,7 +39,7 @@ def feed(seen: Observation) -> dict[str, npt.NDArray[Any]]:
     around = seen.surroundings
     arrays = {
         "seen": seen.inputs,
-        "others": seen.others,
+        "others": seen.unclassified,
         "hidden_share": seen.hidden_share,
         "visited": seen.visited,
         "withheld": seen.withheld,
@@ -80,7 +80,7 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
     told = replace(
         observe_building([[3] * 45, [2] * 45, [1] * 45], withheld=[2], surroundings=around),
         vocabulary=model.vocabulary,
-        others=np.ones((3, len(model.vocabulary)), dtype=np.int64),
+        unclassified=np.ones((3, len(model.vocabulary)), dtype=np.int64),
     )
     shares = np.array([0.5, 0.0, 1e-30], dtype=np.float32)  # a searched room hides nothing
     for one in (told, replace(told, hidden_share=shares), *map(seen.take, ([0], [1], [2]))):

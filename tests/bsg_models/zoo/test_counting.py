@@ -184,7 +184,7 @@ def test_a_withheld_class_is_expected_more_than_one_that_was_not_seen(
     inputs, withheld = masked.seen.inputs.copy(), masked.seen.withheld.copy()
     inputs[:, STOVE] = 0
     withheld[:, STOVE] = True
-    seen = replace(masked.seen, inputs=inputs, others=np.zeros_like(masked.seen.others))
+    seen = replace(masked.seen, inputs=inputs, unclassified=np.zeros_like(masked.seen.unclassified))
     rooms = ~seen.is_building
     absent = model.predict(seen).hidden[rooms, STOVE]
     told = model.predict(replace(seen, withheld=withheld)).hidden[rooms, STOVE]

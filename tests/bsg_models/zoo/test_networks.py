@@ -163,7 +163,7 @@ def test_features_by_hand() -> None:
         [[3.0], [3.0], [0.0], [0.0]],
         hidden_share=[0.5, 0.5, 0.5, 1.0],
         visited=[True, True, True, False],
-        others=[[1.0, 5.0], [1.0, 0.0], [0.0, 5.0], [0.0, 0.0]],
+        unclassified=[[1.0, 5.0], [1.0, 0.0], [0.0, 5.0], [0.0, 0.0]],
         vocabulary=("tap", "wall"),
     )
     found = features(weights, to_nodes(seen))
@@ -266,11 +266,11 @@ def test_categories_that_an_observation_lacks_are_unseen_and_others_are_refused(
     assert isinstance(model, CountNetwork)
     shake(model)
     seen = read_split(data, "test", vocabulary=model.vocabulary).seen.take([0])
-    nothing = replace(seen, others=np.zeros_like(seen.others))
-    unasked = replace(seen, vocabulary=(), others=seen.others[:, :0])
+    nothing = replace(seen, unclassified=np.zeros_like(seen.unclassified))
+    unasked = replace(seen, vocabulary=(), unclassified=seen.unclassified[:, :0])
     np.testing.assert_array_equal(model.predict(unasked).hidden, model.predict(nothing).hidden)
     assert not np.array_equal(model.predict(seen).hidden, model.predict(nothing).hidden)
-    foreign = replace(seen, vocabulary=("a",), others=seen.others[:, :1])
+    foreign = replace(seen, vocabulary=("a",), unclassified=seen.unclassified[:, :1])
     with pytest.raises(MismatchError):
         model.predict(foreign)
     narrow = new_model(configure("ceci-sage", "data.min_scenes=99"), data)

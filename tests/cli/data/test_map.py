@@ -18,12 +18,6 @@ def test_map_shows_names_classes_and_near_misses() -> None:
     assert "hm3d45-v1" in run("map", "list").stdout
 
 
-def test_map_coverage_adds_up(dataset: Path) -> None:
-    found = json.loads(run("map", "coverage", dataset, "--json").stdout)
-    parts = ("classified", "structure", "nameless", "unmapped", "left_out")
-    assert sum(found[part] for part in parts) == found["objects"]
-
-
 def test_a_rule_that_decides_is_named() -> None:
     assert "(by the rule 'separator')" in run("map", "show", "TV-stand").stdout
     shown = json.loads(run("map", "show", "sofas", "--json").stdout)
@@ -31,11 +25,45 @@ def test_a_rule_that_decides_is_named() -> None:
     run("map", "show", "sofas", "--class-map", "hm3d45-v1", code=1)
 
 
+def test_coverage_adds_up_and_is_that_of_the_map_the_dataset_was_built_with(dataset: Path) -> None:
+    (built,) = json.loads(run("map", "coverage", dataset, "--json").stdout).items()
+    counted = ("classified", "structure", "nameless", "unmapped", "left_out")
+    assert sum(built[1][name] for name in counted) == built[1]["objects"] > 0
+    again = run("map", "coverage", dataset, "--class-map", built[0], "--json")
+    assert json.loads(again.stdout) == {built[0]: built[1]}
+
+
 def test_maps_are_compared_over_one_dataset(dataset: Path) -> None:
-    maps = ("--class-map", "hm3d45-v1", "--class-map", "hm3d45-v2")
-    found = json.loads(run("map", "compare", dataset, *maps, "--json").stdout)
+    maps = ("--class-map", "hm3d45-v1", "--class-map", "hm3d45-v2", "--classes")
+    found = json.loads(run("map", "coverage", dataset, *maps, "--json").stdout)
     chairs = {version: one["classes"]["chair"] for version, one in found.items()}
     assert chairs["hm3d45-v1"] == {"instances": 24, "rooms": 12, "buildings": 12, "doubles": 12}
     assert chairs["hm3d45-v2"] == chairs["hm3d45-v1"]
-    text = run("map", "compare", dataset, *maps).stdout
-    assert "two or more hm3d45-v2" in text
+    text = run("map", "coverage", dataset, *maps).stdout
+    (row,) = (line.split() for line in text.splitlines() if line.startswith("chair "))
+    assert row == ["chair", "24", "24", "12", "12", "12", "12"]
+    assert "two or more" not in run("map", "coverage", dataset, *maps[:-1]).stdout
+
+
+def test_two_maps_of_one_name_are_two_columns(dataset: Path, tmp_path: Path) -> None:
+    paths = [tmp_path / folder / "own.csv" for folder in ("one", "two")]
+    for path, name in zip(paths, ("chair", "bed"), strict=True):
+        path.parent.mkdir()
+        path.write_text(f"raw_category,category,class\n{name},{name},{name}\n", "utf-8")
+    words = [word for path in paths for word in ("--class-map", path)]
+    found = json.loads(run("map", "coverage", dataset, *words, "--json").stdout)
+    counts = [found[str(path)]["classified"] for path in paths]
+    assert counts[0] == 24 != counts[1]
+
+
+def test_a_dataset_of_several_maps_is_told_from_one_map(dataset: Path, tmp_path: Path) -> None:
+    assert run("map", "coverage", dataset, "--class-map", "hm3d45-v1").stderr == ""
+    run("synth", "--out", tmp_path / "made", "--scenes", "2")
+    made = ("--source", "synthetic", tmp_path / "made", "--class-map", "mp3d45-v1")
+    run("build", *made, "--out", tmp_path / "other", "--workers", "1")
+    run("merge", dataset, tmp_path / "other", "--out", tmp_path / "both")
+    built = run("map", "coverage", tmp_path / "both")
+    assert "hm3d45-v2, mp3d45-v1" in built.stdout
+    assert built.stderr == ""
+    one = run("map", "coverage", tmp_path / "both", "--class-map", "hm3d45-v1")
+    assert "was built with several maps (hm3d45-v2, mp3d45-v1)" in one.stderr

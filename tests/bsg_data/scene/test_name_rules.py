@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.scene.spoken_names import index_words, is_typo, mend, resolve
+from bsg_data.scene.name_rules import index_words, is_typo, mend, resolve
 
 LISTED = {"tv stand", "shelf", "couch", "knife", "box", "battery", "plant", "basket", "tv", "towel"}
 SYNONYMS = {"sofa": "couch", "television": "tv"}

@@ -176,10 +176,10 @@ def mend(name: str, index: Mapping[str, list[str]], *, real: Container[str]) -> 
     words = _split(name)
     if len("".join(words)) <= SHORT:
         return
-    for place, said in enumerate(words):
+    for i, said in enumerate(words):
         if not SHORT <= len(said) <= _LONG or said in real or said in index.get(said, ()):
             continue
         near = {word for left in _leave_out(said) for word in index.get(left, ())}
         for word in sorted(near):
             if is_typo(said, word):
-                yield " ".join([*words[:place], word, *words[place + 1 :]])
+                yield " ".join([*words[:i], word, *words[i + 1 :]])

@@ -1,0 +1,53 @@
+"""Buildings without rooms, and rooms without objects, go through every command."""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+
+import pytest
+
+from bsg_data import (
+    PairsRecipe,
+    SplitRecipe,
+    build_dataset,
+    check_dataset,
+    merge_datasets,
+    open_source,
+    split_dataset,
+    write_pairs,
+)
+from bsg_data.recipes import MaskRecipe
+from bsg_models.studies.comparison import EvaluationRequest
+from bsg_models.studies.evaluation_report import report_evaluation
+from bsg_models.training.training import train_run
+from bsg_models.zoo.config import find_config
+
+ROWS = {
+    "rooms without objects": "hall,",
+    "objects without rooms": ",bed",
+    "buildings of both kinds": "hall,\nSCENE,,bed",
+}
+
+
+@pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
+def test_what_is_empty_is_sound_and_can_be_measured(row: str, tmp_path: Path) -> None:
+    text = "".join(f"home{n},{row}\n".replace("SCENE", f"home{n}") for n in range(9))
+    (tmp_path / "objects.csv").write_text(f"scene,room,category\n{text}")
+    dataset = tmp_path / "dataset"
+    build_dataset(open_source("table", tmp_path / "objects.csv"), dataset)
+    assert check_dataset(dataset) == ()
+    split_dataset(dataset, SplitRecipe(ratios=(0.4, 0.3, 0.3)))
+    write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="mixed"), draws=2))
+    assert check_dataset(dataset) == ()
+    deque(train_run(find_config("train-mean"), dataset, tmp_path / "run"), maxlen=0)
+    request = EvaluationRequest(dataset=dataset, runs=(tmp_path / "run",), resamples=2)
+    report = report_evaluation(request)
+    assert report.report.is_file()
+    assert len(report.figures) == (3 if "hall" in row else 1)
+    others = f"scene,room,category\n{text}".replace("home", "house")
+    (tmp_path / "others.csv").write_text(others)
+    build_dataset(open_source("table", tmp_path / "others.csv"), tmp_path / "others")
+    merged = merge_datasets([dataset, tmp_path / "others"], tmp_path / "merged")
+    assert merged.totals.scenes == 18
+    assert check_dataset(tmp_path / "merged") == ()

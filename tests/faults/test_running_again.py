@@ -1,0 +1,112 @@
+"""A killed command simply runs again, without --force, and leaves what an unbroken one leaves."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from killed_process import start, wait_for
+from watched_folder import snapshot
+
+from bsg_data import build_dataset, export_dataset, open_source
+from bsg_data.errors import DatasetError
+from bsg_models.belief.graph_file import open_graph_file
+from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
+from bsg_models.studies.comparison import EvaluationRequest
+from bsg_models.studies.evaluation_report import report_evaluation
+from bsg_models.studies.search_report import report_search
+from bsg_models.studies.search_request import SearchRequest
+
+pytestmark = [
+    pytest.mark.heavy,
+    pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning"),
+]
+HOME = {"kitchen": ["stove", "sink"], "bedroom": ["bed"], "hall": []}
+
+
+def believe(run: Path, dataset: Path, out: Path) -> None:
+    """Four files for one graph."""
+    path = dataset.parent / "home.json"
+    path.write_text(json.dumps(HOME))
+    names = ("a.json", "a.html", "a.dsg.json", "a.tables")
+    graphs = (open_graph_file(path),)
+    report_beliefs(BeliefRequest(run=run, graphs=graphs, out=tuple(out / name for name in names)))
+
+
+def evaluate(run: Path, dataset: Path, out: Path) -> None:
+    """A folder of results, and a page beside it."""
+    request = EvaluationRequest(
+        dataset=dataset, runs=(run,), out=out / "evaluation", html=out / "page.html", resamples=2
+    )
+    report_evaluation(request)
+
+
+def search(run: Path, dataset: Path, out: Path) -> None:
+    """A folder of results, and a replay beside it."""
+    request = SearchRequest.read(
+        dataset,
+        runs=(run,),
+        out=out / "search",
+        replays=(out / "a.png",),
+        trace="auto",
+        planners=("nearest", "expected-cost"),
+        worlds=("star",),
+        episodes=2,
+        resamples=2,
+    )
+    report_search(request)
+
+
+def export(run: Path, dataset: Path, out: Path) -> None:
+    """Files in a folder that may hold others."""
+    placed = dataset.parent / "placed"
+    if not placed.exists():
+        rows = [f"home{n},hall,bed,{n},{n},0,0,0,0,9,9,2\n" for n in range(4)]
+        columns = ",".join(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
+        table = dataset.parent / "objects.csv"
+        table.write_text("".join([f"scene,room,category,x,y,z,{columns}\n", *rows]))
+        build_dataset(open_source("table", table), placed)
+    export_dataset(placed, out / "habitat", to="habitat")
+
+
+@pytest.mark.parametrize(("work", "slow"), [(believe, 1), (evaluate, 4), (search, 8), (export, 1)])
+def test_killed_at_any_change_of_a_file(
+    work: Callable[[Path, Path, Path], None],
+    slow: int,
+    run: Path,
+    dataset: Path,
+    tmp_path: Path,
+    stride: int,
+) -> None:
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    work(run, dataset, whole)
+    expected = list_names(whole)
+    assert expected
+    at = 1
+    while True:
+        out = tmp_path / "out"
+        shutil.rmtree(out, ignore_errors=True)
+        out.mkdir()
+        ended = wait_for(*start(lambda at=out: work(run, dataset, at), inside=out, kill_at=at))  # type: ignore[misc]
+        if ended.how == "done":
+            break
+        assert ended.how == "killed", ended
+        was_whole = list_names(out) == expected
+        refused = ""
+        try:
+            work(run, dataset, out)
+        except DatasetError as error:
+            refused = error.code
+        assert not refused or (refused, was_whole) == ("path-taken", True)  # killed after its end
+        assert list_names(out) == expected
+        at += 1 if stride == 1 else stride * slow
+    assert at > 1
+
+
+def list_names(folder: Path) -> set[str]:
+    """Return the files below a folder, but for locks that nobody holds."""
+    return {name for name in snapshot(folder) if not name.endswith(".lock")}
