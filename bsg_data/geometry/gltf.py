@@ -86,12 +86,12 @@ def naming(path: Path) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class MeshPart:
-    """One primitive as a node shows it."""
+    """One primitive as a node shows it; one row per axis or corner, as in surfaces."""
 
-    vertices: Floats  # [V, 3] in the axes and units of the file
-    faces: Ints  # [F, 3] indices of vertices
+    vertices: Floats  # [3, V] in the axes and units of the file
+    faces: Ints  # [3, F] indices of vertices
     texture: Image.Image | None  # of its base colour
-    places: Floats | None  # [V, 2] column and row on the texture, from 0 to 1, row 0 on top
+    places: Floats | None  # [2, V] column and row on the texture, from 0 to 1, row 0 on top
     colours: npt.NDArray[np.uint8] | None  # [V, 3] of vertices
 
 
@@ -306,19 +306,21 @@ def _texture_of(mesh: Any) -> Image.Image | None:
 
 def _part(mesh: Any, matrix: Floats, *, clamped: bool) -> MeshPart:
     with np.errstate(all="ignore"):
-        vertices = mesh.vertices.view(np.ndarray) @ matrix[:3, :3].T + matrix[:3, 3]
-    faces = mesh.faces.view(np.ndarray)
+        x, y, z = mesh.vertices.view(np.ndarray).T
+        # Not `@`, whose threads wait for each other longer than the product takes.
+        vertices = np.stack([a * x + b * y + c * z + d for a, b, c, d in matrix[:3]])
+    faces = np.ascontiguousarray(mesh.faces.view(np.ndarray).T, dtype=np.int64)
     if not np.isfinite(vertices).all():
         raise MeshError("a vertex is not finite", code="mesh-values")
-    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
+    if faces.size and faces.view(np.uint64).max() >= vertices.shape[1]:  # below 0 is huge
         raise MeshError("a face has a vertex that is not there", code="mesh-values")
     texture, places = _texture_of(mesh), None
     if texture is not None:
-        places = np.asarray(mesh.visual.uv, dtype=np.float64)
-        if places.shape != (len(vertices), 2) or not (np.abs(places) < MAX_REPEATS).all():
+        places = np.array(np.transpose(mesh.visual.uv), dtype=np.float64, order="C")
+        if places.shape != (2, vertices.shape[1]) or not (np.abs(places) < MAX_REPEATS).all():
             what = "texture coordinates that are not one sane pair a vertex"
             raise MeshError(what, code="mesh-values")
-        places = np.stack([places[:, 0], 1.0 - places[:, 1]], axis=1)  # trimesh counts from below
+        places[1] = 1.0 - places[1]  # trimesh counts from below
         if clamped:
             places = np.clip(places, 0.0, np.nextafter(1.0, 0.0))
     return MeshPart(vertices, faces, texture, places, _vertex_colours(mesh))

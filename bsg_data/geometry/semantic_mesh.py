@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bsg_data.arrays import Floats, Ints, find_runs
+from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.geometry.colour_labels import BLACK, FIRST, UNLISTED, ColourLabels, LabelSheet
 from bsg_data.geometry.gltf import MeshError, MeshPart, naming, read_parts
 from bsg_data.geometry.surfaces import (
+    BLOCK,
     CELL,
     Labels,
     SurfaceCells,
@@ -35,7 +36,7 @@ from bsg_data.scene.scene_graph import MeshCoverage
 
 _FINE = 4.0  # samples a texel where a face straddles instances
 _MOST_SAMPLES = 1_000_000_000  # of one mesh: some minutes
-_BATCH = 2**19  # samples or faces in memory
+_BATCH = 2**19  # faces in memory
 _MOST_CELLS = 8_000_000  # of one mesh: 80,000 square metres
 _OWN_SHARE = 0.2  # of its colours' surface that a mesh must have listed to be its scene's
 
@@ -114,34 +115,41 @@ class _Tally:
 
     def add(self, part: MeshPart, sheet: LabelSheet | None, palette: ColourLabels) -> None:
         """Add the faces of a part."""
-        if np.abs(part.vertices).max(initial=0) > CELL * 2**15 - 1:
+        vertices = part.vertices
+        if np.abs(vertices).max(initial=0) > CELL * 2**15 - 1:
             raise MeshError("it is kilometres wide; are its units metres?")
-        self.faces += len(part.faces)
-        vertices = np.ascontiguousarray(part.vertices.T)
-        vertex_labels = spots = None
-        if sheet is None and part.colours is not None:
-            vertex_labels = palette.label_vertices(part.colours)
-        if sheet is not None and part.places is not None:
-            spots = np.ascontiguousarray((part.places * sheet.labels.shape[::-1]).T)
-        for start in range(0, len(part.faces), _BATCH):
-            faces = np.ascontiguousarray(part.faces[start : start + _BATCH].T)
-            if sheet is not None and spots is not None:
+        self.faces += part.faces.shape[1]
+        for start in range(0, part.faces.shape[1], _BATCH):
+            faces = part.faces[:, start : start + _BATCH]
+            if part.places is not None and sheet is not None:
+                spots = part.places * np.array(sheet.labels.shape)[::-1, None]
                 labels, mixed = sheet.find_labels(spots, faces)
-                self._add_whole(vertices, faces.compress(~mixed, axis=1), labels[~mixed])
+                self._add_whole(vertices, faces, labels, mixed)
                 divided = faces.compress(mixed, axis=1)
                 self._add_divided(vertices[:, divided], spots[:, divided], sheet.labels)
-            elif vertex_labels is not None:
-                three = vertex_labels[faces.T]
-                mixed = (three[:, 0] != three[:, 1]) | (three[:, 0] != three[:, 2])
-                self._add_whole(vertices, faces[:, ~mixed], three[~mixed, 0])
-                self._add_thirds(vertices[:, faces[:, mixed]], three[mixed])
+            elif part.colours is not None:
+                three = palette.label_vertices(part.colours)[faces]
+                mixed = (three[0] != three[1]) | (three[0] != three[2])
+                self._add_whole(vertices, faces, three[0], mixed)
+                self._add_thirds(vertices[:, faces[:, mixed]], three[:, mixed])
             else:
-                self.uncoloured += float(measure_areas(*take_corners(vertices, faces)).sum())
+                a, b, c = take_corners(vertices, faces)
+                self.uncoloured += float(measure_areas(b - a, c - a).sum())
 
-    def _add_whole(self, vertices: Floats, faces: Ints, labels: Labels) -> None:
-        """Add faces `[3, F]` of one label each, of vertices `[3, V]`."""
-        a, b, c = take_corners(vertices, faces)
-        self._add_moments(labels, measure_areas(a, b, c), (a + b + c) / 3)
+    def _add_whole(self, vertices: Floats, faces: Ints, labels: Labels, mixed: Bools) -> None:
+        """Add faces `[3, F]` of one label each, of vertices `[3, V]`; leave the mixed ones out."""
+        long = []
+        for start in range(0, len(labels), BLOCK):
+            some = slice(start, start + BLOCK)
+            a, b, c = take_corners(vertices, faces[:, some])
+            u, v = b - a, c - a
+            areas = measure_areas(u, v)
+            areas[mixed[some]] = 0
+            self._add_moments(labels[some], areas, (a + b + c) / 3)
+            # Twice this is at least the square of the diagonal of the box, which no side exceeds.
+            square = np.einsum("af,af->f", u, u) + np.einsum("af,af->f", v, v)
+            long.append(start + np.flatnonzero((square > CELL**2 / 2.01) & ~mixed[some]))
+        labels = np.where(mixed, UNLISTED, labels).astype(np.uint16)
         # A vertex is noted once, for the last of its faces; faces of another label note theirs.
         last = np.zeros(vertices.shape[1], dtype=np.uint16)
         for corner in faces:
@@ -150,14 +158,14 @@ class _Tally:
         for corner in faces:
             other = np.flatnonzero(last.take(corner) != labels)
             self._reach(vertices.take(corner[other], axis=1), labels[other])
-        low, high = find_spans(a, b, c)
-        x, y, z = high - low
-        long = np.flatnonzero(x * x + y * y + z * z > CELL**2)  # no side is longer than this
-        parts = np.ceil(find_longest(a[:, long], b[:, long], c[:, long]) / CELL)
-        corners = vertices.take(faces[:, long], axis=1)
-        for chosen, weights, _ in self._subdivide(parts):
-            points = _spread(corners[:, :, chosen], weights)
-            self._reach(points, np.repeat(labels[long[chosen]], len(weights)))
+        chosen = np.concatenate(long)
+        low, high = find_spans(*take_corners(vertices, faces[:, chosen]))
+        chosen = chosen[((high - low) ** 2).sum(axis=0) > CELL**2]
+        corners = vertices[:, faces[:, chosen]]
+        parts = np.ceil(find_longest(*corners.transpose(1, 0, 2)) / CELL)
+        for group, weights, _ in self._subdivide(parts):
+            points = _spread(corners[:, :, group], weights)
+            self._reach(points, np.repeat(labels[chosen[group]], len(weights)))
 
     def _add_divided(self, corners: Floats, spots: Floats, sheet: Labels) -> None:
         """Add faces that straddle labels, corners `[3, 3, F]`: equal pieces, each its texel's."""
@@ -165,7 +173,7 @@ class _Tally:
         texels = np.abs(first[0] * second[1] - first[1] * second[0]) / 2
         texels = np.minimum(texels, sheet.size)  # a texture that repeats tells nothing new
         a, b, c = corners.transpose(1, 0, 2)
-        areas, longest = measure_areas(a, b, c), find_longest(a, b, c)
+        areas, longest = measure_areas(b - a, c - a), find_longest(a, b, c)
         parts = np.maximum(np.ceil(np.sqrt(_FINE * texels)), np.ceil(longest / CELL))
         parts = np.clip(parts, 2, 2 * max(sheet.shape))
         for faces, weights, pieces in self._subdivide(parts):
@@ -178,19 +186,19 @@ class _Tally:
     def _add_thirds(self, corners: Floats, labels: Labels) -> None:
         """Add faces of several vertex labels: the third nearest to each vertex is that label's."""
         a, b, c = corners.transpose(1, 0, 2)
-        centre, areas = (a + b + c) / 3, measure_areas(a, b, c) / 3
+        centre, areas = (a + b + c) / 3, measure_areas(b - a, c - a) / 3
         for own, one, other, label in ((a, b, c, 0), (b, c, a, 1), (c, a, b, 2)):
             middle = (22 * own + 7 * (one + other)) / 36  # of that third
-            self._add_moments(labels[:, label], areas, middle)
+            self._add_moments(labels[label], areas, middle)
             for end in (own, (own + one) / 2, centre, (own + other) / 2):
-                self._reach(end, labels[:, label])
+                self._reach(end, labels[label])
 
     def _subdivide(self, parts: Floats) -> Iterator[tuple[Ints, Floats, int]]:
         """Group faces by the number of parts that their sides are cut into.
 
         Yields:
             faces that are cut alike `[G]`; centroids of some of their n² small triangles as
-            weights of the corners `[S, 3]`; and n². G times S is never much above `_BATCH`.
+            weights of the corners `[S, 3]`; and n². G times S is never much above `BLOCK`.
         """
         self._samples += int((parts**2).sum())
         if self._samples > _MOST_SAMPLES:
@@ -198,10 +206,10 @@ class _Tally:
         parts = np.where(parts > 16, np.ceil(parts / 8) * 8, parts).astype(np.int64)  # few groups
         for n in np.unique(parts):
             faces = np.flatnonzero(parts == n)
-            step = max(1, _BATCH // (2 * int(n)))
+            step = max(1, BLOCK // (2 * int(n)))
             for row in range(0, int(n), step):
                 weights = divide_triangle(int(n), row, min(row + step, int(n)))
-                batch = max(1, _BATCH // len(weights))
+                batch = max(1, BLOCK // len(weights))
                 for start in range(0, len(faces), batch):
                     yield faces[start : start + batch], weights, int(n) ** 2
 
@@ -215,8 +223,11 @@ class _Tally:
 
     def _reach(self, points: Floats, labels: Labels) -> None:
         """Note the cells that points `[3, P]` of instances lie in."""
-        self._cells.append(SurfaceCells.of_points(points, labels, first=FIRST))
-        self._held += len(self._cells[-1].keys)
+        for start in range(0, len(labels), BLOCK):
+            some = slice(start, start + BLOCK)
+            cells = SurfaceCells.of_points(points[:, some], labels[some], first=FIRST)
+            self._cells.append(cells)
+            self._held += len(cells.keys)
         if self._held > _MOST_CELLS:
             self._cells = [join_cells(self._cells)]
             self._held = len(self._cells[0].keys)

@@ -34,12 +34,12 @@ def test_every_texel_has_the_label_of_its_colour(mode: str, picture: np.ndarray)
 
 def test_a_texture_is_labelled_in_bands() -> None:
     """One run may go on from band to band, and each band is counted."""
-    picture = np.zeros((1100, 2), dtype=np.int64)
-    picture[600:, 1] = 1
+    picture = np.zeros((1100, 200), dtype=np.int64)
+    picture[600:, 100:] = 1
     labels = ColourLabels(COLOURS, None)
     image = Image.fromarray(np.array(SHADES, dtype=np.uint8)[picture])
     np.testing.assert_array_equal(labels.label(image), np.array(LABELS)[picture])
-    assert labels.texels.tolist() == [0, 0, 1700, 500]
+    assert labels.texels.tolist() == [0, 0, 170_000, 50_000]
 
 
 sheets = hnp.arrays(
@@ -61,3 +61,19 @@ def test_a_triangle_that_is_not_mixed_has_one_label(labels: Labels, spots: np.nd
     assert found in under
     if not mixed:
         assert (under == found).all()
+
+
+def test_many_faces_on_a_texture_of_many_bands_have_the_labels_under_them() -> None:
+    """Changes are summed band by band, and faces are looked at block by block."""
+    labels = np.full((1100, 200), 2, dtype=np.uint16)
+    labels[600:, 100:] = 3
+    labels[::2, :20] = 4  # changes from band to band
+    row, column = (grid.ravel() for grid in np.mgrid[0:1100, 0:200])
+    spots = np.stack([column, row, column + 1, row, column, row + 1]).reshape(3, 2, -1)
+    faces = np.arange(3 * len(row)).reshape(3, -1)
+    found, mixed = LabelSheet(labels).find_labels(np.hstack(list(spots)).astype(float), faces)
+    np.testing.assert_array_equal(found, labels.ravel())
+    change = np.zeros(labels.shape, dtype=bool)
+    change[:, 1:] = labels[:, 1:] != labels[:, :-1]
+    change[1:] |= labels[1:] != labels[:-1]
+    np.testing.assert_array_equal(mixed, change.ravel())

@@ -37,11 +37,11 @@ def glb(tmp_path: Path) -> Path:
 
 def test_a_square_by_hand(glb: Path) -> None:
     (part,) = read_parts(glb)
-    np.testing.assert_allclose(part.vertices, SQUARE)
-    assert part.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    np.testing.assert_allclose(part.vertices.T, SQUARE)
+    assert part.faces.T.tolist() == [[0, 1, 2], [0, 2, 3]]
     assert part.texture is not None
     assert part.texture.size == (1, 1)
-    np.testing.assert_allclose(np.asarray(part.places), CORNERS)
+    np.testing.assert_allclose(np.asarray(part.places).T, CORNERS)
     assert part.colours is None
 
 
@@ -59,7 +59,7 @@ def test_nested_transforms_multiply(glb: Path) -> None:
     (part,) = read_parts(edited(glb, nest))
     # (x, y) is doubled, turned to (-y, x), and moved by 10.
     expected = [[10, 0, 0], [10, 2, 0], [8, 2, 0], [8, 0, 0]]
-    np.testing.assert_allclose(part.vertices, expected, atol=1e-6)
+    np.testing.assert_allclose(part.vertices.T, expected, atol=1e-6)
 
 
 def test_a_mesh_that_two_nodes_show_is_there_twice_in_one_order(glb: Path) -> None:
@@ -217,7 +217,7 @@ def test_any_damage_is_read_or_refused_and_nothing_else(
     with contextlib.suppress(MeshError):  # and no other error, and no warning
         for part in read_parts(glb):
             assert np.isfinite(part.vertices).all()
-            assert part.faces.max(initial=-1) < len(part.vertices)
+            assert part.faces.max(initial=-1) < part.vertices.shape[1]
 
 
 def test_a_file_that_needs_what_changes_no_colour_is_read(glb: Path) -> None:
@@ -235,7 +235,7 @@ def test_a_strip_is_read_as_its_triangles(glb: Path) -> None:
         primitive["mode"] = 5
 
     (part,) = read_parts(edited(glb, draw_as_strip))
-    assert sorted(sorted(face) for face in part.faces.tolist()) == [[0, 1, 2], [1, 2, 3]]
+    assert sorted(sorted(face) for face in part.faces.T.tolist()) == [[0, 1, 2], [1, 2, 3]]
 
 
 def test_a_mesh_that_is_shown_too_often_is_refused(glb: Path) -> None:

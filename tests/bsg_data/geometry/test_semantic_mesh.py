@@ -84,6 +84,34 @@ def test_any_picture_agrees_with_a_loop_over_its_texels(
     assert sum(areas) == pytest.approx(coverage.area, abs=0.01)
 
 
+def test_many_small_faces_are_as_one_square(tmp_path: Path) -> None:
+    """They are measured block by block; a vertex between two colours is of both."""
+    sides = 100
+    row, column = (grid.ravel() for grid in np.mgrid[0 : sides + 1, 0 : sides + 1])
+    places = np.stack([column, row], axis=1) / sides
+    first = (np.arange(sides)[:, None] * (sides + 1) + np.arange(sides)).ravel()
+    one, other = (
+        (first, first + 1, first + sides + 2),
+        (first, first + sides + 2, first + sides + 1),
+    )
+    faces = np.concatenate([np.stack(one, axis=1), np.stack(other, axis=1)])
+    points = np.pad(places * [4, 2], [(0, 0), (0, 1)])
+    uv = places * [1, -1] + [0, 1]
+    texture = trimesh.visual.TextureVisuals(
+        uv=uv,
+        material=trimesh.visual.material.PBRMaterial(
+            baseColorTexture=Image.fromarray(paint(*["r" * 25 + "g" * 75] * 100))
+        ),
+    )
+    mesh = trimesh.Trimesh(points, faces, visual=texture, process=False)
+    survey = survey_mesh(write_glb(tmp_path / "m.glb", mesh), COLOURS)
+    assert survey.coverage.faces == 20_000
+    np.testing.assert_allclose(survey.area, [2, 6, 0], rtol=1e-6)
+    np.testing.assert_allclose(survey.centroid[:2], [[0.5, 1, 0], [2.5, 1, 0]], atol=1e-6)
+    np.testing.assert_allclose(survey.part_box[0], [[0, 0, 0], [1, 2, 0]], atol=1e-6)
+    np.testing.assert_allclose(survey.part_box[1, 1], [4, 2, 0], atol=1e-6)
+
+
 def test_the_largest_part_leaves_out_what_is_painted_astray(tmp_path: Path) -> None:
     far = textured(paint("r"), size=(0.3, 0.3))
     far.apply_translation([8, 0, 0])
