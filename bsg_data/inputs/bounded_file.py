@@ -20,9 +20,7 @@ Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class 
 _DAMAGE = (OSError, EOFError, zlib.error)
 # A RuntimeError of an encrypted member, a ValueError of a name that is no text.
 _ZIP_DAMAGE = (*_DAMAGE, zipfile.BadZipFile, RuntimeError, ValueError)
-_UNSUSPICIOUS = (
-    512 * MIB
-)  # unpacked, before a ratio is judged: no file is read whole that is larger
+_UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
 
 
 class TooLargeError(OSError):

@@ -9,10 +9,15 @@ from __future__ import annotations
 KIB, MIB, GIB = 2**10, 2**20, 2**30
 
 MAX_NESTING = 100  # of lists and mappings in YAML; JSON ends at 200
+# In JSON, before it is parsed: text of two bytes becomes an object of two hundred. Both bounds are
+# twice what the largest graphs of ours have; commas and brackets in strings count, too.
+MAX_CONTAINERS = 1_500_000  # objects and lists
+MAX_VALUES = 6_000_000  # these, and what commas part
 MAX_RATIO = 200  # of a packed stream that is read piece by piece; text is packed to a tenth
 
 # sources
 ANNOTATION = 64 * MIB  # of HM3DSem, `*.semantic.txt`
+MAX_INSTANCES = 500_000  # of such an annotation; the largest real one has 2,900
 STATISTICS = 16 * MIB  # of HM3DSem, a zip
 SYNTHETIC = 64 * KIB  # the mark of synthetic buildings, `synthetic.json`
 LAYOUT = MIB  # of rooms, YAML
@@ -22,6 +27,7 @@ HOUSE = 256 * MIB  # of Matterport3D, `.house`
 PROCTHOR, PROCTHOR_LINES = 512 * MIB, 16 * GIB  # houses of ProcTHOR: a JSON array, JSON lines
 MAX_HOUSE = 4 * MIB  # of ProcTHOR; the largest of 150 real houses has 84 kB
 MAX_HOUSE_ROOMS = 1_000
+MAX_CORNERS = 256  # of a floor or a footprint
 COBIE = 256 * MIB  # a spreadsheet, `.xlsx`
 MAX_SHEET_ROWS = 1_000_000  # of a sheet of a spreadsheet
 MAX_SHEET_COLUMNS = 64

@@ -17,7 +17,7 @@ from pydantic_core import from_json
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
-from bsg_data.inputs.bounds import MAX_NESTING
+from bsg_data.inputs.bounds import MAX_CONTAINERS, MAX_NESTING, MAX_VALUES
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -43,10 +43,23 @@ def read_json(path: Path, bound: int, *, error: Refusal = SourceError) -> Any:
 def parse_json(data: bytes | str, *, once: bool = True) -> Any:
     """Parse JSON; a key that is there twice is refused if `once`, else its last value is taken."""
     text = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
+    _require_bounded(text)
     document = from_json(text.removeprefix(b"\xef\xbb\xbf"), allow_inf_nan=False)
     if once:
         json.loads(text.decode("utf-8-sig"), object_pairs_hook=_require_once)
     return document
+
+
+def _require_bounded(text: bytes) -> None:
+    """Refuse JSON that would take gigabytes as objects, however few bytes it has."""
+    containers = text.count(b"[") + text.count(b"{")
+    values = containers + text.count(b",")
+    for found, bound, what in (
+        (containers, MAX_CONTAINERS, "lists and objects"),
+        (values, MAX_VALUES, "values"),
+    ):
+        if found > bound:
+            raise ValueError(f"expected at most {bound:,} {what}, found {found:,}")
 
 
 def parse_yaml(data: bytes) -> Any:

@@ -29,6 +29,7 @@ from pydantic import (
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import count_cells, find_columns, to_histograms
 from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounds import MAX_CORNERS
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import View
@@ -84,6 +85,9 @@ Id = Annotated[str, Field(min_length=1, max_length=500), BeforeValidator(spell_i
 Text = Annotated[str, Field(max_length=500)]
 Number = BeforeValidator(_read_number)
 Metres = Annotated[float, Number, Field(ge=-1e6, le=1e6)]
+Footprint = Annotated[
+    tuple[tuple[Metres, Metres], ...], Field(min_length=3, max_length=MAX_CORNERS)
+]
 Position = tuple[Metres, Metres, Metres]
 _Corners = Annotated[
     tuple[Position, Position],
@@ -164,7 +168,7 @@ class KnownRoom:
     label: Text | None = None
     position: Position | None = None
     box: Annotated[Box | None, _AS_CORNERS] = None
-    footprint: Annotated[tuple[tuple[Metres, Metres], ...], Field(min_length=3)] | None = None
+    footprint: Footprint | None = None
     floor_index: Annotated[int, Number, Field(ge=-1000, le=1000)] | None = None
     floor_area: Annotated[float, Number, Field(gt=0, le=MAX_FLOOR_AREA)] | None = None
     room_type: Annotated[RoomType | None, PlainValidator(check_room_type)] = None

@@ -164,12 +164,16 @@ def area_of(room: Any) -> float | None:
 
 
 def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
-    """Return the area of a polygon (x, y), also of one that crosses itself; None if it has none."""
+    """Return the area of a polygon (x, y); None if it has none.
+
+    Of one that crosses itself it is the area of the convex hull: to take it apart takes minutes.
+    """
     import shapely  # Imported here because importing Shapely is slow.
 
     if len(corners) < 3:
         return None
-    return float(shapely.make_valid(shapely.Polygon(corners)).area) or None
+    polygon = shapely.Polygon(corners)
+    return float((polygon if polygon.is_valid else polygon.convex_hull).area) or None
 
 
 def check_building_kind(kind: str | None) -> str | None:

@@ -131,8 +131,10 @@ def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             unpacked = sum(member.file_size for member in archive.infolist())
-        if unpacked > COBIE:
-            raise ValueError(f"it unpacks to {unpacked:,} bytes; at most {COBIE:,} are read")
+            if unpacked > COBIE:
+                raise ValueError(f"it unpacks to {unpacked:,} bytes; at most {COBIE:,} are read")
+            for name in archive.namelist():
+                _require_plain_xml(name, archive.read(name))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what cells look like
             book = openpyxl.load_workbook(
@@ -146,6 +148,12 @@ def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
             f"{path}: no readable spreadsheet ({error})", code="spreadsheet-malformed", where=path
         ) from error
     return sheets
+
+
+def _require_plain_xml(name: str, data: bytes) -> None:
+    """Refuse a document type, which no spreadsheet has: its entities multiply what is read."""
+    if b"<!DOCTYPE" in data.replace(b"\0", b""):  # in UTF-16, too
+        raise ValueError(f"{name} has a document type; save it again from a spreadsheet program")
 
 
 def _read_rows(sheet: Any) -> Iterator[_Row]:

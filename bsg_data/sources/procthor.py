@@ -30,7 +30,7 @@ from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
-from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
+from bsg_data.inputs.bounds import MAX_CORNERS, MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
 from bsg_data.inputs.documents import parse_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
@@ -67,7 +67,9 @@ class _Position(_Entry):
 class _Room(_Entry):
     id: Annotated[str, Field(pattern=r"^room\|[0-9]{1,6}$")]
     room_type: Annotated[_Name, Field(alias="roomType")]
-    corners: Annotated[tuple[_Position, ...], Field(alias="floorPolygon", min_length=3)]
+    corners: Annotated[
+        tuple[_Position, ...], Field(alias="floorPolygon", min_length=3, max_length=MAX_CORNERS)
+    ]
 
     @property
     def number(self) -> int:

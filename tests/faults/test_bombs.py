@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -36,7 +37,18 @@ except BSGError as error:
     print("refused:", str(error)[:300])
 """
 ROBOT = ("bsg_data.observation.robot_json", "read_robot_graph", "read_robot_graph(path)")
-LAYOUT = ("bsg_data.sources.room_layouts", "read_layout", "read_layout(path)")
+ANNOTATION = (
+    "bsg_data.sources.hm3d",
+    "parse_annotation",
+    "parse_annotation(path.read_bytes(), path=path)",
+)
+SHEETS = (
+    "bsg_data.sources.cobie",
+    "CobieSheets",
+    "from bsg_data.scene.class_map import load_class_map as load; source = CobieSheets(path); "
+    "source.read(source.find().scenes[0], load())",
+)
+LAYOUT = ("bsg_data.sources.layout_files", "read_layout", "read_layout(path)")
 LABELS = ("bsg_data.sources.spark_dsg", "load_label_space", "load_label_space(str(path))")
 ZIP = ("bsg_data.sources.hm3d_stats", "read_scene_lines", "read_scene_lines(path)")
 TABLE = ("bsg_data.sources.table", "ObjectTable", "ObjectTable(path).find()")
@@ -65,6 +77,34 @@ def make_packed_lines(path: Path) -> None:
             file.write(b"\n" * 2**20)
 
 
+def make_long_word(path: Path) -> None:
+    """Write some kilobytes in which 200,000 rows repeat a word of a mebibyte."""
+    rows = 200_000
+    word = pa.DictionaryArray.from_arrays(pa.array([0] * rows, pa.int32()), ["a" * 2**20])
+    names = {name: pa.array(["a"] * rows) for name in ("scene", "room", "category")}
+    pq.write_table(pa.table({**names, "connected": word}), path)
+
+
+def make_entities(path: Path) -> None:
+    """Write a spreadsheet whose one text is an entity of entities."""
+    levels = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(7))
+    declared = f'<?xml version="1.0"?><!DOCTYPE sst [<!ENTITY e0 "aaaaaaaaaa">{levels}]>'
+    book = openpyxl.Workbook()
+    book.active.title = "Space"
+    book.active.append(["Name"])
+    book.save(path)
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    members["xl/sharedStrings.xml"] = f"{declared}<sst><si><t>&e7;</t></si></sst>".encode()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+
+
+def pack(what: str) -> Callable[[Path], None]:
+    return lambda path: path.write_bytes(gzip.compress(what.encode())) and None
+
+
 def text(what: str) -> Callable[[Path], None]:
     return lambda path: path.write_text(what, "utf-8") and None
 
@@ -73,6 +113,9 @@ def endless(path: Path) -> None:
     path.symlink_to("/dev/zero")
 
 
+LISTS = "[" + "[]," * 20_000_000 + "[]]"
+CORNERS = [[n % 7, n * n % 11] for n in range(3_000)]
+FOOTPRINT = json.dumps({"scene_id": "a", "rooms": [{"id": "b", "footprint": CORNERS}]})
 TWICE = json.dumps({str(n): 0 for n in range(300_000)})[:-1] + ', "7": 1}'
 BOMBS = {
     # name: what makes the file, its name, what reads it
@@ -84,6 +127,16 @@ BOMBS = {
     "JSON of 300,000 keys, one twice": (text(TWICE), "a.json", ROBOT),
     "JSON of 1,000,000 brackets": (text("[" * 1_000_000), "a.json", ROBOT),
     "JSON of 10,000,000 digits": (text("1" * 10_000_000), "a.json", ROBOT),
+    "JSON of 20,000,000 lists": (text(LISTS), "a.json", ROBOT),
+    "packed JSON of 20,000,000 lists": (pack(LISTS), "a.json.gz", ROBOT),
+    "footprint of 3,000 corners": (text(FOOTPRINT), "a.json", ROBOT),
+    "a long word in 200,000 rows": (make_long_word, "a.parquet", TABLE),
+    "a spreadsheet of entities": (make_entities, "a.xlsx", SHEETS),
+    "annotation of 5,000,000 lines": (
+        text("HM3D Semantic Annotations\n" * 5_000_000),
+        "a",
+        ANNOTATION,
+    ),
     "JSON of half a character": (text('{"scene_id": "\\ud800", "rooms": []}'), "a.json", ROBOT),
     "JSON without an end": (endless, "a.json", ROBOT),
     "240 million rows": (make_rows, "a.parquet", TABLE),
