@@ -76,8 +76,8 @@ def open_run(run: Path, *, resume: bool = False, force: bool = True) -> Iterator
 
 
 def finish_replacing(run: Path) -> None:
-    """Go on with putting a new run in the place of an old one, if that was killed."""
-    if read_seal(run / UNFINISHED) is not None and read_seal(run) is None:
+    """Go on with putting a new run, which is whole, in the place of an old one, after a kill."""
+    if read_seal(run / UNFINISHED) is not None:
         with hold(run):
             _replace(run)
 
@@ -138,7 +138,9 @@ def refuse_overwriting(run: Path, *, resume: bool, force: bool) -> None:
 def _refuse_foreign_files(run: Path) -> None:
     """Refuse other files that have the names of a run's files."""
     for name in _FILES:
-        if os.path.lexists(run / name):
+        path = run / name
+        is_empty = path.is_file() and not path.is_symlink() and not path.stat().st_size
+        if os.path.lexists(path) and not is_empty:  # a full disk leaves an empty log of ours
             raise TrainingError(
                 f"{run / name}: was not written by bsg-train, which would replace it; move it "
                 "away, or choose another folder",

@@ -20,6 +20,7 @@ from bsg_models.runs.run_folder import (
     open_run,
 )
 
+LOGGED = '{"event":"begun",'
 OLD, NEW = (CONFIG, CURVE, LAST, LOG, METRICS), (CONFIG, LAST, LOG, METRICS)
 
 
@@ -30,7 +31,7 @@ def write(run: Path, best: bytes, text: str, names: tuple[str, ...], *, resume: 
         (place / BEST).write_bytes(best)
         for name in names:
             if not (place / name).exists():
-                (place / name).write_text(f'{{"event":"begun",{text}')
+                (place / name).write_text(f"{LOGGED}{text}")
 
 
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
@@ -49,8 +50,29 @@ def test_a_run_that_is_killed_while_it_replaces_another_is_never_a_mix(
         if (run / UNFINISHED / LOG).exists() or require_seal(run) is None:
             work(resume=True)
             assert {*(require_seal(run) or ())} == {BEST, *NEW}
-            assert {(run / name).read_text() for name in NEW} == {'{"event":"begun",new'}
+            assert {(run / name).read_text() for name in NEW} == {f"{LOGGED}new"}
             assert not (run / UNFINISHED).exists()
             assert not (run / CURVE).exists()
         at += stride
     assert how == "done"
+
+
+def test_a_new_run_that_is_sealed_beside_the_old_one_takes_its_place(
+    run: Path, tmp_path: Path
+) -> None:
+    """Killed between the two seals: the new run is whole, and no command keeps the old one."""
+    best, place = (run / BEST).read_bytes(), tmp_path / "place"
+    write(place, best, "old", OLD, resume=False)
+    write(place / UNFINISHED, best, "new", NEW, resume=False)
+    finish_replacing(place)
+    assert (place / LOG).read_text() == f"{LOGGED}new"
+    assert {*(require_seal(place) or ())} == {BEST, *NEW}
+    assert not (place / UNFINISHED).exists()
+
+
+def test_an_empty_log_is_of_a_disk_that_was_full(run: Path, tmp_path: Path) -> None:
+    place = tmp_path / "place"
+    place.mkdir()
+    (place / LOG).touch()
+    write(place, (run / BEST).read_bytes(), "new", (), resume=False)
+    assert require_seal(place)
