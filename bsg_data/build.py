@@ -206,6 +206,11 @@ def _plan(
     for skip in (*found.conflicts, *found.unreadable) if strict else ():
         where = source.path / skip.location
         raise SourceError(f"{where}: {skip.reason}", code="scene-unreadable", where=where)
+    ids = Counter(ref.scene_id for ref in found.scenes)
+    for scene, times in ids.most_common(1):
+        if times > 1:
+            message = f"{source.path}: two scenes have the id {scene!r}; rename one of them"
+            raise SourceError(message, code="scene-twice", where=scene)
     count_shards(len(found.scenes), scenes_per_shard=scenes_per_shard)
     plan = _Plan(
         source=_describe_source(source, found, loaded),
@@ -257,7 +262,8 @@ class _Task:
             raise SourceError(f"{ref.scene_id!r}: is no scene id: it must be usable as a file name")
         reading = _read(self.source, ref, class_map)
         if self.strict and reading.left_out:
-            raise SourceError(reading.left_out[0].reason)
+            first = reading.left_out[0]
+            raise SourceError(f"{first.location}: {first.reason}")
         names = (obj.raw_category for obj in reading.graph.objects if obj.category is None)
         name = next(names, None)
         if self.strict and name is not None:

@@ -141,7 +141,8 @@ def _refuse_shared_buildings(datasets: Sequence[Dataset]) -> None:
     found: dict[str, int] = {}
     for number, one in enumerate(datasets):
         for scene, key in zip(one.scene_ids, one.keys, strict=True):
-            first = found.setdefault(key, number)
+            firsts = {found.setdefault(name, number) for name in (scene, key)}
+            first = min(firsts)
             if first != number:
                 raise DatasetError(
                     f"{one.path}: building {scene} is also in {datasets[first].path}; build one of "

@@ -4,8 +4,9 @@
     write_results   files of any folder       in FOLDER/.bsg-unfinished, a rename each, seal last
     write_files     files of one command      in .NAME.unfinished/NAME, a rename each
 
-What is staged stays until all is committed. So whoever finds it knows that a command was killed,
-and that the same command may replace what it finds: `is_interrupted`.
+What is staged stays until all is committed, with a list of the files beside it that are ours. So a
+command that was killed runs again, however often: it may replace those files, while they are as the
+list says, and no others.
 
 The seal is `SHA256SUMS`; a folder of results without it is unfinished. `bsg-models verify` and
 `sha256sum -c SHA256SUMS` check it.
@@ -18,7 +19,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +30,7 @@ from bsg_data.files import (
     flush_folder,
     hold,
     list_files,
+    name_finished,
     refuse_device,
     refuse_links,
     resolve_links,
@@ -38,11 +40,12 @@ from bsg_data.inputs.bounded_file import hash_file
 
 SEAL = "SHA256SUMS"
 UNFINISHED = ".bsg-unfinished"
-_FORMER = ".former"  # the seal of what is being replaced: after a kill it says what has to go
+_OURS = ".ours"  # in a stage: the files beside it that are ours, though no seal says so
 BUILD = ".build"  # of a folder that is not committed yet, or replaced another just now
 PLAN = f"{BUILD}/plan.json"
 _DATASET = "dataset.json"  # the file by which a dataset is known
 _STAGE = ".unfinished"  # ends the name of the folder in which a single file is staged
+_OF_BUILD = re.compile(rf"{re.escape(BUILD)}/(?:plan|part-[0-9]{{5}})\.json[^/]*")
 _ASIDE = ".{}.replaced"  # name of a folder while another replaces it
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
@@ -117,7 +120,7 @@ def require_free(folder: Path, kind: FolderKind, *, force: bool) -> None:
     for outer in folder.parents:
         _refuse_inside(folder, outer)
     is_free = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
-    if is_free or (folder / BUILD).exists():
+    if is_free or _was_committed(folder, kind):
         return
     if not (folder / kind.mark).is_file():
         message = f"{folder}: exists and is no {kind.what}; choose another --out"
@@ -128,14 +131,29 @@ def require_free(folder: Path, kind: FolderKind, *, force: bool) -> None:
     _require_own(folder, kind)
 
 
-def _require_own(folder: Path, kind: FolderKind) -> None:
-    """Refuse a folder with a file that no command of this program wrote."""
+def _was_committed(folder: Path, kind: FolderKind) -> bool:
+    """Say whether a command committed a folder, and did not come to its end."""
+    return (folder / PLAN).is_file() and (folder / kind.mark).is_file()
+
+
+def _find_foreign(folder: Path, kind: FolderKind) -> str | None:
+    """Return the first file of a folder that no command of this program wrote."""
     is_own = kind.owns(folder)
-    foreign = [path for path in list_files(folder) if not is_own(path)]
-    if folder.is_symlink() or foreign:
-        what = "is a link" if folder.is_symlink() else f"holds {foreign[0]}, which is not ours"
-        message = f"{folder}: {what}; move it away, and run the command again"
-        raise DatasetError(message, code="foreign-file", where=folder)
+    paths = (path for path in list_files(folder) if not _OF_BUILD.fullmatch(path))
+    return next((path for path in paths if not is_own(path)), None)
+
+
+def _require_own(folder: Path, kind: FolderKind) -> None:
+    """Refuse what is no folder of ours, or holds a file of somebody else."""
+    foreign = None
+    if folder.is_symlink() or not folder.is_dir():
+        what = "is a link or a file"
+    elif foreign := _find_foreign(folder, kind):
+        what = f"holds {foreign}, which is not ours"
+    else:
+        return
+    message = f"{folder}: {what}; move it away, and run the command again"
+    raise DatasetError(message, code="foreign-file", where=folder)
 
 
 def _prepare(staged: Path, kind: FolderKind, plan: bytes) -> None:
@@ -160,15 +178,21 @@ def recover(folder: Path, kind: FolderKind) -> bytes | None:
     staged, aside = name_staged(folder), folder.with_name(_ASIDE.format(folder.name))
     if aside.is_dir() and not folder.exists():  # killed between two renames
         (staged if (staged / kind.mark).is_file() else aside).rename(folder)
-    if not (folder / BUILD).is_dir():
+    if not _was_committed(folder, kind):
         return None
     plan = _read(folder / PLAN)
-    for old in (staged, aside):
-        if old.is_dir() and not (old / BUILD).exists():  # what was replaced has none
+    for old in (staged, aside):  # what was replaced has a mark and no plan
+        if (old / kind.mark).is_file() and not (old / BUILD).exists():
+            _require_own(old, kind)
+            for name in list_files(old):
+                if name != kind.mark:  # which goes last, for it says whose the folder is
+                    (old / name).unlink()
             shutil.rmtree(old)
     for path in sorted((folder / BUILD).iterdir(), key=lambda path: path.name == "plan.json"):
-        path.unlink()
-    (folder / BUILD).rmdir()
+        if _OF_BUILD.fullmatch(f"{BUILD}/{path.name}"):
+            path.unlink()
+    with suppress(OSError):
+        (folder / BUILD).rmdir()  # unless anything is in it
     return plan
 
 
@@ -196,58 +220,60 @@ def write_results(folder: Path, *, report: str | None, force: bool = True) -> It
 
     Args:
         folder: of the results; one with another kind of results is refused.
-        report: name of the file that marks this kind of results. They get a seal, and files of the
-            old seal that are not written again are removed. None: files without a seal.
+        report: name of the file that marks this kind of results. They get a seal, files of the old
+            seal that are not written again are removed, and files that no seal has are not
+            replaced. None: files without a seal.
         force: whether old results are replaced.
     """
     folder = resolve_links(folder)
+    staged = folder / UNFINISHED
     refuse_datasets(folder)
-    was_killed = is_interrupted(folder)  # then files without a seal are its own
-    if report is not None:
-        refuse_other_results(folder, report)
-        _refuse_taken(folder / report, force=force or was_killed)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with hold(folder):
-            is_new, staged = not folder.exists(), folder / UNFINISHED
-            former = _read(staged / _FORMER)
-            remove_unfinished(folder)
-            staged.mkdir(parents=True)
-            if former is not None:
-                (staged / _FORMER).write_bytes(former)
-            try:
-                before = {} if report is None else _list_sealed(folder)
-                before |= _list_sealed(staged, _FORMER)
-                yield staged
-                names = _list_new(staged)
-                new = {*names, SEAL} - {*before, *([SEAL] if before else [])}
-                for name in () if was_killed or report is None else sorted(new):
-                    _refuse_foreign(folder / name)
-                if report is not None:
-                    write_seal(staged, names)
-                commit_staged(folder, leaving=before.keys() - names)
-            finally:
+    with _writing(folder), ExitStack() as held:
+        for is_held in (False, True):  # again: another command may have had the lock
+            if is_held:
+                folder.parent.mkdir(parents=True, exist_ok=True)
+                held.enter_context(hold(folder))
+            if report is not None:
+                refuse_other_results(folder, report)
+                _refuse_taken(folder / report, staged, force=force)
+        is_new, is_committing = not folder.exists(), False
+        _open_stage(staged)
+        try:
+            yield staged
+            names = _list_new(staged)
+            sealed = {} if report is None else _list_sealed(folder)
+            for name in names:
+                if report is None:
+                    _refuse_taken(folder / name, staged, force=force)
+                elif name not in sealed:
+                    _refuse_foreign(folder / name, staged)
+            if report is not None:
+                if not sealed:
+                    _refuse_foreign(folder / SEAL, staged)
+                write_seal(staged, names)
+            is_committing = True
+            commit_staged(folder, leaving={*sealed, *list_committed(folder)} - {*names})
+            is_committing = False
+        finally:
+            if not is_committing:  # else the stage tells the next command what is ours
                 with suppress(OSError):
                     remove_unfinished(folder)
                     if is_new:
                         folder.rmdir()  # unless anything is in it
-    except OSError as error:
-        message = f"{folder}: cannot be written ({error.strerror or error})"
-        raise DatasetError(message, code="not-written", where=folder) from error
-
-
-def _refuse_foreign(path: Path) -> None:
-    if path.is_symlink() or path.exists():
-        raise DatasetError(
-            f"{path}: belongs to no results of this command, but would be replaced; move it away, "
-            "or choose another folder",
-            code="path-taken",
-            where=path,
-        )
 
 
 @contextmanager
-def write_files(paths: Iterable[Path], *, force: bool) -> Iterator[Mapping[Path, Path]]:
+def _writing(path: Path) -> Iterator[None]:
+    """Turn an error of the disk into one of ours."""
+    try:
+        yield
+    except OSError as error:
+        message = f"{path}: cannot be written ({error.strerror or error})"
+        raise DatasetError(message, code="not-written", where=path) from error
+
+
+@contextmanager
+def write_files(paths: Iterable[Path], *, force: bool) -> Iterator[StagedFiles]:
     """Lock single files, yield where to write each, and commit them together at the end.
 
     A link is replaced, and not followed. What is not written stays as it is.
@@ -255,38 +281,63 @@ def write_files(paths: Iterable[Path], *, force: bool) -> Iterator[Mapping[Path,
     Args:
         paths: of the files; a missing folder is made.
         force: whether files are replaced that are there.
-
-    Yields:
-        Path → where to write it, under the same name.
     """
-    staged = {path: _stage_of(path) / path.name for path in dict.fromkeys(paths)}
-    force = force or is_interrupted(*staged)
-    for path in staged:
+    staged = StagedFiles(tuple(sorted({path.absolute() for path in paths})))
+    for path in staged.paths:
         refuse_file(path, force=force)
-        refuse_device(path)
-    with ExitStack() as locks:
+    with _writing(next(iter(staged.paths), Path())), ExitStack() as held:
+        for path in staged.paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            held.enter_context(hold(path))
+        for path in staged.paths:  # again: another command may have had the lock
+            refuse_file(path, force=force)
+        for path in staged.paths:
+            _open_stage(_stage_of(path))
         try:
-            for path in sorted(staged):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                locks.enter_context(hold(path))
-                _remove_stage(path)
-                _stage_of(path).mkdir()
-            try:
-                yield staged
-                written = [path for path, partial in staged.items() if partial.exists()]
-                for path in written:
-                    flush_file(staged[path])
-                for path in written:
-                    staged[path].replace(path)
-                for folder in {path.parent for path in written}:
-                    flush_folder(folder)
-            finally:
-                for path in staged:
-                    _remove_stage(path)
-        except OSError as error:
-            where = error.filename or next(iter(staged))
-            message = f"{where}: cannot be written ({error.strerror or error})"
-            raise DatasetError(message, code="not-written", where=where) from error
+            yield staged
+            staged.commit()
+        except BaseException:
+            if staged.is_committing:  # the stages tell the next command what is ours
+                raise
+            staged.close()
+            raise
+        staged.close()
+
+
+@dataclass(slots=True)
+class StagedFiles:
+    """Single files of one command: where each is written until they are committed together."""
+
+    paths: tuple[Path, ...]
+    is_committing: bool = False
+
+    def __getitem__(self, path: Path) -> Path:
+        """Return where to write a file, under its own name; another path stays as it is."""
+        own = path.absolute()
+        return _stage_of(own) / own.name if own in self.paths else path
+
+    def commit(self) -> None:
+        """Move what was written to its path, once.
+
+        Results that belong to the files are committed after this: until then, and until the end,
+        the stages of the files say that they are of a command that was killed.
+        """
+        if self.is_committing:
+            return
+        written = [path for path in self.paths if self[path].exists()]
+        for path in written:
+            flush_file(self[path])
+            _note_ours(_stage_of(path), [(path.name, hash_file(self[path]))])
+        self.is_committing = True
+        for path in written:
+            self[path].replace(path)
+        for folder in {path.parent for path in written}:
+            flush_folder(folder)
+
+    def close(self) -> None:
+        """Remove the stages."""
+        for path in self.paths:
+            shutil.rmtree(_stage_of(path), ignore_errors=True)
 
 
 def _stage_of(path: Path) -> Path:
@@ -294,17 +345,40 @@ def _stage_of(path: Path) -> Path:
     return path.with_name(f".{path.name}{_STAGE}")
 
 
-def _remove_stage(path: Path) -> None:
-    stage = _stage_of(path)
+def _open_stage(stage: Path) -> None:
+    """Make a stage, or empty one, but for what it says of files beside it."""
     if stage.is_symlink():
         raise DatasetError(f"{stage}: is a link; remove it", code="link", where=stage)
-    if stage.exists():
-        shutil.rmtree(stage)
+    stage.mkdir(parents=True, exist_ok=True)
+    for path in stage.iterdir():
+        if path.name != _OURS:
+            shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
 
 
-def is_interrupted(*paths: Path) -> bool:
-    """Say whether a command was killed that wrote into one of these folders, or these files."""
-    return any((path / UNFINISHED).is_dir() or _stage_of(path).is_dir() for path in paths)
+def _note_ours(stage: Path, files: Iterable[tuple[str, str]]) -> None:
+    """Add files, name and sha256, to those beside a stage that are ours though no seal says so."""
+    lines = "".join(f"{sha256}  {name}\n" for name, sha256 in sorted({*_read_ours(stage), *files}))
+    write_bytes(stage / _OURS, lines.encode())
+
+
+def _read_ours(stage: Path) -> frozenset[tuple[str, str]]:
+    """Return the files, name and sha256, that a killed command committed or was to replace."""
+    data = b"" if stage.is_symlink() else _read(stage / _OURS) or b""
+    lines = map(_LINE.fullmatch, data.decode("utf-8", "replace").splitlines())
+    return frozenset((line["name"], line["sha256"]) for line in lines if line)
+
+
+def _is_ours(path: Path, stage: Path, name: str) -> bool:
+    """Say whether a file is what a killed command left there; a changed one is somebody's."""
+    hashes = {sha256 for one, sha256 in _read_ours(stage) if one == name}
+    return bool(hashes) and path.is_file() and hash_file(path) in hashes
+
+
+def list_committed(folder: Path) -> set[str]:
+    """Return the files of a folder that killed commands committed, or were to replace."""
+    staged = folder / UNFINISHED
+    names = {name for name, _ in _read_ours(staged)}
+    return {name for name in names if _is_ours(folder / name, staged, name)}
 
 
 def commit_staged(folder: Path, *, leaving: Collection[str] = ()) -> None:
@@ -314,8 +388,9 @@ def commit_staged(folder: Path, *, leaving: Collection[str] = ()) -> None:
     for name in names:
         refuse_links(folder, (folder / name).parent)
         flush_file(staged / name)
-    if (folder / SEAL).exists():
-        (folder / SEAL).replace(staged / _FORMER)
+    new = [(name, hash_file(staged / name)) for name in names]
+    _note_ours(staged, [*_list_sealed(folder).items(), *new])
+    (folder / SEAL).unlink(missing_ok=True)
     flush_folder(folder)
     for name in leaving:
         (folder / name).unlink(missing_ok=True)
@@ -364,13 +439,27 @@ def refuse_file(path: Path, *, force: bool) -> None:
                 code="sealed-file",
                 where=path,
             )
-    _refuse_taken(path, force=force)
+    if path.is_dir():
+        message = f"{path}: is a folder; name a file"
+        raise DatasetError(message, code="path-folder", where=path)
+    refuse_device(path)
+    _refuse_taken(path, _stage_of(path), force=force)
 
 
-def _refuse_taken(path: Path, *, force: bool) -> None:
-    if path.exists() and not force:
+def _refuse_taken(path: Path, stage: Path, *, force: bool) -> None:
+    if os.path.lexists(path) and not force and not _is_ours(path, stage, path.name):
         message = f"{path}: is there already; --force replaces it"
         raise DatasetError(message, code="path-taken", where=path)
+
+
+def _refuse_foreign(path: Path, stage: Path) -> None:
+    if os.path.lexists(path) and not _is_ours(path, stage, path.name):
+        raise DatasetError(
+            f"{path}: belongs to no results of this command, but would be replaced; move it away, "
+            "or choose another folder",
+            code="path-taken",
+            where=path,
+        )
 
 
 def refuse_other_results(folder: Path, report: str) -> None:
@@ -386,13 +475,13 @@ def refuse_other_results(folder: Path, report: str) -> None:
 
 
 def _list_new(staged: Path) -> list[str]:
-    return [name for name in list_files(staged) if name != _FORMER]
+    return [name for name in list_files(staged) if name_finished(name) != _OURS]
 
 
-def _list_sealed(folder: Path, name: str = SEAL) -> dict[str, str]:
-    """Return the files that a seal in a folder lists; empty for a damaged seal."""
+def _list_sealed(folder: Path) -> dict[str, str]:
+    """Return the files that the seal of a folder lists; empty for a damaged seal."""
     try:
-        return _read_sums(folder / name) or {}
+        return read_seal(folder) or {}
     except DatasetError:
         return {}
 
@@ -405,10 +494,7 @@ def write_seal(folder: Path, names: Iterable[str]) -> None:
 
 def read_seal(folder: Path) -> dict[str, str] | None:
     """Return file → sha256 of the seal of a folder; None if it has none."""
-    return _read_sums(folder / SEAL)
-
-
-def _read_sums(path: Path) -> dict[str, str] | None:
+    path = folder / SEAL
     if not path.is_file():
         return None
     sums: dict[str, str] = {}

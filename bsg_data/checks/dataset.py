@@ -101,7 +101,7 @@ class _Check:
                 if not column.nullable and table[column.name].null_count
             ]
         except BSGError as error:
-            found.append(str(error))
+            found.append(str(error).removeprefix(f"{self.dataset / entry.path}: "))
         self.faults += [Fault(entry.path, what) for what in found]
         self._done += 1
         if self.progress is not None:

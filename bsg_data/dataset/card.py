@@ -128,6 +128,9 @@ def _describe_terms(manifest: Manifest) -> list[str]:
     """Return what a user has to know of each source's terms, and how to cite it."""
     lines = []
     for source in manifest.sources:
+        if not source.is_complete:
+            said = "these are recordings of what a robot saw, no ground truth: do not train on them"
+            lines += [f"{escape_markdown(source.kind)}: {said}.", ""]
         if source.terms is None:
             lines += [f"{escape_markdown(source.kind)}: the source is of {_UNKNOWN}.", ""]
         else:

@@ -342,12 +342,13 @@ def read_file(
     # No threads: files are small, and Arrow may abort a process that ends while it starts one.
     with open_listed(dataset, entry, manifest=manifest, dictionaries=dictionaries) as file:
         table = file.read(columns=columns, use_threads=False)
-        absent = _list_absent(file.schema_arrow, schema_of(_table_of(entry), manifest.class_space))
-    for index, field in absent.items():
-        if columns is None or field.name in columns:
-            nulls = pa.nulls(len(table), field.type)
-            index = index if columns is None else columns.index(field.name)
-            table = table.add_column(index, field, nulls)
+        expected = schema_of(_table_of(entry), manifest.class_space)
+        absent = _list_absent(file.schema_arrow, expected)
+    for field in absent:
+        kind = pa.dictionary(pa.int32(), field.type) if field.name in dictionaries else field.type
+        table = table.append_column(field.with_type(kind), pa.nulls(len(table), kind))
+    if absent:
+        table = table.select(expected.names if columns is None else columns)
     if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
         for scene in table["scene_id"].to_pylist():
             if not is_scene_id(scene):  # names of files have it in them
@@ -375,13 +376,18 @@ def open_listed(
             where=entry.path,
         ) from error
     if hashlib.sha256(data).hexdigest() != entry.sha256:
-        message = f"{path}: is not what the manifest says; run `bsg-data check` for details"
-        raise DatasetError(message, code="file-changed", where=entry.path)
+        found = path.stat().st_size
+        raise DatasetError(
+            f"{path}: was changed: expected {entry.bytes:,} bytes, sha256 {entry.sha256[:12]}…, "
+            f"found {found:,} bytes; take another copy, or build the dataset again",
+            code="file-changed",
+            where=entry.path,
+        )
     with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
         expected = schema_of(_table_of(entry), manifest.class_space)
-        for index in reversed(_list_absent(file.schema_arrow, expected)):
-            expected = expected.remove(index)
-        for name in dictionaries:
+        for field in _list_absent(file.schema_arrow, expected):
+            expected = expected.remove(expected.get_field_index(field.name))
+        for name in {*dictionaries} & {*expected.names}:
             field = expected.field(name)
             words = field.with_type(pa.dictionary(pa.int32(), field.type))
             expected = expected.set(expected.get_field_index(name), words)
@@ -393,10 +399,9 @@ def open_listed(
         yield file
 
 
-def _list_absent(found: pa.Schema, expected: pa.Schema) -> dict[int, pa.Field]:
-    """Return the fields that a file of an earlier version lacks, by index: they are null."""
-    names = set(found.names)
-    return {n: one for n, one in enumerate(expected) if one.nullable and one.name not in names}
+def _list_absent(found: pa.Schema, expected: pa.Schema) -> list[pa.Field]:
+    """Return the fields that a file of an earlier version lacks: they are null."""
+    return [field for field in expected if field.nullable and field.name not in found.names]
 
 
 def _table_of(entry: FileEntry) -> str:

@@ -12,7 +12,7 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.results import is_interrupted, write_results
+from bsg_data.results import write_results
 from bsg_data.scene.scene_graph import is_scene_id
 
 
@@ -57,8 +57,7 @@ def export_dataset(
     row, manifest = EXPORTS[to], read_manifest(dataset)
     scenes, number, left_out = manifest.totals.scenes, Counter[str](), []
     notes: Counter[str] = Counter()
-    force = force or is_interrupted(out)
-    with write_results(out, report=None) as staged:
+    with write_results(out, report=None, force=force) as staged:
         graphs = read_scene_graphs(dataset, manifest=manifest)
         for done, graph in enumerate(graphs, start=1):
             encoded = row.encode(graph)
@@ -66,9 +65,6 @@ def export_dataset(
                 if not is_scene_id(name):
                     message = f"scene {graph.scene_id!r}: {name!r} is no file name"
                     raise DatasetError(message, code="file-name", where=graph.scene_id)
-                if not force and (out / name).exists():
-                    message = f"{out / name}: exists; --force replaces such files"
-                    raise DatasetError(message, code="path-taken", where=out / name)
                 (staged / name).write_bytes(data)
             number["files"] += len(encoded.files)
             number["rooms"] += encoded.rooms

@@ -244,13 +244,15 @@ def parse_robot_graph(
     `encode_robot_graph` made.
     """
     by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
+    document: Any = {}
     try:
         document = _find_partial(said, path)
         if isinstance(by, ClassSpace):  # as it was understood before
             return _assemble(_Graph.model_validate(document), by)
-        return understand_rooms(_assemble(_Graph.model_validate(_tidy(document, path)), by))
+        document = _tidy(document, path)
+        return understand_rooms(_assemble(_Graph.model_validate(document), by))
     except ValidationError as error:
-        why = _explain(error, said)
+        why = _explain(error, document)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
     except RecipeError as error:
         raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
@@ -273,7 +275,9 @@ def _find_partial(said: Any, path: Path) -> Any:
     # Beside its rooms, the simplest map may state these; a list is a room of this name.
     facts = {k: v for k, v in said.items() if k in _FACTS_OF_MAPS and not isinstance(v, list)}
     things = {key: value for key, value in said.items() if key not in facts}
-    is_spelt = all(map(_lists_words, things.values())) and not things.keys() <= _LISTS
+    is_spelt = not things.keys() <= _LISTS and all(
+        _lists_words(value) and (value or key not in _LISTS) for key, value in things.items()
+    )
     if is_spelt or not things.keys() & set(_KEYS[""]):
         return _spell_out(_SIMPLEST.validate_python(things), path) | facts
     return said
@@ -432,7 +436,7 @@ def _find(name: str, index: Mapping[str, int], where: str) -> int:
     return index[name]
 
 
-def _explain(error: ValidationError, said: Any) -> str:
+def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
     """Return key and kind of a fault: `room 'kitchen': hidden_share: Input should be …`.
 
     A key that is unknown comes first, for what is missing may stand under it.
@@ -444,8 +448,8 @@ def _explain(error: ValidationError, said: Any) -> str:
         what = f"expected at most {fault['ctx']['max_length']:,} entries, found more"
     first, *path = fault["loc"] or ("",)  # of the simplest map as a whole
     entry = ""
-    if first in _ENTRIES and path:
-        entry = _name_entry(said.get("partial", said)[first], first, int(path.pop(0)))
+    if first in _ENTRIES and first in document and path:
+        entry = _name_entry(document[first], str(first), int(path.pop(0)))
     else:
         path = [first, *path]
     if fault["type"] in _UNKNOWN_KEY:
@@ -455,7 +459,7 @@ def _explain(error: ValidationError, said: Any) -> str:
         hint = asked or f"known are {', '.join(known)}"
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
     elif path == ["rooms"] and fault["type"] == "tuple_type":
-        what = f"{what}, found {show_value(said.get('partial', said)['rooms'])}; {_MAP_HINT}"
+        what = f"{what}, found {show_value(document.get('rooms'))}; {_MAP_HINT}"
     keys = ".".join(str(one)[:SHOWN] for one in path)
     return ": ".join(filter(None, (entry, keys, what)))
 

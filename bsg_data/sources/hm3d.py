@@ -191,7 +191,7 @@ class HM3DFolder:
             source_split=_last(map(split_of_folder, folders)) or split_by_number(scene_id),
             source_version=_last(map(version_of, folders)),
             geometry=_state_of(self._find_mesh(path)),
-            building=building,
+            building=split_scene_id(building)[1],
         )
 
 

@@ -84,6 +84,14 @@ def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
     )
 
 
+def _without_null_region(layout: RoomLayout) -> tuple[RoomLayout, str]:
+    """Return a layout of rooms alone, and what was left out of it."""
+    rooms = {region: laid for region, laid in layout.rooms.items() if region >= 0}
+    lost = len(layout.rooms) - len(rooms)
+    said = "a label of the null region, which is no room" if lost else ""
+    return replace(layout, rooms=rooms), said
+
+
 def _label(room: Room, laid: LaidRoom) -> Room:
     if laid.label is None:
         return room
@@ -156,13 +164,16 @@ class WithLayouts(Wrapper):
         if named is None:
             return reading
         name, path = named
+        graph = reading.graph
         try:
-            return replace(reading, graph=lay_out(reading.graph, _read(name, path)))
+            layout, reason = _without_null_region(_read(name, path))
+            graph = lay_out(graph, layout)
         except LayoutError as error:
             require_lasting(error, path)
             reason = str(error).replace(f"{self._root}/", "")
-            skip = SkippedScene(ref.scene_id, _locate(path, self._root), reason)
-            return replace(reading, left_out=(*reading.left_out, skip))
+        skip = SkippedScene(ref.scene_id, _locate(path, self._root), reason)
+        left_out = (*reading.left_out, *([skip] if reason else []))
+        return replace(reading, graph=graph, left_out=left_out)
 
     @cached_property
     def _listed(self) -> _Listing:

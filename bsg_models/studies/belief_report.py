@@ -16,7 +16,7 @@ from bsg_data.observation.partial_graph import PartialGraph, reclassify
 from bsg_data.recipes import MaskRecipe
 from bsg_data.results import (
     UNFINISHED,
-    is_interrupted,
+    list_committed,
     refuse_datasets,
     refuse_file,
     refuse_other_results,
@@ -98,12 +98,11 @@ def report_beliefs(
     if len(set(paths)) < len(paths):
         raise RecipeError("one file is named twice", code="output-twice")
     singles = [path for row, path in results if row.name != TABLES.name]
-    force = request.force or is_interrupted(*(path for _, path in results))
     for row, path in results:
         if row.name == TABLES.name:
-            _refuse_replacing(path, force=force)
+            _refuse_replacing(path, force=request.force)
         else:
-            refuse_file(path, force=force)
+            refuse_file(path, force=request.force)
     wanted = _choose_scenes(request)
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
@@ -126,15 +125,27 @@ def report_beliefs(
             if progress:
                 progress(number, total)
 
-    beliefs = believe_all()
-    with write_files(singles, force=force) as staged:
-        if streamed is not None:
-            row, path = streamed
-            write_beliefs(beliefs, staged.get(path, path), row)
-        deque(beliefs, maxlen=0)
-        for row, path in results:
-            if (row, path) != streamed:
-                _write(row, staged.get(path, path), request, views)
+    with write_files(singles, force=request.force) as staged:
+
+        def write_others() -> None:
+            for row, path in results:
+                if (row, path) != streamed:
+                    _write(row, staged[path], request, views)
+
+        def believe_and_write() -> Iterator[BeliefGraph]:
+            """Commit the other files before the tables, whose commit is the last."""
+            yield from believe_all()
+            write_others()
+            staged.commit()
+
+        if streamed is not None and streamed[0].name == TABLES.name:
+            write_beliefs(believe_and_write(), streamed[1], streamed[0])
+        else:
+            beliefs = believe_all()
+            if streamed is not None:
+                write_beliefs(beliefs, staged[streamed[1]], streamed[0])
+            deque(beliefs, maxlen=0)
+            write_others()
     graphs = tuple(view.belief for view in views)
     notes = tuple(
         (*file.notes, *note_graph(belief.partial, predictor))
@@ -216,7 +227,10 @@ def _refuse_replacing(path: Path, *, force: bool) -> None:
     refuse_datasets(path)
     refuse_other_results(path, NODES)
     refuse_run(path)
-    if path.exists() and not force and {one.name for one in path.iterdir()} - {UNFINISHED}:
+    there = (
+        {one.name for one in path.iterdir()} if path.is_dir() else {*[path.name] * path.exists()}
+    )
+    if there - {UNFINISHED, *list_committed(path)} and not force:
         message = f"{path}: is there already; --force replaces it"
         raise DatasetError(message, code="path-taken", where=path)
 

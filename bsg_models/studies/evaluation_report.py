@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,13 +20,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
-from bsg_data.results import (
-    is_interrupted,
-    refuse_datasets,
-    refuse_file,
-    write_files,
-    write_results,
-)
+from bsg_data.results import StagedFiles, refuse_datasets, write_files, write_results
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
@@ -70,22 +65,16 @@ def report_evaluation(
     """
     into, folder = request.write_predictions, request.folder
     pages = [] if request.html is None else [request.html]
-    force = request.force or is_interrupted(folder, *pages)
+    force = request.force
     if into is not None:
         refuse_datasets(into)
     refuse_run(folder)
-    with (
-        write_files(pages, force=force) as staged_pages,
-        write_results(folder, report=REPORT, force=force) as staged,
-    ):
+    with ExitStack() as outputs, ExitStack() as results:
+        beside = [outputs.enter_context(write_files(pages, force=force))]
+        staged = results.enter_context(write_results(folder, report=REPORT, force=force))
         with ExitStack() as open_files:
-            comparison = compare_runs(
-                request,
-                write=_begin_entries(request, into, staged, open_files, force=force)
-                if into
-                else None,
-                progress=progress,
-            )
+            begin = _Entries(request, staged, outputs, beside, open_files) if into else None
+            comparison = compare_runs(request, write=begin, progress=progress)
         summary = encode_comparison(comparison)
         notes: list[str] = []
         figures = {
@@ -103,26 +92,36 @@ def report_evaluation(
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
         for page in pages:
-            _write_page(staged_pages[page], comparison, request, figures)
+            _write_page(beside[0][page], comparison, request, figures)
+        for files in beside:
+            files.commit()
     figures = {what: folder / path.name for what, path in figures.items()}
     return EvaluationReport(
         comparison, summary, folder / REPORT, folder / CLASSES, figures, tuple(notes)
     )
 
 
-def _begin_entries(
-    request: EvaluationRequest, into: Path, staged: Path, open_files: ExitStack, *, force: bool
-) -> Callable[[str, int | None], PredictionWriter]:
-    """Return a function that opens the writer of a run's predictions for a fold."""
-    is_part = resolve_links(into) == resolve_links(request.folder)  # of the results
+@dataclass(frozen=True)
+class _Entries:
+    """Opens the writers of the runs' predictions."""
 
-    def begin(name: str, fold: int | None) -> PredictionWriter:
-        data, folder = Dataset.open(request.dataset), staged if is_part else into
+    request: EvaluationRequest
+    staged: Path  # of the results
+    outputs: ExitStack  # which the files beside the results are committed by
+    beside: list[StagedFiles]  # these files
+    open_files: ExitStack
+
+    def __call__(self, name: str, fold: int | None) -> PredictionWriter:
+        """Open the writer of a run's predictions for a fold."""
+        request, into = self.request, Path(self.request.write_predictions or "")
+        is_part = resolve_links(into) == resolve_links(request.folder)  # of the results
+        data, folder = Dataset.open(request.dataset), self.staged if is_part else into
         writer = open_entry(folder, name, data, split=request.split, fold=fold)
-        refuse_file(writer.path, force=force)
-        return open_files.enter_context(writer)
-
-    return begin
+        if not is_part:
+            files = self.outputs.enter_context(write_files([writer.path], force=request.force))
+            self.beside.append(files)
+            writer.path = files[writer.path]
+        return self.open_files.enter_context(writer)
 
 
 def _write_page(

@@ -9,7 +9,7 @@ OUT/SHA256SUMS          the seal of all files, written last: its presence means 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import encode_json, noting_failures, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.results import is_interrupted, write_files, write_results
+from bsg_data.results import StagedFiles, write_files, write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.rendering.animation import write_animation
 from bsg_models.rendering.figures import plot_savings
@@ -72,11 +72,10 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     folder = request.folder
-    force = request.force or is_interrupted(folder, *request.replays)
     refuse_run(folder)
     with (
-        write_files(request.replays, force=force) as replays,
-        write_results(folder, report=_REPORT, force=force) as staged,
+        write_files(request.replays, force=request.force) as replays,
+        write_results(folder, report=_REPORT, force=request.force) as staged,
     ):
         data = Dataset.open(request.dataset)
         classes = data.manifest.class_space.classes
@@ -116,6 +115,7 @@ def report_search(
             _write_replay(request, report, staged, replays)
         write_searches(study, staged / _TABLE)
         write_bytes(staged / _REPORT, (encode_json(report.summary, indent=1) + "\n").encode())
+        replays.commit()
     notes += [
         f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
         for world, reasons in study.left_out.items()
@@ -148,7 +148,7 @@ def _plot(report: SearchReport, path: Path) -> bool:
 
 
 def _write_replay(
-    request: SearchRequest, report: SearchReport, staged: Path, replays: Mapping[Path, Path]
+    request: SearchRequest, report: SearchReport, staged: Path, replays: StagedFiles
 ) -> None:
     """Write a kept search as a page and, if asked, as animations and recordings."""
     replay = replay_search(
@@ -164,7 +164,7 @@ def _write_replay(
         f"{replay.walks[0].planner}"
     )
     report.written[which] = request.folder / _TRACE
-    for path, partial in replays.items():
+    for path in request.replays:
         is_recording = path.suffix.casefold() == RECORDING
-        (write_search if is_recording else write_animation)(replay, partial)
+        (write_search if is_recording else write_animation)(replay, replays[path])
         report.written[f"the same as {path.suffix}"] = path

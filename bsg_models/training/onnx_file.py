@@ -21,7 +21,7 @@ from torch import nn
 
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, encode_json
-from bsg_data.results import is_interrupted, refuse_file, write_files
+from bsg_data.results import refuse_file, write_files
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
@@ -73,7 +73,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     if path.suffix != ".onnx":
         raise RecipeError(f"{path}: expected the name of an ONNX file, such as universal.onnx")
     for one in (path, beside):
-        refuse_file(one, force=force or is_interrupted(path, beside))
+        refuse_file(one, force=force)
     checkpoint = load_checkpoint(found.path)
     network = restore_model(found.path, checkpoint)
     if not isinstance(network, CountNetwork) or "adjacent" in network.inputs.edges:

@@ -9,7 +9,7 @@ import click
 
 import bsg_data
 from bsg_cli.choices import complete_class_map, complete_names_or_files
-from bsg_cli.data.totals import format_losses, format_sources, format_totals
+from bsg_cli.data.totals import format_losses, format_sources, format_totals, warn_of_recordings
 from bsg_cli.options import (
     PATH,
     force_option,
@@ -123,6 +123,7 @@ def build(
 
 
 def _print_built(manifest: extend.Manifest, more: str, out: Path) -> None:
+    warn_of_recordings(manifest)
     print_text(f"{format_totals(manifest)}\n{more}\ndataset in {out}; next: bsg-data split {out}")
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 import bsg_data
+from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import (
     dataset_argument,
     force_option,
@@ -70,12 +71,7 @@ def pairs(
             f"{buildings} no pairs, because a class has more than 65,535 objects there; the first "
             f"is {left_out[0]}"
         )
-    recorded = [source.kind for source in manifest.sources if not source.is_complete]
-    if recorded:
-        print_note(
-            f"the buildings of {', '.join(recorded)} are what a robot saw: what it did not see "
-            "counts as not there. Do not train on these pairs, and do not measure models by them"
-        )
+    is_recorded = warn_of_recordings(manifest)
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
     if extend.MASKS[recipe.mask.strategy].reads_connections:
         bare = bsg_data.Dataset.open(dataset).count_unconnected()
@@ -87,4 +83,5 @@ def pairs(
     hashes = extend.hash_splits(bsg_data.Dataset.open(dataset))
     print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
     print_text(f"sha256 of all masks: {hashes['all']}")
-    print_text(f"next: bsg-train {dataset} --config universal --out run")
+    if not is_recorded:
+        print_text(f"next: bsg-train {dataset} --config universal --out run")

@@ -7,6 +7,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from bsg_cli.terminal import print_note
 from bsg_data import extend
 from bsg_data.tables import format_text
 
@@ -54,6 +55,17 @@ def format_sources(dataset: Path) -> str:
         for row in extend.count_sources(dataset)
     ]
     return format_text(rows, header=("source", *shown.values()), numeric=("classes",))
+
+
+def warn_of_recordings(manifest: extend.Manifest) -> bool:
+    """Say that buildings of a dataset are recordings, if any is; return whether."""
+    recorded = sorted({source.kind for source in manifest.sources if not source.is_complete})
+    if recorded:
+        print_note(
+            f"the buildings of {', '.join(recorded)} are what a robot saw: what it did not see "
+            "counts as not there. Do not train on them, and do not measure models by them"
+        )
+    return bool(recorded)
 
 
 def format_losses(manifest: extend.Manifest) -> str:

@@ -24,6 +24,7 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.dataset.statistics import measure_coverage
 from bsg_data.errors import (
     AnnotationError,
@@ -34,6 +35,7 @@ from bsg_data.errors import (
     UnmappedNameError,
 )
 from bsg_data.merge import merge_datasets
+from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
@@ -246,6 +248,43 @@ def test_two_annotations_of_one_building_are_said_and_an_error_under_strict(
     assert "has another annotation of the same building" in manifest.skipped[0].reason
     with refuses(SourceError, "scene-unreadable", other):
         build_dataset(source, tmp_path / "strict", class_map=known, strict=True)
+
+
+def test_two_scenes_of_one_id_are_refused(tmp_path: Path) -> None:
+    text = annotation_text({0: KITCHEN})
+    write_scene(tmp_path / "hm3d", "00006-HkseAnWCgqk", text)
+    other = tmp_path / "hm3d" / "flat" / "00006-HkseAnWCgqk.semantic.txt"
+    other.parent.mkdir()
+    other.write_text(text)
+    manifest = build_dataset(HM3DFolder(tmp_path / "hm3d"), tmp_path / "out")
+    assert (manifest.totals.scenes, len(manifest.skipped)) == (1, 1)
+
+    class Twice(HM3DFolder):
+        def find(self) -> FoundScenes:
+            (ref,) = super().find().scenes
+            return FoundScenes((ref, replace(ref, building="another")))
+
+    with refuses(SourceError, "scene-twice", "00006-HkseAnWCgqk"):
+        build_dataset(Twice(tmp_path / "hm3d"), tmp_path / "twice")
+
+
+def test_folders_of_the_users_that_are_called_as_ours_are_left_alone(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    """`.build` is a folder of Swift's, and anybody's folder may end in `.partial`."""
+    out = tmp_path / "out"
+    for path in (out / ".build" / "notes", tmp_path / "out.partial" / "thesis.tex"):
+        path.parent.mkdir(parents=True)
+        path.write_text("years of work")
+    with pytest.raises(DatasetError, match="exists and is no dataset"):
+        build_dataset(HM3DFolder(hm3d_folder), out, force=True)
+    (tmp_path / "out.partial" / "thesis.tex").rename(tmp_path / "thesis.tex")
+    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "other")
+    (tmp_path / "other" / ".build").mkdir()
+    shutil.copy(out / ".build" / "notes", tmp_path / "other" / ".build" / "notes")
+    split_dataset(tmp_path / "other", SplitRecipe())
+    assert (tmp_path / "other" / ".build" / "notes").read_text() == "years of work"
+    assert (out / ".build" / "notes").read_text() == "years of work"
 
 
 def test_labels_of_rooms_that_nobody_knows_are_reported(tmp_path: Path) -> None:

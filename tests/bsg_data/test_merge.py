@@ -17,6 +17,7 @@ from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.merge import merge_datasets
 from bsg_data.recipes import SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.table import ObjectTable
 from bsg_data.synthetic.buildings import write_synthetic
 
 
@@ -132,3 +133,14 @@ def test_what_each_source_gives_adds_up(dataset: Path, synthetic: Path, tmp_path
     (hm3d,) = (row for row in rows if row["source"] == "hm3d")
     # 66 bedrooms with a thing that the map does not know
     assert (hm3d["buildings"], hm3d["unmapped"]) == (12, 66)
+
+
+def test_a_building_that_one_source_calls_by_its_key_is_refused(tmp_path: Path) -> None:
+    """An id and a key are one name: splits and masks are by id, duplicates by key."""
+    write_scene(tmp_path / "hm3d", "00006-HkseAnWCgqk", annotation_text({0: KITCHEN}))
+    build_dataset(HM3DFolder(tmp_path / "hm3d"), tmp_path / "one")
+    for name in ("00006-HkseAnWCgqk", "HkseAnWCgqk"):
+        (tmp_path / "objects.csv").write_text(f"scene,room,category\n{name},hall,bed\n")
+        build_dataset(ObjectTable(tmp_path / "objects.csv"), tmp_path / "two", force=True)
+        with pytest.raises(DatasetError, match="is also in"):
+            merge_datasets([tmp_path / "one", tmp_path / "two"], tmp_path / "both")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +13,15 @@ from killed_process import start, wait_for
 from refusals import refuses
 
 from bsg_data.errors import DatasetError
-from bsg_data.results import SEAL, UNFINISHED, read_seal, refuse_file, require_seal, write_results
+from bsg_data.results import (
+    SEAL,
+    UNFINISHED,
+    read_seal,
+    refuse_file,
+    require_seal,
+    write_files,
+    write_results,
+)
 
 
 def write(folder: Path, **files: str) -> None:
@@ -152,3 +162,85 @@ def test_a_changed_and_a_missing_file_are_named(tmp_path: Path) -> None:
 def test_no_results_are_written_into_a_dataset(dataset: Path) -> None:
     with refuses(DatasetError, "inside-dataset", dataset / "out"):
         write(dataset / "out", a="1")
+
+
+def test_a_stage_that_was_left_gives_no_leave_to_replace_what_is_somebody_elses(
+    tmp_path: Path,
+) -> None:
+    """Only what a killed command committed, and nobody changed since, is replaced without force."""
+    mine, other = tmp_path / "a", tmp_path / "b"
+    (tmp_path / ".a.unfinished").mkdir()
+    mine.write_text("mine")
+    for paths in ([mine], [other, mine]):
+        with refuses(DatasetError, "path-taken", mine), write_files(paths, force=False):
+            pass
+    out = tmp_path / "out"
+    (out / UNFINISHED).mkdir(parents=True)
+    (out / "b").write_text("mine")
+    with refuses(DatasetError, "path-taken", out / "b"):
+        write(out, a="1", b="2")
+    assert [path.read_text() for path in (mine, out / "b")] == ["mine", "mine"]
+
+
+def test_an_error_while_files_are_committed_leaves_a_way_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    write(out, a="1", b="2")
+    (out / "b").unlink()
+    (out / "b").mkdir()  # no file can be renamed over a folder
+    with refuses(DatasetError, "not-written", out, golden=False):
+        write(out, a="3", b="4")
+    (out / "b").rmdir()
+    write(out, a="3", b="4")
+    assert list(require_seal(out) or ()) == ["a", "b"]
+
+
+def test_single_files_are_one_result(tmp_path: Path) -> None:
+    first, second = tmp_path / "a", tmp_path / "b"
+    first.write_text("old")
+    second.mkdir()
+    with refuses(DatasetError, "path-folder", second), write_files([first, second], force=True):
+        pass
+    assert first.read_text() == "old"
+    second.rmdir()
+
+    def fail() -> None:
+        with write_files([first, second], force=True) as staged:
+            staged[first].write_text("new")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert first.read_text() == "old"
+    with write_files([first, second], force=True) as staged:
+        staged[first].write_text("new")
+        staged[second].write_text("new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+    assert first.read_text() == second.read_text() == "new"
+
+
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+@pytest.mark.heavy
+@pytest.mark.parametrize("old", [False, True])
+def test_killed_twice_at_any_change_of_a_file(old: bool, tmp_path: Path, stride: int) -> None:
+    """The command of the second kill is that which repeats the first."""
+    work: Callable[[Path], None] = write_three if old else partial(write_three, force=False)
+    for first in range(1, 40, stride):
+        for second in range(1, 40, 2 * stride):
+            out = tmp_path / "out"
+            shutil.rmtree(out, ignore_errors=True)
+            if old:
+                write(out, a="old", b="old", d="old")
+            for at in (first, second):
+                wait_for(*start(partial(work, out), inside=out, kill_at=at))
+            if old or require_seal(out) is None:  # else all was committed
+                work(out)
+                assert sorted(path.name for path in out.iterdir()) == [SEAL, "a", "b", "c"]
+            assert list(require_seal(out) or ()) == ["a", "b", "c"]
+
+
+def write_three(out: Path, *, force: bool = True) -> None:
+    with write_results(out, report="a", force=force) as staged:
+        for name in "abc":
+            (staged / name).write_text("new")

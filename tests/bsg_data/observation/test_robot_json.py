@@ -156,7 +156,7 @@ def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
         ({"rooms": {"hall": []}}, "rooms: expected a JSON list, found {'hall': []}; a map of"),
         ({"rooms": ["hall"]}, 'room number 1: expected a JSON object, such as {"id": "kitchen"}'),
         ({"rooms": [{"name": "hall"}]}, "room number 1: 'name' is no key; did you mean id?"),
-        ({"rooms": [{"id": 4, "type": "hall"}]}, "room number 1: 'type' is no key; did you mean "),
+        ({"rooms": [{"id": 4, "type": "hall"}]}, "room '4': 'type' is no key; did you mean "),
         ({"objects": [{"name": "7"}]}, "object number 1: 'name' is no key; did you mean id?"),
         ({"kind": "home"}, "'kind' is no key; did you mean building_kind?"),
     ],

@@ -286,6 +286,14 @@ def test_a_region_that_is_not_there_leaves_the_labels_of_its_building_out(
     ]
 
 
+def test_a_label_of_the_null_region_costs_no_other_label(hm3d_folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "labels.csv"
+    path.write_text(f"scene,region,label\n{SCENE},0,kitchen\n{SCENE},-1,garden\n")
+    graph, left_out = read_one(WithLayouts(HM3DFolder(hm3d_folder), path))
+    assert labels_of(graph) == ["kitchen", None, None]
+    assert left_out == ["a label of the null region, which is no room"]
+
+
 @pytest.mark.parametrize(
     ("code", "line", "text"),
     [

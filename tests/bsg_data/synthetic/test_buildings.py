@@ -271,3 +271,11 @@ def test_a_mark_that_says_nothing_removes_nothing(tmp_path: Path) -> None:
         with refuses(DatasetError, "mark-broken"):
             next(write_synthetic(tmp_path / "out", scenes=2, seed=2, force=True))
     assert sorted((tmp_path / "out").rglob("*")) == before
+
+
+def test_a_run_that_was_killed_at_its_first_file_is_made_again(tmp_path: Path) -> None:
+    begun = tmp_path / "out.partial" / ".build" / "plan.json.partial"
+    begun.parent.mkdir(parents=True)
+    begun.touch()
+    assert len(list(write_synthetic(tmp_path / "out", scenes=1, seed=1))) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]

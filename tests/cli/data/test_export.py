@@ -16,7 +16,7 @@ def test_rooms_are_written_and_counted(tmp_path: Path) -> None:
     assert "rooms left out, because they have no box: 1" in done.stdout
     assert json.loads((out / "a.semantic_config.json").read_text())["region_annotations"]
     again = run("export", tmp_path / "dataset", "--to", "habitat", "--out", out, code=1)
-    assert "--force replaces such files" in again.stderr
+    assert "--force replaces it" in again.stderr
     run("export", tmp_path / "dataset", "--to", "habitat", "--out", out, "--force")
 
 

@@ -44,7 +44,7 @@ def test_a_figure_is_replaced_by_force_alone(dataset: Path, tmp_path: Path, suff
     for _ in range(2):
         run("info", dataset, "--figure", figure, "--force")
         assert figure.stat().st_size > 1000
-    assert "suffix" in run("info", dataset, "--figure", tmp_path, "--force", code=1).stderr
+    assert "is a folder" in run("info", dataset, "--figure", tmp_path, "--force", code=1).stderr
 
 
 def test_a_dataset_is_sound_or_has_faults(dataset: Path) -> None:
