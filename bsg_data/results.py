@@ -181,8 +181,9 @@ def recover(folder: Path, kind: FolderKind) -> bytes | None:
     if not _was_committed(folder, kind):
         return None
     plan = _read(folder / PLAN)
-    for old in (staged, aside):  # what was replaced has a mark and no plan
-        if (old / kind.mark).is_file() and not (old / BUILD).exists():
+    for old in (staged, aside):  # what was replaced has a mark and no plan, or lost its last file
+        is_whole = (old / kind.mark).is_file() and not (old / PLAN).exists()
+        if is_whole or (old.is_dir() and not list_files(old)):
             _require_own(old, kind)
             for name in list_files(old):
                 if name != kind.mark:  # which goes last, for it says whose the folder is

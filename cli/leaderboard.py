@@ -9,8 +9,10 @@ from typing import Any
 
 import click
 
+import bsg_data
 import bsg_models
 from bsg_cli.choices import MASKS, MODELS, complete_list, load_config, require_known
+from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import (
     dataset_argument,
     force_option,
@@ -72,6 +74,7 @@ def main(
     recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
     folds = f"{recipe.folds} folds of {len(recipe.masks)} masks, each with {recipe.draws} draws"
     print_note(f"{len(chosen)} models in {folds}")
+    warn_of_recordings(bsg_data.read_manifest(dataset))
     try:
         with worker_pool(workers) as executor, ExitStack() as stack:
             bars = {

@@ -11,6 +11,7 @@ import click
 import bsg_data
 import bsg_models
 from bsg_cli.choices import MODELS, complete_names_or_files, load_config
+from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
@@ -96,7 +97,9 @@ def main(
 
 def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
     """Print a note if a model trains under another mask than that of the stored pairs."""
-    pairs, choice = bsg_data.read_manifest(dataset).pairs, config.data
+    manifest, choice = bsg_data.read_manifest(dataset), config.data
+    warn_of_recordings(manifest)
+    pairs = manifest.pairs
     if pairs is None or choice.masks == "fixed" or choice.fractions is not None:
         return
     fresh, stored = choice.fresh_mask, pairs.mask

@@ -24,7 +24,7 @@ from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import COBIE, MAX_CELL, MAX_CELLS, MAX_SHEET_COLUMNS, MAX_SHEET_ROWS
 from bsg_data.scene.class_map import UNKNOWN, ClassMap
-from bsg_data.scene.room_label import label_of
+from bsg_data.scene.room_label import is_understood, label_of
 from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 from bsg_data.sources.annotation_files import find_files, read_listed
@@ -250,7 +250,8 @@ def _name_room(space: _Row) -> tuple[str, str | None]:
     said = (kind, *(space.get(column, "") for column in ("description", "name", "roomtag")))
     words = [word for word in said if word]
     found = ((word, label_of("cobie", word)) for word in words)
-    return next(((word, label) for word, label in found if label), (words[0], None))
+    unknown = (word for word in words if not is_understood("cobie", word))  # not a number
+    return next(((word, label) for word, label in found if label), (next(unknown, words[0]), None))
 
 
 def _strip_code(category: str) -> str:

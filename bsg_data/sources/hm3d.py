@@ -102,7 +102,11 @@ class HM3DFolder:
         return "synthetic" if self._marks_above() else "hm3d"
 
     def _marks_above(self) -> list[Path]:
-        above = (self.path, *resolve_links(self.path).parents[:2])
+        links = sorted(path for path in self.path.glob("*") if path.is_symlink())[:1]
+        real = (resolve_links(path) for path in (self.path, *links))  # buildings may be linked
+        above = dict.fromkeys(
+            (self.path, *(folder for path in real for folder in path.parents[:2]))
+        )
         return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
     def find(self) -> FoundScenes:

@@ -130,6 +130,8 @@ class _TableRow:
 
     @model_validator(mode="after")
     def _fits_together(self) -> _TableRow:
+        if not self.scene:
+            raise ValueError("scene: expected the name of a building, found none")
         if not is_scene_id(self.scene):
             raise ValueError(f"scene: expected a name that a file can have, found {self.scene!r}")
         if not self.room and not self.category:
@@ -342,7 +344,8 @@ def _read_csv(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
                 if any(field.strip() for field in fields):
                     yield f"line {number}", fields
     except csv.Error as error:
-        said = f": no text in columns ({error})"
+        why = "a quote is not closed" if "end of data" in str(error) else error
+        said = f": no text in columns ({why})"
         raise refuse(said, code="csv-malformed", where=path) from error
 
 
@@ -437,7 +440,9 @@ def _lack_column(
     path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
 ) -> SourceError:
     near = meant_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
-    hint = f"did you mean {near[0]}? Then give the option {field}={near[0]}" if near else ""
+    hint = f"name yours by --option {field}=COLUMN"
+    if near:
+        hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"
     if len(header) == 1:
         hint = next((said for mark, said in _MARKS.items() if mark in header[0]), hint)
     return SourceError(
@@ -475,6 +480,9 @@ def _read_rows(
         said = {field: _clean(cells[at], notes, field) for field, at in columns.items()}
         given = {field: value for field, value in said.items() if value is not None}
         if not given:  # spreadsheets have empty rows at their ends
+            continue
+        if given.keys() <= {"scene"}:
+            notes["rows of a building alone, left out"] += 1
             continue
         row = _parse_row(where, given)
         objects += row.count or 1

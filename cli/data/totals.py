@@ -79,6 +79,9 @@ def format_losses(manifest: extend.Manifest) -> str:
         bare = manifest.totals.scenes - len({*manifest.meshes, *(s.scene_id for s in left)})
         if bare > 0:
             lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
+    notes = [entry for entry in left if entry.scene_id == "all"]  # of the source as a whole
+    lines += [f"note: {entry.location}: {entry.reason}" for entry in notes[:_SHOWN]]
+    left = tuple(entry for entry in left if entry.scene_id != "all")
     for entries, what in ((manifest.skipped, "skipped scene"), (left, "left out")):
         if entries:
             rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:_SHOWN]]

@@ -128,6 +128,7 @@ def test_the_tag_of_a_room_is_the_last_to_say_what_it_is(tmp_path: Path) -> None
         ["Office", None, None, "Corridor 4"],
         ["5", "13-99: Not Found", "Hatch of Zorg", "Corridor 5"],
         ["6", None, None, "T-6"],
+        ["7", None, None, "Bastelraum"],
     ) == [
         ("Corridor 1", "corridor"),
         ("Restroom", "toilet"),
@@ -135,6 +136,7 @@ def test_the_tag_of_a_room_is_the_last_to_say_what_it_is(tmp_path: Path) -> None
         ("Office", "office"),
         ("Corridor 5", "corridor"),
         ("6", None),
+        ("Bastelraum", None),  # which the report names as unknown, and not the number
     ]
 
 

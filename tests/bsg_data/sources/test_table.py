@@ -113,6 +113,13 @@ def test_the_order_of_rows_does_not_matter(
     assert read_all(one) == read_all(other)
 
 
+def test_a_row_of_a_building_alone_says_nothing_and_is_counted(tmp_path: Path) -> None:
+    rows = ("a,1,chair", "a,,", "b,nan,None")
+    found = ObjectTable(write_table(tmp_path, *rows, header="scene,room,category")).find()
+    assert [ref.scene_id for ref in found.scenes] == ["a"]
+    assert "rows of a building alone, left out: 2" in [note.reason for note in found.unused]
+
+
 def test_three_columns_are_enough(tmp_path: Path) -> None:
     graphs = read_all(write_table(tmp_path, "a,1,chair", "a,2,", header="scene,room,category"))
     (graph,) = graphs.values()
@@ -139,7 +146,6 @@ def test_numbers_of_rooms(names: list[str], regions: dict[str, int]) -> None:
     "row",
     [
         "../up,1,bed,,,,,,,,,,,,,,",
-        "a,,,,,,,,,,,,,,,,",
         "a,1,bed,,1.5,,,,,,,,,,,,",
         "a,1,bed,,,,,1,2,,,,,,,,",
         "a,1,bed,,,,,,,,0,0,1,1,1,0,",
@@ -147,7 +153,6 @@ def test_numbers_of_rooms(names: list[str], regions: dict[str, int]) -> None:
         "a,,bed,,0,,,,,,,,,,,,",
         f"a,1,{'b' * 201},,,,,,,,,,,,,,",
         "a,1,bed,,,,,nan,2,1,,,,,,,",
-        "a,nan,None,,,,,,,,,,,,,,",
         "NULL,1,bed,,,,,,,,,,,,,,",
         "a,kit\x07chen,bed,,,,,,,,,,,,,,",
         "a,1,bed,,,,2;\x85 3\x9b,,,,,,,,,,",
