@@ -48,6 +48,7 @@ UNKNOWN = "unknown"  # the category of a nameless object
 _SYNONYMS, _REAL_WORDS = "synonyms-v2.csv", "real-words-v1.csv"
 _RULES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # the files of the rules
 _FORMER_SYNONYMS, _FORMER_VERSION = "synonyms-v1.csv", b"rules 1"
+_MOST_RESOLVED = 2**14  # names that are not listed and whose class is kept at a time
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 _FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
@@ -112,9 +113,13 @@ class ClassMap:
             return entry
         if is_nameless(name):
             return Classified(UNKNOWN, None, "nameless")
-        if name not in self._resolved:
-            self._resolved[name] = self._resolve(name)
-        return self._resolved[name]
+        found = self._resolved.get(name)
+        if found is None:
+            found = self._resolve(name)
+            if len(self._resolved) >= _MOST_RESOLVED:  # strangers' words do not stay for good
+                self._resolved.clear()
+            self._resolved[name] = found
+        return found
 
     def with_hash(self, sha256: str) -> ClassMap:
         """Return the map with the rules by which it has this hash; itself if it has none."""

@@ -17,11 +17,12 @@ from starlette.routing import Route
 
 from bsg_cli.serve.bounds import MOST_BYTES, MOST_CONNECTIONS, Bounds, Fault, refuse
 from bsg_cli.serve.doors import LOCAL, EventStreams, KnownHosts
-from bsg_cli.serve.questions import Contents, Expect, Find, Found, Service
+from bsg_cli.serve.questions import ENDING, Contents, Expect, Find, Found, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
 from bsg_data.spelling import SHOWN, ask_if_meant
 
+_SECONDS_TO_END = 8  # for the questions that are under way
 _FAULTS = {
     400: "not JSON, or an unknown Host",
     404: "no such path",
@@ -31,7 +32,7 @@ _FAULTS = {
     415: "not application/json",
     422: "the map or the question is faulty; `error` says where",
     500: "an error of the service",
-    503: "too many questions at a time, or the answer took too long",
+    503: "too many questions at a time, the answer took too long, or the service ends",
 }
 
 
@@ -82,9 +83,9 @@ def _mcp_route(server: MCPServer) -> Route:
 
 
 async def _explain(_: Request, error: Exception) -> JSONResponse:
-    return refuse(
-        422, str(error), code=getattr(error, "code", ""), where=getattr(error, "where", "")
-    )
+    code = getattr(error, "code", "")
+    status = 503 if code == ENDING else 422
+    return refuse(status, str(error), code=code, where=getattr(error, "where", ""))
 
 
 async def _explain_question(request: Request, error: Exception) -> JSONResponse:
@@ -111,6 +112,18 @@ async def _confess(_: Request, __: Exception) -> JSONResponse:
     return refuse(500, "an error of the service; its terminal says more", code="service-error")
 
 
+class _Server(uvicorn.Server):  # type: ignore[misc]
+    """Refuses the questions that wait when it is asked to end."""
+
+    def __init__(self, config: uvicorn.Config, service: Service) -> None:
+        super().__init__(config)
+        self._service = service
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._service.end()
+        await super().shutdown(sockets)
+
+
 def listen(service: Service, door: socket.socket, *, hosts: Sequence[str] = ()) -> None:
     """Serve until the process is asked to end."""
     config = uvicorn.Config(
@@ -122,6 +135,6 @@ def listen(service: Service, door: socket.socket, *, hosts: Sequence[str] = ()) 
         proxy_headers=False,
         server_header=False,
         limit_concurrency=MOST_CONNECTIONS,
-        timeout_graceful_shutdown=5,
+        timeout_graceful_shutdown=_SECONDS_TO_END,
     )
-    uvicorn.Server(config).run(sockets=[door])
+    _Server(config, service).run(sockets=[door])

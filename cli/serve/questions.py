@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field
 import bsg_data
 import bsg_models
 from bsg_cli.find import describe_things
+from bsg_data.errors import BSGError
 from bsg_data.files import AnyPath
 from bsg_data.observation.partial_graph import Id, Score, Text, reclassify
 from bsg_data.observation.reports import LOOK_CHANCE
@@ -25,6 +26,7 @@ MOST_ROOMS = 500  # of a map
 MOST_THINGS = 20  # of a question
 MOST_ROBOTS = 10
 MOST_CLASSES = 10  # of a room, if the question does not say
+ENDING = "service-ending"  # code of the refusal of what waits when the service is asked to end
 THREADS = 4  # questions that are answered at a time
 
 Map = Annotated[
@@ -209,6 +211,12 @@ class Service:
         """
         self._predictor = bsg_models.Predictor(model)
         self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="answer")
+        self._is_ending = False
+
+    def end(self) -> None:
+        """Answer what is under way, and refuse what waits and what comes."""
+        self._is_ending = True
+        self._threads.shutdown(wait=False, cancel_futures=True)
 
     async def find(self, asked: Find) -> Found:
         """Return where things probably are.
@@ -230,7 +238,15 @@ class Service:
         self, answer: Callable[[bsg_models.SeenBuilding, _Asked], _Answer], asked: _Asked
     ) -> _Answer:
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._threads, lambda: answer(self._open(asked), asked))
+        try:
+            return await loop.run_in_executor(
+                self._threads, lambda: answer(self._open(asked), asked)
+            )
+        except (asyncio.CancelledError, RuntimeError):  # no thread took it
+            if not self._is_ending:
+                raise
+            said = "the service ends; ask again when it runs"
+            raise BSGError(said, code=ENDING) from None
 
     def _open(self, asked: Find | Expect) -> bsg_models.SeenBuilding:
         file = parse_graph(asked.map, path=Path("map"), labels=asked.labels)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import hashlib
+import tracemalloc
 from importlib.resources import files
 from pathlib import Path
 
@@ -204,3 +205,15 @@ def test_class_spaces() -> None:
     classes = load_class_space().classes
     found = find_wholes(("bath door", "wall", "basin faucet"), classes)
     assert found.tolist() == [classes.index("bathtub"), -1, classes.index("sink")]
+
+
+def test_strange_words_do_not_stay() -> None:
+    """A service meets new ones for as long as it runs."""
+    class_map = load_class_map("hm3d45-v1")
+    tracemalloc.start()
+    try:
+        for number in range(100_000):
+            class_map.classify(f"{number} {'zorg' * 40}")
+        assert tracemalloc.get_traced_memory()[0] < 15_000_000
+    finally:
+        tracemalloc.stop()

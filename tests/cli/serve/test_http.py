@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import subprocess
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -280,6 +281,37 @@ def test_a_thousand_questions_at_once_are_answered(address: str) -> None:
     assert {one.text for one in answers if one.status_code == 200} == {alone}
     for client in slow:
         client.close()
+
+
+def test_a_service_that_is_asked_to_end_refuses_what_waits(
+    own_service: tuple[subprocess.Popen[str], str],
+) -> None:
+    """What is under way is answered; who waits is told so at once."""
+    process, address = own_service
+    rooms = {f"room {number}": [f"thing {one}" for one in range(8)] for number in range(30)}
+    question = {"map": rooms, "things": "mug", "here": "room 1"}
+
+    async def ask_all() -> list[httpx2.Response]:
+        answers: list[httpx2.Response] = []
+        limits = httpx2.Limits(max_connections=100)
+        async with (
+            httpx2.AsyncClient(base_url=address, limits=limits, timeout=60) as client,
+            anyio.create_task_group() as tasks,
+        ):
+
+            async def post() -> None:
+                answers.append(await client.post("/find", json=question))
+                process.terminate()  # with the first answer
+
+            for _ in range(100):
+                tasks.start_soon(post)
+        return answers
+
+    answers = anyio.run(ask_all)
+    refused = [one.json()["code"] for one in answers if one.status_code != 200]
+    assert len(answers) == 100
+    assert refused == ["service-ending"] * len(refused)
+    assert 0 < len(refused) < 100
 
 
 def _open_slowly(address: str) -> socket.socket:
