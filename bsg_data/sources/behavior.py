@@ -19,7 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.dataset.terms import Terms
@@ -30,6 +30,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
+from bsg_data.sources.foreign_record import ForeignRecord
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _FILE = "combined_room_object_list.json"
@@ -71,9 +72,7 @@ _Count = Annotated[int, Field(ge=0, le=_MAX_OBJECTS)]
 _RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
 
 
-class _Listing(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
-
+class _Listing(ForeignRecord, strict=True):
     scenes: Annotated[dict[_Scene, dict[str, dict[_Name, _Count]]], Field(min_length=1)]
 
 

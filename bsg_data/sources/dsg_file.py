@@ -18,13 +18,14 @@ from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import validate
+from bsg_data.sources.foreign_record import ForeignRecord
 
-MAX_METRES = 1_000_000.0  # a map may be in the metres of a country's grid
+_FURTHEST = 1_000_000.0  # a map may be in the metres of a country's grid
 _LAYERS = {"OBJECTS": 2, "ROOMS": 4}
 _AGENT = "AgentNodeAttributes"
 _SYMBOL = re.compile(r"[A-Za-z]\([0-9]+\)")  # the name of a node that nobody named
@@ -34,22 +35,18 @@ _INDEX = 2**56 - 1
 
 Number = Annotated[int, Field(ge=0, lt=2**64, strict=True)]
 Small = Annotated[int, Field(ge=-(2**31), lt=2**32, strict=True)]
-Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
-Triple = tuple[Metres | None, Metres | None, Metres | None]  # null stands for what is not finite
+_Metres = Annotated[float, Field(ge=-_FURTHEST, le=_FURTHEST)]
+Triple = tuple[_Metres | None, _Metres | None, _Metres | None]  # null stands for what is not finite
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Quaternion(_Entry):
+class _Quaternion(ForeignRecord):
     w: Annotated[float, Field(ge=-1.01, le=1.01)] = 1.0
     x: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
     y: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
     z: Annotated[float, Field(ge=-1.01, le=1.01)] = 0.0
 
 
-class _BoundingBox(_Entry):
+class _BoundingBox(ForeignRecord):
     type: str | int = "INVALID"
     min: Triple | None = None
     max: Triple | None = None
@@ -58,7 +55,7 @@ class _BoundingBox(_Entry):
     turn: Annotated[_Quaternion, Field(alias="world_R_center")] = _Quaternion()
 
 
-class _Attributes(_Entry):
+class _Attributes(ForeignRecord):
     type: Annotated[str, Field(max_length=200)] = ""
     name: Annotated[str, Field(max_length=1000)] = ""
     position: Triple | None = None
@@ -67,32 +64,32 @@ class _Attributes(_Entry):
     metadata: Any = None
 
 
-class _Node(_Entry):
+class _Node(ForeignRecord):
     id: Number
     layer: Small
     partition: Small = 0
     attributes: _Attributes
 
 
-class _Edge(_Entry):
+class _Edge(ForeignRecord):
     source: Number
     target: Number
 
 
-class _LayerKey(_Entry):
+class _LayerKey(ForeignRecord):
     layer: Small
     partition: Small = 0
 
 
-class _Metadata(_Entry):
-    labelspaces: dict[str, tuple[tuple[Small, str], ...]] = {}
+class _Metadata(ForeignRecord):
+    labelspaces: dict[str, tuple[tuple[Small, str], ...]] = Field(default_factory=dict)
     bsg: Any = None
 
 
-class _Graph(_Entry):
+class _Graph(ForeignRecord):
     nodes: tuple[_Node, ...]
     edges: tuple[_Edge, ...]
-    layer_names: dict[str, _LayerKey | Small] = {}
+    layer_names: dict[str, _LayerKey | Small] = Field(default_factory=dict)
     layer_ids: tuple[Small, ...] = ()
     layer_keys: tuple[_LayerKey, ...] = ()
     mesh_layer_id: Small | None = None

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import measure_area, surround
@@ -28,13 +28,13 @@ from bsg_data.inputs.bounds import LAYOUT
 from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.sources.foreign_record import MAX_METRES, ForeignRecord, Metres, Position
 from bsg_data.sources.label_table import LabelTable, read_label_table
 from bsg_data.spelling import show_value
 
 CONFIG_SUFFIX = ".semantic_config.json"
 SUFFIXES = (".yaml", ".yml", CONFIG_SUFFIX)
 NO_LABEL = "room"  # of a region without a label: habitat-sim makes a category of every label
-_MAX_METRES = 10_000.0
 _REGION = re.compile(r"(-?[0-9]{1,9})(?:\.0*)?")  # 3.0 is how pandas writes 3 in a column with gaps
 _COLUMNS = {  # with their names in HM3D's statistics
     "scene": ("Scene Name",),
@@ -67,25 +67,14 @@ class RoomLayout:
     connections: tuple[tuple[int, int], ...] | None = None
 
 
-_Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES)]
-_Length = Annotated[float, Field(ge=0, le=_MAX_METRES)]
+_Length = Annotated[float, Field(ge=0, le=MAX_METRES)]
 _Number = Annotated[int, Field(ge=0, le=10**6)]
 _Name = Annotated[str, Field(pattern=r"^room_[1-9][0-9]{0,5}$")]
 _Label = Annotated[str, Field(min_length=1, max_length=200)]
-_Point = tuple[_Metres, _Metres, _Metres]
+_Point = tuple[Metres, Metres, Metres]
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Position(_Entry):
-    x: _Metres
-    y: _Metres
-    z: _Metres
-
-
-class _Size(_Entry):
+class _Size(ForeignRecord):
     x: _Length
     y: _Length
     z: _Length
@@ -101,9 +90,9 @@ def _require_both(one: str, other: str, values: Mapping[str, Any]) -> None:
         )
 
 
-class _LayoutRoom(_Entry):
+class _LayoutRoom(ForeignRecord):
     label: _Label | None = None
-    centroid: _Position | None = None
+    centroid: Position | None = None
     dims: _Size | None = None
 
     @model_validator(mode="after")
@@ -123,12 +112,12 @@ class _LayoutRoom(_Entry):
         return LaidRoom(self.label, Box((x - a, y - b, z - c), (x + a, y + b, z + c)))
 
 
-class _Layout(_Entry):
+class _Layout(ForeignRecord):
     rooms: Annotated[dict[_Name, _LayoutRoom], Field(min_length=1)]
     connections: tuple[tuple[_Number, _Number], ...] | None = None
 
 
-class _Region(_Entry):
+class _Region(ForeignRecord):
     name: str
     label: Annotated[str, Field(max_length=200)] = NO_LABEL
     poly_loop: Annotated[tuple[_Point, ...], Field(min_length=3)] | None = None
@@ -169,7 +158,7 @@ class _Region(_Entry):
         return LaidRoom(label, box, footprint, measure_area(corners))
 
 
-class _Regions(_Entry):
+class _Regions(ForeignRecord):
     region_annotations: Annotated[tuple[_Region, ...], Field(min_length=1)]
 
 

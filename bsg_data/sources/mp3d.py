@@ -32,6 +32,7 @@ from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import decode, find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect, place_room
+from bsg_data.sources.foreign_record import MAX_METRES
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 # The letters of regions, in the words of the format's description.
@@ -68,7 +69,6 @@ REGION_LABELS = {
     "Z": "junk",
 }
 _HEADER = "ASCII 1.1"
-_MAX_METRES = 10_000.0
 _NOWHERE = -1  # the index of no level, no region or no category
 _UNNAMED = "-"  # the name of a category that has none
 _JUNK = "Z"  # reflections in mirrors and points that float in space: no room
@@ -238,7 +238,7 @@ def _refer(line: Sequence[str], at: int, what: str, among: Sequence[object]) -> 
     return index
 
 
-def _points(line: Sequence[str], at: int, count: int, *, most: float = _MAX_METRES) -> Floats:
+def _points(line: Sequence[str], at: int, count: int, *, most: float = MAX_METRES) -> Floats:
     """Return points `[count, 3]` of some fields, metres."""
     try:
         found = np.array([float(word) for word in line[at : at + 3 * count]]).reshape(count, 3)

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Annotated, Any, BinaryIO, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
@@ -36,10 +36,10 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
+from bsg_data.sources.foreign_record import ForeignRecord, Position
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
-_MAX_METRES = 10_000.0
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file
 _SPLITS = ("train", "val", "test")
 _OF_ROOM = re.compile(r"(?:^|\|)([0-9]{1,6})(?:\||$)")  # 4|0|0, small|4|5, Apple|surface|4|0
@@ -50,25 +50,14 @@ _BLOCK = 2**20  # characters of an array that are read at once
 _MOST_STREAMS = 100  # files that a thread keeps open; ProcTHOR-10K has three
 _Houses = Iterator[tuple[int, bytes]]  # number and text
 
-_Metres = Annotated[float, Field(ge=-_MAX_METRES, le=_MAX_METRES, allow_inf_nan=False)]
 _Name = Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Position(_Entry):
-    x: _Metres
-    y: _Metres
-    z: _Metres
-
-
-class _Room(_Entry):
+class _Room(ForeignRecord):
     id: Annotated[str, Field(pattern=r"^room\|[0-9]{1,6}$")]
     room_type: Annotated[_Name, Field(alias="roomType")]
     corners: Annotated[
-        tuple[_Position, ...], Field(alias="floorPolygon", min_length=3, max_length=MAX_CORNERS)
+        tuple[Position, ...], Field(alias="floorPolygon", min_length=3, max_length=MAX_CORNERS)
     ]
 
     @property
@@ -76,24 +65,24 @@ class _Room(_Entry):
         return int(self.id.removeprefix("room|"))
 
 
-class _Door(_Entry):
+class _Door(ForeignRecord):
     room0: str
     room1: str
 
 
-class _Wall(_Entry):
+class _Wall(ForeignRecord):
     room_id: Annotated[str | None, Field(alias="roomId")] = None
-    polygon: tuple[_Position, ...] = ()
+    polygon: tuple[Position, ...] = ()
 
 
-class _Thing(_Entry):
+class _Thing(ForeignRecord):
     id: _Name
     asset: Annotated[_Name, Field(alias="assetId")]
-    position: _Position
+    position: Position
     children: tuple[_Thing, ...] = ()
 
 
-class _House(_Entry):
+class _House(ForeignRecord):
     rooms: Annotated[tuple[_Room, ...], Field(min_length=1, max_length=MAX_HOUSE_ROOMS)]
     doors: tuple[_Door, ...] = ()
     walls: tuple[_Wall, ...] = ()
@@ -306,7 +295,7 @@ def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
         yield from _unpack(thing.children)
 
 
-def _find_room(position: _Position, floors: Mapping[int, Sequence[tuple[float, float]]]) -> int:
+def _find_room(position: Position, floors: Mapping[int, Sequence[tuple[float, float]]]) -> int:
     """Return the room whose floor a position is above; -1, the null region, outside of all."""
     from shapely import Point, Polygon  # Imported here because importing shapely is slow.
 
@@ -340,7 +329,7 @@ def _list_doors(house: _House) -> Iterator[tuple[int, int]]:
             yield rooms[door.room0], rooms[door.room1]
 
 
-def _upright(position: _Position) -> tuple[float, float, float]:
+def _upright(position: Position) -> tuple[float, float, float]:
     """Return a position with Z up; swapping two axes makes a left-handed frame right-handed."""
     return position.x, position.z, position.y
 

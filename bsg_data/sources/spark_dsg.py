@@ -21,7 +21,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import ClassMapError, SourceError
@@ -37,23 +37,20 @@ from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
+from bsg_data.sources.foreign_record import ForeignRecord
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _PREFIX, _SUFFIX = "labels-", ".csv"
 _WITH_MESH = "_with_mesh"  # Hydra writes dsg.json and, with the mesh, dsg_with_mesh.json
 
 
-class _Label(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
+class _Label(ForeignRecord):
     label: Annotated[int, Field(ge=0, lt=2**32)]
     name: Annotated[str, Field(max_length=200)]
     category: Annotated[str, Field(max_length=200)] = ""
 
 
-class _HydraFile(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
+class _HydraFile(ForeignRecord):
     label_names: Annotated[tuple[_Label, ...], Field(min_length=1)]
 
 

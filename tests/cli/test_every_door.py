@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import anyio
 import pytest
+from asked_service import ask_service
 from click.testing import CliRunner
 from conftest import REPOSITORY
 
@@ -162,26 +162,8 @@ def service() -> Any:
 
 
 def by_service(service: Any, asked: Question) -> dict[str, Map]:
-    import httpx2
-    from mcp import Client
-
-    from bsg_cli.serve.http import make_app
-    from bsg_cli.serve.tools import make_server
-
     question = {"map": asked.said, "things": asked.things, "here": asked.here, **asked.options}
-    question |= {"labels": asked.labels}
-
-    async def ask() -> dict[str, Map]:
-        transport = httpx2.ASGITransport(app=make_app(service))
-        async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
-            http = await client.post("/find", json=question)
-        async with Client(make_server(service)) as agent:
-            mcp = await agent.call_tool("find_things", question)
-        assert http.status_code == 200, http.text
-        assert not mcp.is_error, mcp.content
-        return {"HTTP": http.json(), "MCP": dict(mcp.structured_content)}
-
-    return anyio.run(ask)
+    return ask_service(service, question | {"labels": asked.labels})
 
 
 @pytest.mark.parametrize("kind", QUESTIONS)

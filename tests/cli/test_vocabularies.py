@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import anyio
 import pytest
+from asked_service import ask_service
 from click.testing import CliRunner
 from conftest import SHARED
 from dsg_files import robot_graph, write_graph
@@ -166,26 +166,10 @@ HOME = {"kitchen": ["stove", "sink"], "living room": ["couch"], "hall": []}
 def ask_everywhere(words: list[str]) -> Iterator[tuple[str, Any]]:
     """Yield the answers of all doors that take a question about a map."""
     pytest.importorskip("mcp", reason="needs the extra serve")
-    import httpx2
-    from mcp import Client
-
-    from bsg_cli.serve.http import make_app
     from bsg_cli.serve.questions import Service
-    from bsg_cli.serve.tools import make_server
 
-    service, question = Service(), {"map": HOME, "things": words}
-
-    async def ask() -> tuple[Any, Any]:
-        transport = httpx2.ASGITransport(app=make_app(service))
-        async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
-            http = await client.post("/find", json=question)
-        async with Client(make_server(service)) as agent:
-            mcp = await agent.call_tool("find_things", question)
-        return http.json(), mcp.structured_content
-
-    http, mcp = anyio.run(ask)
-    yield "HTTP", http["things"]
-    yield "MCP", mcp["things"]
+    for door, told in ask_service(Service(), {"map": HOME, "things": words}).items():
+        yield door, told["things"]
     finds = [part for word in words for part in ("--find", word)]
     done = CliRunner().invoke(belief, ["-", "--json", *finds], input=json.dumps(HOME))
     yield "command", json.loads(done.stdout)["things"]

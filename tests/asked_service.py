@@ -1,0 +1,28 @@
+"""The service, asked in this process by HTTP and by MCP."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import anyio
+
+
+def ask_service(service: Any, question: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return door → its answer to a question that it can answer."""
+    import httpx2  # after the test found that the extra is there
+    from mcp import Client
+
+    from bsg_cli.serve.http import make_app
+    from bsg_cli.serve.tools import make_server
+
+    async def ask() -> dict[str, dict[str, Any]]:
+        transport = httpx2.ASGITransport(app=make_app(service))
+        async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
+            http = await client.post("/find", json=question)
+        async with Client(make_server(service)) as agent:
+            mcp = await agent.call_tool("find_things", question)
+        assert http.status_code == 200, http.text
+        assert not mcp.is_error, mcp.content
+        return {"HTTP": http.json(), "MCP": dict(mcp.structured_content)}
+
+    return anyio.run(ask)
