@@ -33,16 +33,16 @@ class MissedLook:
     def covers(self, sought: Meaning) -> bool:
         """Return whether it would have found another thing, too.
 
-        A look for mugs finds red mugs, and one for tableware finds mugs.
+        A look for mugs finds red mugs, and one for tableware finds mugs; none finds the rest of a
+        wider class.
         """
         mine = self.meaning
         if mine.thing is not None and mine.thing == sought.thing:
             return looks_of(mine.word) <= looks_of(sought.word)
         if mine.noun is not None:
             return sought.noun is not None and mine.noun.includes(sought.word)
-        if mine.class_index is None:
-            return False
-        return (mine.model, mine.class_index) == (sought.model, sought.class_index)
+        its_class = sought.model, sought.class_index
+        return mine.is_class and (mine.model, mine.class_index) == its_class
 
 
 @dataclass(frozen=True, eq=False)

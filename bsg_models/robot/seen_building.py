@@ -805,7 +805,7 @@ class SeenBuilding:
         belief, rooms = self._believe(0)[1], np.arange(1 + len(self._graph.rooms))
         chances = np.zeros(belief.inputs.shape)
         for one in self._looks:
-            if one.meaning.model == 0 and one.meaning.noun is None:
+            if one.meaning.model == 0 and one.meaning.is_class:
                 cell = one.look.room_index, one.meaning.class_index
                 chances[cell] = 1 - (1 - chances[cell]) * (1 - one.look.chance)
         if chances.any():

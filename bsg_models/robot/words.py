@@ -65,10 +65,14 @@ class Meaning:
     thing: Thing | None = None
 
     @property
+    def is_class(self) -> bool:
+        """Whether a class answers alone."""
+        return self.class_name is not None and self.noun is None and self.thing is None
+
+    @property
     def name(self) -> str:
         """The class, or the word where more than the class answers."""
-        is_class = self.class_name is not None and self.noun is None and self.thing is None
-        return str(self.class_name) if is_class else " ".join(self.word.split())
+        return str(self.class_name) if self.is_class else " ".join(self.word.split())
 
 
 def find_meaning(

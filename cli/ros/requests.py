@@ -50,24 +50,16 @@ Names = Annotated[  # or one name
     Field(max_length=_MOST_NAMES),
     BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
 ]
-
-Ids = Annotated[  # or one id
-    tuple[Id, ...],
-    Field(max_length=_MOST_NAMES),
-    BeforeValidator(lambda said: said if isinstance(said, list | tuple) else [said]),
-]
-Found = Annotated[  # may be none; or one name
-    tuple[Name, ...],
-    Field(max_length=1000),
-    BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
-]
+_OneOrMore = BeforeValidator(lambda said: said if isinstance(said, list | tuple) else [said])
+Ids = Annotated[tuple[Id, ...], Field(max_length=_MOST_NAMES), _OneOrMore]
+Found = Annotated[tuple[Id, ...], Field(max_length=1000), _OneOrMore]
 
 
 def _read_word(said: Any) -> Any:
-    """Return the number, or true, that a text without JSON says."""
+    """Return the number, true or false that a text without JSON says."""
     word = said.strip()[:_LONGEST] if isinstance(said, str) else ""
-    if word == "true":
-        return True
+    if word in ("true", "false"):
+        return word == "true"
     return int(word) if word.isdecimal() else said
 
 

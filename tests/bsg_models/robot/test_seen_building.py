@@ -243,7 +243,7 @@ def test_a_thing_that_no_model_counts_is_judged_and_found(
     assert (meaning.thing is None) == (by == "mixture")
     places = seen.where(thing)
     assert places[0].room == "kitchen" == seen.next_room(thing)
-    assert places[0].probability <= seen.anywhere(thing) < 1
+    assert 0 < places[0].probability <= seen.anywhere(thing) < 1
     assert seen.asked(thing) == by
     seen.saw("meeting-room", f"{thing}s".title(), object_id="b")
     first = seen.where(thing)[0]
@@ -566,11 +566,24 @@ def test_a_part_is_never_likelier_than_the_whole(seen: SeenBuilding) -> None:
     assert of["red mug"] < of["blue mug"] == pytest.approx(of["mug"])
 
 
+@pytest.mark.parametrize(
+    ("part", "whole"),
+    [("air mattress", "bed"), ("apron", "clothes"), ("wallet", "bag"), ("action figure", "toy")],
+)
+def test_a_look_for_one_thing_says_nothing_of_the_rest_of_its_class(part: str, whole: str) -> None:
+    home = {"bedroom": ["sofa"], "kitchen": ["sink"], "hall": []}
+    before, seen = open_graph(home), open_graph(home)
+    seen.looked("bedroom", part, chance=0.9)
+    assert seen.where(whole) == before.where(whole)
+    assert seen.expected("bedroom") == before.expected("bedroom")
+    assert seen.anywhere(part) < before.anywhere(part)
+
+
 def test_a_look_that_a_model_has_no_word_for_is_a_note() -> None:
     said = {"scene_id": "x", "rooms": [{"id": "a"}], "looks": [{"room": "a", "thing": "sextant"}]}
     seen = open_graph(said, model="behavior")
     assert any("sextant" in note for note in seen.notes)
-    assert seen.where("chair")
+    assert 0 < seen.where("chair")[0].probability < 1
 
 
 def test_one_thing_in_two_words_is_one_thing(seen: SeenBuilding) -> None:
