@@ -346,10 +346,14 @@ def _stage_of(path: Path) -> Path:
     return path.with_name(f".{path.name}{_STAGE}")
 
 
-def _open_stage(stage: Path) -> None:
-    """Make a stage, or empty one, but for what it says of files beside it."""
+def _refuse_link(stage: Path) -> None:
     if stage.is_symlink():
         raise DatasetError(f"{stage}: is a link; remove it", code="link", where=stage)
+
+
+def _open_stage(stage: Path) -> None:
+    """Make a stage, or empty one, but for what it says of files beside it."""
+    _refuse_link(stage)
     stage.mkdir(parents=True, exist_ok=True)
     for path in stage.iterdir():
         if path.name != _OURS:
@@ -365,7 +369,7 @@ def _note_ours(stage: Path, files: Iterable[tuple[str, str]]) -> None:
 def _read_ours(stage: Path) -> frozenset[tuple[str, str]]:
     """Return the files, name and sha256, that a killed command committed or was to replace."""
     data = b"" if stage.is_symlink() else _read(stage / _OURS) or b""
-    lines = map(_LINE.fullmatch, data.decode("utf-8", "replace").splitlines())
+    lines = map(_LINE.fullmatch, _split_lines(data))
     return frozenset((line["name"], line["sha256"]) for line in lines if line)
 
 
@@ -407,8 +411,7 @@ def commit_staged(folder: Path, *, leaving: Collection[str] = ()) -> None:
 def remove_unfinished(folder: Path) -> None:
     """Remove what a command left unfinished; a link there leads to nothing of ours."""
     staged = folder / UNFINISHED
-    if staged.is_symlink():
-        raise DatasetError(f"{staged}: is a link; remove it", code="link", where=staged)
+    _refuse_link(staged)
     if staged.exists():
         shutil.rmtree(staged)
 
@@ -487,6 +490,11 @@ def _list_sealed(folder: Path) -> dict[str, str]:
         return {}
 
 
+def _split_lines(data: bytes) -> list[str]:
+    """Return the lines of a seal; a name may hold a U+2028, at which `str.splitlines` splits."""
+    return [line.decode("utf-8", "replace") for line in data.splitlines()]
+
+
 def write_seal(folder: Path, names: Iterable[str]) -> None:
     """Write the seal of some files of a folder."""
     lines = [f"{hash_file(folder / name)}  {name}\n" for name in names]
@@ -499,7 +507,7 @@ def read_seal(folder: Path) -> dict[str, str] | None:
     if not path.is_file():
         return None
     sums: dict[str, str] = {}
-    for number, line in enumerate(path.read_bytes().decode("utf-8", "replace").splitlines(), 1):
+    for number, line in enumerate(_split_lines(path.read_bytes()), 1):
         found = _LINE.fullmatch(line)
         if found is None or ".." in found["name"].split("/") or found["name"] in sums:
             raise DatasetError(

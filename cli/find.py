@@ -46,7 +46,7 @@ def find_things(
 
 def describe_things(
     seen: bsg_models.SeenBuilding,
-    things: str | Sequence[str],
+    things: Sequence[str],
     *,
     here: str | None,
     robots: Mapping[str, str] | None = None,
@@ -56,7 +56,7 @@ def describe_things(
 
     Args:
         seen: the building.
-        things: one word, or several.
+        things: in any words.
         here: the robot's room.
         robots: name of each of several robots → its room, instead of `here`.
         options: `look`, `chance` and `task` of `next_room`.
@@ -66,12 +66,17 @@ def describe_things(
 
     if here is not None:
         here = seen.rooms[find_room(seen.graph, here) - 1]  # which may be said by its label
-    words = [things] if isinstance(things, str) else [*things]
-    facts: dict[str, Any] = {"things": [_describe(seen, word, here) for word in words]}
-    facts["go_first"] = None if robots else seen.next_room(words, here=here, **options)
-    steps = [] if here is None or robots else seen.explain(words, here=here, **options)
-    facts["plan"] = list(map(asdict, steps))
-    facts["robots"] = seen.next_rooms(robots, words, **options) if robots else None
+    facts: dict[str, Any] = {"things": [_describe(seen, word, here) for word in things]}
+    steps: Sequence[bsg_models.Step] = ()
+    first = firsts = None
+    if robots:
+        firsts = seen.next_rooms(robots, things, **options)
+    elif here is None:
+        first = seen.next_room(things, **options)
+    else:
+        steps = seen.explain(things, here=here, **options)
+        first = steps[0].room if steps else None
+    facts |= {"go_first": first, "plan": list(map(asdict, steps)), "robots": firsts}
     return {**facts, "cost_unit": None if here is None else seen.ways().unit, "here": here}
 
 
@@ -184,7 +189,8 @@ def _cost(cost: float | None, unit: str | None, *, here: str = "here") -> str:
     if cost == 0:
         return here
     if unit == "rooms":
-        return f"{cost:.2g} {'room' if cost == 1 else 'rooms'}"
+        shown = f"{cost:.1f}".removesuffix(".0")
+        return f"{shown} {'room' if shown == '1' else 'rooms'}"
     return f"{cost:.1f} m"
 
 

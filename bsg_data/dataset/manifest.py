@@ -24,6 +24,7 @@ from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_ROWS, MAX_SHARDS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
+from bsg_data.results import name_staged
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.name_rules import Rule
@@ -285,8 +286,7 @@ def _missing(dataset: Path) -> DatasetError:
             where=dataset,
         )
     message = f"{dataset}: no such folder"
-    resolved = resolve_links(dataset)
-    staged = resolved.with_name(f"{resolved.name}.partial")
+    staged = name_staged(resolve_links(dataset))
     if dataset.is_file():
         message = f"{dataset}: is a file; expected the folder of a dataset"
     elif staged.is_dir():

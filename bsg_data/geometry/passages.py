@@ -142,11 +142,10 @@ def choose_pairs(
     rooms: int,
     known: Collection[tuple[int, int]] = (),
     threshold: float = THRESHOLD,
-    join: float = _JOIN,
 ) -> Bools:
     """Return which pairs connect `[P]`: those from `threshold` up, and all that are `known`.
 
-    Also from `join` up, where they join parts that nothing more probable joins.
+    Also from `_JOIN` up, where they join parts that nothing more probable joins.
     """
     part = np.arange(rooms)
     for a, b in known:
@@ -154,7 +153,7 @@ def choose_pairs(
     kept = np.zeros(len(pairs), dtype=bool)
     for number in np.argsort(-np.round(probability, 9), kind="stable"):
         a, b = pairs[number]
-        joins = part[a] != part[b] and probability[number] >= join
+        joins = part[a] != part[b] and probability[number] >= _JOIN
         kept[number] = probability[number] >= threshold or joins or (int(a), int(b)) in known
         if kept[number]:
             part[part == part[a]] = part[b]

@@ -1,4 +1,4 @@
-"""The largest accepted size of every kind of file, in bytes, packed and unpacked.
+"""The bounds of every kind of file: bytes, packed and unpacked, and numbers of what is in it.
 
 `bsg_data.inputs.bounded_file` reads untrusted files within these bounds. They are far above all
 real files, and low enough for a machine with 2 GB.

@@ -15,7 +15,7 @@ from functools import cache
 from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space, read_published, read_rows
-from bsg_data.scene.name_rules import singulars, take_apart
+from bsg_data.scene.name_rules import separate, singulars, take_apart
 from bsg_data.scene.room_label import known_label, label_of
 from bsg_data.spelling import show_value
 
@@ -128,4 +128,4 @@ def _parse_rooms(where: str, rooms: str) -> tuple[tuple[str, float], ...]:
 
 def _spell(word: str) -> str:
     """Return the form in which names are compared: normalised, spaces for `-` and `_`."""
-    return normalise_name(re.sub(r"[-_]", " ", word))
+    return separate(normalise_name(word))

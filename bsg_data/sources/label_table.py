@@ -10,12 +10,17 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounded_file import read_bytes
+from bsg_data.inputs.bounded_file import PACKED, read_bytes
 from bsg_data.inputs.bounds import LABEL_TABLE
 from bsg_data.inputs.documents import decode
 from bsg_data.spelling import meant_names, show_value
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
+_MARKS = {  # in a header that is one column → what to do
+    ";": "save it with commas, or with tabs as .tsv",
+    "\t": "its columns are separated by tabs: name the file .tsv",
+    ",": "its columns are separated by commas: name the file .csv",
+}
 Key = TypeVar("Key")
 
 
@@ -62,13 +67,23 @@ def read_label_table(
     return LabelTable(labels, tuple(unread))
 
 
+def separator_of(path: Path) -> str:
+    """Return what separates the columns of a text table, by the name of its file."""
+    return "\t" if path.name.casefold().removesuffix(PACKED).endswith(".tsv") else ","
+
+
+def hint_separator(header: Sequence[str]) -> str:
+    """Return what to do about a header that is one column; empty if it has no other separator."""
+    marks = _MARKS.items() if len(header) == 1 else ()
+    return next((said for mark, said in marks if mark in header[0]), "")
+
+
 def _read_rows(path: Path) -> list[tuple[str, list[str]]]:
     """Return the rows that are not empty, each with its line."""
     data = read_bytes(path, LABEL_TABLE)
     try:
         text = io.StringIO(decode(data), newline="")
-        separator = "\t" if ".tsv" in path.name.casefold() else ","
-        reader = csv.reader(text, strict=True, delimiter=separator)
+        reader = csv.reader(text, strict=True, delimiter=separator_of(path))
         return [
             (f"{path}, line {reader.line_num}", row) for row in reader if any(map(str.strip, row))
         ]
@@ -90,8 +105,8 @@ def _find_columns(
         if name is None:
             near = meant_names(column, set(header) - set(columns), most=1)
             hint = f"; rename {near[0]} to {column}" if near else ""
-            if len(header) == 1 and ";" in header[0]:
-                hint = "; save it with commas, or with tabs as .tsv"
+            if said := hint_separator(header):
+                hint = f"; {said}"
             raise SourceError(
                 f"{path}: no column {column!r}: expected {', '.join(columns)}; found "
                 f"{', '.join(header) or 'none'}{hint}",

@@ -235,5 +235,5 @@ def _locate(path: Path, root: Path) -> str:
 
 
 def _join(values: Sequence[object]) -> str:
-    more = ", …" if len(values) > _SHOWN else ""
+    more = f" and {len(values) - _SHOWN:,} more" if len(values) > _SHOWN else ""
     return ", ".join(map(str, values[:_SHOWN])) + more

@@ -55,8 +55,8 @@ class WithRoomLabels(Wrapper):
         return replace(reading, graph=replace(reading.graph, rooms=rooms))
 
     def lists(self, word: str) -> bool:
-        """Say whether the file lists a word, with a label or without."""
-        return self._find(word) is not None
+        """Say whether the file lists a word, with a label or without, or the source does."""
+        return self._find(word) is not None or super().lists(word)
 
     def _label(self, room: Room) -> Room:
         found = self._find(room.source_label or "")

@@ -45,7 +45,7 @@ class Reading:
     graph: SceneGraph
     # how much of its mesh the annotation explains; None without a mesh, or if it was left out
     mesh: MeshCoverage | None = None
-    left_out: tuple[SkippedScene, ...] = ()  # meshes and layouts that could not be used
+    left_out: tuple[SkippedScene, ...] = ()  # meshes, layouts and labels that are not used
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +56,15 @@ class FoundScenes:
     duplicates: tuple[SkippedScene, ...] = ()  # further copies of the same scenes: not read
     conflicts: tuple[SkippedScene, ...] = ()  # other scenes of the same buildings: not read
     unreadable: tuple[SkippedScene, ...] = ()  # folders that could not be read
-    unused: tuple[SkippedScene, ...] = ()  # room layouts that belong to no scene
+    unused: tuple[SkippedScene, ...] = ()  # what belongs to no scene; notes on the source
 
 
 @runtime_checkable
 class Source(Protocol):
     """An object that finds scenes and reads each as a scene graph.
 
-    A build sends a source to its workers, so it must support pickling.
+    A build sends a source to its workers, so it must support pickling. A source may also have
+    `terms` of its own, and `lists(word)`, which says whether its own list of rooms has a word.
     """
 
     @property

@@ -48,10 +48,12 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Point, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
 from bsg_data.sources.assembly import assemble, place_room
+from bsg_data.sources.foreign_record import Metres
+from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import ask_if_meant, meant_names
 
-_SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz", ".parquet")
+_SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")
 _FACTS = ("room_label", "floor", "floor_area")  # of a room
 _CENTROID = ("x", "y", "z")
@@ -64,11 +66,6 @@ _LONGEST = 200  # characters of a name; the longest of HM3D has 61
 _MOST = 100_000  # objects of a row
 _NAMED = 5  # things in a note; the others are counted
 _SHOWN = 20  # columns in an error or a note
-_MARKS = {  # in a header that is one column → what to do
-    ";": "save it with commas, or with tabs as .tsv",
-    "\t": "its columns are separated by tabs: name the file .tsv",
-    ",": "its columns are separated by commas: name the file .csv",
-}
 # What `pandas.read_csv` takes for missing, and pandas' missing time.
 _MISSING = {
     *("", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN"),
@@ -99,7 +96,6 @@ def _sorted(names: tuple[str, ...]) -> tuple[str, ...]:
 
 _Name = Annotated[str, BeforeValidator(_as_name)]
 _Names = Annotated[tuple[_Name, ...], BeforeValidator(_as_list), AfterValidator(_sorted)]
-_Metres = Annotated[float, Field(ge=-10_000, le=10_000)]
 
 
 @checked_dataclass(frozen=True, slots=True)  # a model would take four times the memory
@@ -118,15 +114,15 @@ class _TableRow:
     # names of rooms that connect to the room
     connected: _Names = ()
     # where the object is, and its box; metres, Z up
-    x: _Metres | None = None
-    y: _Metres | None = None
-    z: _Metres | None = None
-    box_min_x: _Metres | None = None
-    box_min_y: _Metres | None = None
-    box_min_z: _Metres | None = None
-    box_max_x: _Metres | None = None
-    box_max_y: _Metres | None = None
-    box_max_z: _Metres | None = None
+    x: Metres | None = None
+    y: Metres | None = None
+    z: Metres | None = None
+    box_min_x: Metres | None = None
+    box_min_y: Metres | None = None
+    box_min_z: Metres | None = None
+    box_max_x: Metres | None = None
+    box_max_y: Metres | None = None
+    box_max_z: Metres | None = None
 
     @model_validator(mode="after")
     def _fits_together(self) -> _TableRow:
@@ -335,11 +331,10 @@ def _read_csv(path: Path) -> Iterator[tuple[str, Sequence[Any]]]:
         after = f", after line {number}" if number else ""
         return SourceError(f"{path}{after}{said.removeprefix(str(path))}", **fault)
 
-    separator = "\t" if ".tsv" in path.name.casefold() else ","
     try:
         with open_stream(path, TABLE, error=refuse) as opened:
             lines = _read_lines(path, opened)
-            for fields in (reader := csv.reader(lines, strict=True, delimiter=separator)):
+            for fields in (reader := csv.reader(lines, strict=True, delimiter=separator_of(path))):
                 number = reader.line_num
                 if any(field.strip() for field in fields):
                     yield f"line {number}", fields
@@ -443,8 +438,7 @@ def _lack_column(
     hint = f"name yours by --option {field}=COLUMN"
     if near:
         hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"
-    if len(header) == 1:
-        hint = next((said for mark, said in _MARKS.items() if mark in header[0]), hint)
+    hint = hint_separator(header) or hint
     return SourceError(
         f"{path}: no column {asked!r}{hint and f'; {hint}'}. Expected a header with "
         f"{', '.join(_REQUIRED)}, and any of {', '.join(_OPTIONAL)}; found "

@@ -37,6 +37,10 @@ class Wrapper:
         terms: Terms | None = getattr(self.source, "terms", None)
         return terms
 
+    def lists(self, word: str) -> bool:
+        """Say whether the source itself has a list of words for rooms, with this one."""
+        return bool(getattr(self.source, "lists", lambda _: False)(word))
+
     def find(self) -> FoundScenes:
         """Find the scenes of the source itself."""
         return self.source.find()

@@ -227,9 +227,10 @@ def _refuse_replacing(path: Path, *, force: bool) -> None:
     refuse_datasets(path)
     refuse_other_results(path, NODES)
     refuse_run(path)
-    there = (
-        {one.name for one in path.iterdir()} if path.is_dir() else {*[path.name] * path.exists()}
-    )
+    if path.is_dir():
+        there = {one.name for one in path.iterdir()}
+    else:
+        there = {path.name} if path.exists() else set()
     if there - {UNFINISHED, *list_committed(path)} and not force:
         message = f"{path}: is there already; --force replaces it"
         raise DatasetError(message, code="path-taken", where=path)

@@ -28,8 +28,8 @@ def read_host(said: str) -> str:
     name = _PORT.sub("", said)
     if not _NAME.fullmatch(name):
         raise click.UsageError(
-            f"--allow-host {said[:SHOWN]}: expected a name or an address, as in robot.local or "
-            "192.0.2.7, without http:// and without *"
+            f"--allow-host {said[:SHOWN]}: expected a name or an address, as in robot.local, "
+            "192.0.2.7 or [2001:db8::1], without http:// and without *"
         )
     return name.lower()
 
@@ -44,8 +44,8 @@ class KnownHosts:
         """Answer a request."""
         if scope["type"] == "http":
             headers = Headers(scope=scope)
-            said = headers.get("origin", "")
-            origin = said.partition("://")[2] or said
+            origin = headers.get("origin", "")
+            origin = origin.partition("://")[2] or origin
             for host in filter(None, (headers.get("host", "none"), origin)):
                 if _PORT.sub("", host).lower() not in self._hosts:
                     said = (

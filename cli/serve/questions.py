@@ -250,16 +250,15 @@ class Service:
 
     def _open(self, asked: Find | Expect) -> bsg_models.SeenBuilding:
         file = parse_graph(asked.map, path=Path("map"), labels=asked.labels)
-        graph = reclassify(file.graph, self._predictor.class_map)
-        seen = bsg_models.SeenBuilding(graph, self._predictor, notes=file.notes)
-        if len(seen.rooms) > MOST_ROOMS:
+        if (found := len(file.graph.rooms)) > MOST_ROOMS:
             raise bsg_data.RecipeError(
-                f"map: expected at most {MOST_ROOMS} rooms, found {len(seen.rooms):,}; ask about "
+                f"map: expected at most {MOST_ROOMS} rooms, found {found:,}; ask about "
                 "a part of the building",
                 code="rooms-too-many",
                 where="map",
             )
-        return seen
+        graph = reclassify(file.graph, self._predictor.class_map)
+        return bsg_models.SeenBuilding(graph, self._predictor, notes=file.notes)
 
 
 def _find(seen: bsg_models.SeenBuilding, asked: Find) -> Found:

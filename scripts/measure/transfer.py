@@ -73,7 +73,7 @@ def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> d
 
 
 def group_copies(rooms: Mapping[str, Sequence[Hashable]]) -> list[tuple[str, ...]]:
-    """Return the groups of buildings whose rooms have equal contents, also through unclassified.
+    """Return the groups of buildings whose rooms have equal contents, also through others.
 
     >>> group_copies({"a": [1, 2], "b": [3], "c": [2, 4], "d": [4], "e": []})
     [('a', 'c', 'd'), ('b',), ('e',)]

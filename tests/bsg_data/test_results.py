@@ -39,6 +39,13 @@ def test_files_are_sealed_as_sha256sum_has_it(tmp_path: Path) -> None:
     assert sorted(path.name for path in out.iterdir()) == [SEAL, "a", "b"]
 
 
+def test_a_name_may_hold_what_separates_lines_elsewhere(tmp_path: Path) -> None:
+    out, files = tmp_path / "out", {"a": "1", "b\u2028c": "2", "d\x85e": "3"}
+    for _ in range(2):  # the second finds the first to be its own
+        write(out, **files)
+        assert [*(require_seal(out) or ())] == [*files]
+
+
 def test_what_is_no_longer_written_goes_and_what_is_not_ours_stays(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write(out, a="1", b="2", c="3")
@@ -226,18 +233,24 @@ def test_single_files_are_one_result(tmp_path: Path) -> None:
 def test_killed_twice_at_any_change_of_a_file(old: bool, tmp_path: Path, stride: int) -> None:
     """The command of the second kill is that which repeats the first."""
     work: Callable[[Path], None] = write_three if old else partial(write_three, force=False)
+    hows = set()
     for first in range(1, 40, stride):
         for second in range(1, 40, 2 * stride):
             out = tmp_path / "out"
             shutil.rmtree(out, ignore_errors=True)
             if old:
                 write(out, a="old", b="old", d="old")
-            for at in (first, second):
+            ends = [
                 wait_for(*start(partial(work, out), inside=out, kill_at=at))
+                for at in (first, second)
+            ]
+            assert all(one.how != "failed" for one in ends), ends
+            hows.add(ends[0].how)
             if old or require_seal(out) is None:  # else all was committed
                 work(out)
                 assert sorted(path.name for path in out.iterdir()) == [SEAL, "a", "b", "c"]
             assert list(require_seal(out) or ()) == ["a", "b", "c"]
+    assert "killed" in hows
 
 
 def write_three(out: Path, *, force: bool = True) -> None:

@@ -66,6 +66,10 @@ class Question:
     options: Mapping[str, Any] = field(default_factory=dict)
     labels: str | None = None
 
+    @property
+    def words(self) -> list[str]:
+        return [self.things] if isinstance(self.things, str) else self.things
+
 
 QUESTIONS = {
     "class": Question(HOME, "microwave", "living"),
@@ -106,7 +110,7 @@ def by_python(seen: SeenBuilding, asked: Question) -> Map:
     """Return the answer by the methods of a building, without the function of the doors."""
     options = {**asked.options}
     robots, here = options.pop("robots", None), asked.here
-    words = [asked.things] if isinstance(asked.things, str) else asked.things
+    words = asked.words
     steps = [] if here is None or robots else seen.explain(words, here=here, **options)
 
     def describe(word: str) -> Map:
@@ -131,8 +135,7 @@ def by_python(seen: SeenBuilding, asked: Question) -> Map:
 
 
 def by_command(asked: Question) -> Map:
-    things = [asked.things] if isinstance(asked.things, str) else asked.things
-    words = ["-", "--json", *(word for thing in things for word in ("--find", thing))]
+    words = ["-", "--json", *(word for thing in asked.words for word in ("--find", thing))]
     words += ["--from", asked.here] if asked.here else []
     words += ["--labels", asked.labels] if asked.labels else []
     for name, value in asked.options.items():
@@ -170,7 +173,7 @@ def by_service(service: Any, asked: Question) -> dict[str, Map]:
 def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
     asked = QUESTIONS[kind]
     seen = open_graph(asked.said, labels=asked.labels)
-    answer = plain(describe_things(seen, asked.things, here=asked.here, **asked.options))
+    answer = plain(describe_things(seen, asked.words, here=asked.here, **asked.options))
     python = plain(by_python(seen, asked))
     assert {key: answer[key] for key in python} == python
     doors = {"ROS": by_ros(asked), "command": by_command(asked), **by_service(service, asked)}
@@ -186,7 +189,7 @@ def test_the_questions_have_answers_of_every_kind() -> None:
     answers = {}
     for kind, asked in QUESTIONS.items():
         seen = open_graph(asked.said, labels=asked.labels, model=predictor)
-        answers[kind] = describe_things(seen, asked.things, here=asked.here, **asked.options)
+        answers[kind] = describe_things(seen, asked.words, here=asked.here, **asked.options)
     firsts = {answer["go_first"] for answer in answers.values()}
     assert {None, EXPLORE, "kitchen"} < firsts
     assert answers["room by its label"]["here"] == "meeting-room"

@@ -102,7 +102,7 @@ def test_a_corridor_with_rooms_on_both_sides_by_eye() -> None:
 def test_what_is_known_is_kept_and_joins() -> None:
     pairs = np.array([[0, 1], [0, 2], [1, 2]])
     belief = np.array([0.05, 0.3, 0.25])
-    kept = choose_pairs(pairs, belief, rooms=3, known={(0, 1)}, threshold=0.5, join=0.2)
+    kept = choose_pairs(pairs, belief, rooms=3, known={(0, 1)}, threshold=0.5)
     assert kept.tolist() == [True, True, False]  # 1-2 would join what is joined already
 
 

@@ -69,9 +69,21 @@ def test_a_word_of_a_vocabulary_is_not_taken_by_its_last_word_alone() -> None:
 WORDS = st.text("abc", max_size=6)
 
 
-@given(WORDS, WORDS)
-def test_a_typo_is_one_step_that_keeps_the_first_letter(said: str, word: str) -> None:
+@st.composite
+def two_words(draw: st.DrawFn) -> tuple[str, str]:
+    """Draw a word after another one, or one that is a step away."""
+    word = draw(WORDS)
+    at, letter = draw(st.integers(0, len(word))), draw(st.sampled_from("abc"))
+    start, end = word[:at], word[at:]
+    near = [start + end[1:], start + letter + end, start + letter + end[1:]]
+    near.append(start + end[:2][::-1] + end[2:])
+    return draw(st.one_of(WORDS, st.sampled_from(near))), word
+
+
+@given(two_words())
+def test_a_typo_is_one_step_that_keeps_the_first_letter(words: tuple[str, str]) -> None:
     """The steps by their definition: leave out, put in, replace, swap."""
+    said, word = words
     places = range(len(word) + 1)
     steps = {word[:i] + word[i + 1 :] for i in places}
     steps |= {word[:i] + letter + word[i:] for i in places for letter in "abc"}
