@@ -5,6 +5,7 @@ All counts are added up file by file, so memory holds one file of a table at a t
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -23,6 +24,7 @@ from bsg_data.scene.class_map import ClassMap, Role
 Row = dict[str, Any]
 _ROLES = list(get_args(Role))
 _SHOWN = 20  # left-out names
+_TITLE = 100  # characters of a line above the bars
 
 
 def _stream_objects(
@@ -198,5 +200,5 @@ def plot_frequencies(rows: Sequence[Mapping[str, Any]], path: AnyPath, *, title:
             axes.spines[["top", "right"]].set_visible(False)
             axes.tick_params(labelsize=8)
         left.invert_yaxis()
-        figure.suptitle(title, fontsize=10)
+        figure.suptitle(textwrap.fill(title, _TITLE), fontsize=10)
         write_figure(figure, path, dpi=150)
