@@ -16,10 +16,11 @@ def ask_service(service: Any, question: dict[str, Any]) -> dict[str, dict[str, A
     from bsg_cli.serve.tools import make_server
 
     async def ask() -> dict[str, dict[str, Any]]:
-        transport = httpx2.ASGITransport(app=make_app(service))
+        app = make_app(service)
+        transport = httpx2.ASGITransport(app=app)
         async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
             http = await client.post("/find", json=question)
-        async with Client(make_server(service)) as agent:
+        async with Client(make_server(app)) as agent:
             mcp = await agent.call_tool("find_things", question)
         assert http.status_code == 200, http.text
         assert not mcp.is_error, mcp.content

@@ -159,7 +159,10 @@ def test_an_answer_imports_nothing_heavy() -> None:
 
 @pytest.mark.parametrize(
     ("needed", "modules"),
-    [("rclpy", ["bsg_cli.ros.node"]), ("mcp", ["bsg_cli.serve.http", "bsg_cli.serve.tools"])],
+    [
+        ("rclpy", ["bsg_cli.ros.node"]),
+        ("mcp", [f"bsg_cli.serve.{name}" for name in ("http", "network", "tools")]),
+    ],
 )
 def test_the_node_and_the_service_import_nothing_heavy(needed: str, modules: list[str]) -> None:
     pytest.importorskip(needed, reason="needs the extras ros and serve")

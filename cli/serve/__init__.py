@@ -47,8 +47,9 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
       bsg-serve --host 0.0.0.0 --allow-host robot.local
     """
     try:
-        from bsg_cli.serve.http import listen
-        from bsg_cli.serve.tools import make_server
+        import fastapi  # noqa: F401 -- which only the processes import that answer
+
+        from bsg_cli.serve.network import listen, speak
     except ModuleNotFoundError as error:
         if str(error.name).startswith("bsg_"):
             raise
@@ -56,14 +57,14 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
             f"bsg-serve needs {error.name}: {ask_to_install('serve')}", name=error.name
         ) from error
     from bsg_cli.serve.doors import read_host
-    from bsg_cli.serve.questions import Service
 
     if not host.strip():
         raise click.UsageError("--host: expected an address to listen on, found none")
     names = tuple(map(read_host, names))
-    service = Service(bsg_models.DEFAULT_MODEL if model is None else model)
+    model = bsg_models.DEFAULT_MODEL if model is None else model
+    bsg_models.Predictor(model)  # or no such model, before anything is answered
     if stdio:
-        make_server(service).run("stdio")
+        speak(model)
         return
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.create_server((host, port), family=family, backlog=2048) as door:
@@ -73,4 +74,4 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
         print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
         if host in _EVERYWHERE and not names:
             print_note("other machines are refused until --allow-host NAME says how they call it")
-        listen(service, door, hosts=(*(() if host in _EVERYWHERE else (shown,)), *names))
+        listen(model, door, hosts=(*(() if host in _EVERYWHERE else (shown,)), *names))

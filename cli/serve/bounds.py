@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
+
 import anyio
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, Response
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 
 from bsg_data.inputs.bounds import MIB
-from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import Record
 
 MOST_BYTES = 8 * MIB  # of a question
 MOST_HELD = 256 * MIB  # of all questions at a time
-MOST_CONNECTIONS = 2000
-SECONDS_TO_ASK, SECONDS_TO_ANSWER = 30.0, 60.0
+SECONDS_TO_ASK = 30.0
+
+Answering = Callable[[Scope, bytes, Receive], Awaitable[Response]]
 
 
 class Fault(Record):
@@ -30,24 +32,25 @@ def refuse(status: int, error: str, *, code: str, where: str = "") -> JSONRespon
     return JSONResponse(Fault(error=error, code=code, where=where).model_dump(), status)
 
 
-class Bounds:
-    """Reads a question whole before anything is done with it, and ends an answer in time."""
+def confess() -> JSONResponse:
+    """Return that the service itself has failed."""
+    return refuse(500, "an error of the service; its terminal says more", code="service-error")
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+
+class Bounds:
+    """Reads a question whole, and lets it be answered if it is within its bounds."""
+
+    def __init__(self, answer: Answering) -> None:
+        self._answer = answer
         self._held = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
         body = bytearray()
         try:
             fault = await self._read(scope, receive, body)
-            fault = fault or await self._answer(scope, receive, send, bytes(body))
-            if fault is not None:
-                await fault(scope, receive, send)
+            response = fault or await self._answer(scope, bytes(body), receive)
+            await response(scope, receive, send)
         finally:
             self._held -= len(body)
 
@@ -57,6 +60,8 @@ class Bounds:
         with anyio.move_on_after(SECONDS_TO_ASK) as timer:
             while more:
                 message = await receive()
+                if message["type"] == "http.disconnect":
+                    return refuse(408, "the question has no end", code="question-slow")
                 piece = message.get("body", b"")
                 more = message.get("more_body", False)
                 fault = fault or self._check_size(len(body) + len(piece), len(piece))
@@ -66,7 +71,7 @@ class Bounds:
         if timer.cancelled_caught:
             said = f"expected a question within {SECONDS_TO_ASK:g} s"
             return refuse(408, said, code="question-slow")
-        return fault or _check_json(body)
+        return fault
 
     def _check_size(self, asked: int, piece: int) -> Response | None:
         if asked > MOST_BYTES:
@@ -74,37 +79,6 @@ class Bounds:
         if self._held + piece > MOST_HELD:
             return refuse(503, "too many large questions at a time; ask again", code="busy")
         return None
-
-    async def _answer(
-        self, scope: Scope, receive: Receive, send: Send, body: bytes
-    ) -> Response | None:
-        began, told = False, False
-
-        async def replay() -> Message:
-            nonlocal told
-            if told:
-                return await receive()
-            told = True
-            return {"type": "http.request", "body": body, "more_body": False}
-
-        async def watch(message: Message) -> None:
-            nonlocal began
-            began = True
-            await send(message)
-
-        async def leave(answering: anyio.CancelScope) -> None:
-            await receive()  # after the body, only that the client has left
-            answering.cancel()
-
-        with anyio.move_on_after(SECONDS_TO_ANSWER):
-            async with anyio.create_task_group() as tasks:
-                tasks.start_soon(leave, tasks.cancel_scope)
-                await self._app(scope, replay, watch)
-                tasks.cancel_scope.cancel()
-        if began:
-            return None
-        said = f"no answer within {SECONDS_TO_ANSWER:g} s; ask about fewer rooms, or again"
-        return refuse(503, said, code="answer-late")
 
 
 def _check_headers(headers: Headers, method: str) -> Response | None:
@@ -119,12 +93,3 @@ def _check_headers(headers: Headers, method: str) -> Response | None:
 def _refuse_size() -> Response:
     said = f"expected at most {MOST_BYTES:,} bytes; ask without meshes, or about a part"
     return refuse(413, said, code="question-too-large")
-
-
-def _check_json(body: bytearray) -> Response | None:
-    try:
-        if body:
-            parse_json(bytes(body))
-    except ValueError as error:
-        return refuse(400, f"no JSON ({str(error)[:200]})", code="json-malformed")
-    return None

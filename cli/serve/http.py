@@ -1,28 +1,29 @@
-"""The door for everybody else: HTTP with an OpenAPI description; MCP is beside it, at /mcp."""
+"""The application: HTTP with an OpenAPI description; MCP is beside it, at /mcp."""
 
 from __future__ import annotations
 
-import socket
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable
 from importlib.metadata import version
+from typing import Any
 
-import uvicorn
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
-from mcp.server.mcpserver import MCPServer
+from fastapi.routing import APIRoute
+from mcp.server.lowlevel import Server
 from mcp.server.transport_security import TransportSecuritySettings
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from bsg_cli.serve.bounds import MOST_BYTES, MOST_CONNECTIONS, Bounds, Fault, refuse
-from bsg_cli.serve.doors import LOCAL, EventStreams, KnownHosts
-from bsg_cli.serve.questions import ENDING, Contents, Expect, Find, Found, Service
+from bsg_cli.serve.bounds import MOST_BYTES, Fault, confess, refuse
+from bsg_cli.serve.doors import EventStreams
+from bsg_cli.serve.questions import Contents, Expect, Find, Found, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
+from bsg_data.inputs.documents import parse_json
 from bsg_data.spelling import SHOWN, ask_if_meant
 
-_SECONDS_TO_END = 8  # for the questions that are under way
 _FAULTS = {
     400: "not JSON, or an unknown Host",
     404: "no such path",
@@ -36,10 +37,9 @@ _FAULTS = {
 }
 
 
-def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
-    """Return the application; `hosts` are names besides this machine's own that may be in Host."""
-    server = make_server(service)
-    mcp = _mcp_route(server)
+def make_app(service: Service) -> FastAPI:
+    """Return the application."""
+    server: Server[Any]
     app = FastAPI(
         title="Belief Scene Graphs",
         summary="Where things probably are in a building that a robot has partly seen.",
@@ -49,9 +49,17 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
         lifespan=lambda _: server.session_manager.run(),
         responses={code: {"model": Fault, "description": what} for code, what in _FAULTS.items()},
     )
-    app.router.routes.append(mcp)
-    app.add_middleware(Bounds)
-    app.add_middleware(KnownHosts, hosts=(*LOCAL, *hosts))
+    server = make_server(app)
+    # Every POST is answered alone, without sessions or streams; `KnownHosts` has checked it.
+    mcp = server.streamable_http_app(
+        json_response=True,
+        stateless_http=True,
+        max_request_body_size=MOST_BYTES,
+        transport_security=TransportSecuritySettings(enable_dns_rebinding_protection=False),
+    )
+    app.router.routes.append(Route("/mcp", EventStreams(mcp), methods=["POST"]))
+    app.router.route_class = _ParsedRoute
+    app.add_middleware(_Parser)
     app.exception_handler(BSGError)(_explain)
     app.exception_handler(RequestValidationError)(_explain_question)
     app.exception_handler(HTTPException)(_explain_path)
@@ -59,33 +67,60 @@ def make_app(service: Service, *, hosts: Sequence[str] = ()) -> FastAPI:
 
     async def find(asked: Find) -> Found:
         """Say in which rooms things probably are, and which room to search first."""
-        return await service.find(asked)
+        return service.find(asked)
 
     async def expect(asked: Expect) -> Contents:
         """Say what rooms probably hold that was not seen yet, of one room or of all."""
-        return await service.expect(asked)
+        return service.expect(asked)
 
     for answer in (find, expect):
         app.post(f"/{answer.__name__}", operation_id=answer.__name__)(answer)
     return app
 
 
-def _mcp_route(server: MCPServer) -> Route:
-    """Return the route of MCP: every POST is answered alone, without sessions or streams."""
-    checked = TransportSecuritySettings(enable_dns_rebinding_protection=False)  # by `KnownHosts`
-    made = server.streamable_http_app(
-        json_response=True,
-        stateless_http=True,
-        max_request_body_size=MOST_BYTES,
-        transport_security=checked,
-    )
-    return Route("/mcp", EventStreams(made), methods=["POST"])
+class _Parser:
+    """Parses the JSON of a question, within the bounds of all JSON that others write."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        message = await receive()
+        try:
+            scope["document"] = parse_json(message["body"]) if message["body"] else None
+        except ValueError as error:
+            fault = refuse(400, f"no JSON ({str(error)[:SHOWN]})", code="json-malformed")
+            await fault(scope, receive, send)
+            return
+        left = [message]
+
+        async def replay() -> Message:
+            return left.pop() if left else await receive()
+
+        await self._app(scope, replay, send)
+
+
+class _ParsedRequest(Request):  # type: ignore[misc]
+    async def json(self) -> Any:
+        return self.scope["document"]
+
+
+class _ParsedRoute(APIRoute):  # type: ignore[misc]
+    def get_route_handler(self) -> Callable[[Request], Awaitable[Response]]:
+        handle = super().get_route_handler()
+
+        async def handle_parsed(request: Request) -> Response:
+            return await handle(_ParsedRequest(request.scope, request.receive))
+
+        return handle_parsed
 
 
 async def _explain(_: Request, error: Exception) -> JSONResponse:
-    code = getattr(error, "code", "")
-    status = 503 if code == ENDING else 422
-    return refuse(status, str(error), code=code, where=getattr(error, "where", ""))
+    code, where = getattr(error, "code", ""), str(getattr(error, "where", ""))
+    return refuse(422, str(error), code=code, where=where)
 
 
 async def _explain_question(request: Request, error: Exception) -> JSONResponse:
@@ -109,32 +144,4 @@ async def _explain_path(request: Request, error: Exception) -> JSONResponse:
 
 
 async def _confess(_: Request, __: Exception) -> JSONResponse:
-    return refuse(500, "an error of the service; its terminal says more", code="service-error")
-
-
-class _Server(uvicorn.Server):  # type: ignore[misc]
-    """Refuses the questions that wait when it is asked to end."""
-
-    def __init__(self, config: uvicorn.Config, service: Service) -> None:
-        super().__init__(config)
-        self._service = service
-
-    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._service.end()
-        await super().shutdown(sockets)
-
-
-def listen(service: Service, door: socket.socket, *, hosts: Sequence[str] = ()) -> None:
-    """Serve until the process is asked to end."""
-    config = uvicorn.Config(
-        make_app(service, hosts=hosts),
-        http="h11",
-        ws="none",
-        log_level="warning",
-        access_log=False,
-        proxy_headers=False,
-        server_header=False,
-        limit_concurrency=MOST_CONNECTIONS,
-        timeout_graceful_shutdown=_SECONDS_TO_END,
-    )
-    _Server(config, service).run(sockets=[door])
+    return confess()

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 import bsg_data
 import bsg_models
 from bsg_cli.find import describe_things
-from bsg_data.errors import BSGError
 from bsg_data.files import AnyPath
+from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import Id, Score, Text, reclassify
 from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.recipes import Record
@@ -26,11 +23,11 @@ MOST_ROOMS = 500  # of a map
 MOST_THINGS = 20  # of a question
 MOST_ROBOTS = 10
 MOST_CLASSES = 10  # of a room, if the question does not say
-ENDING = "service-ending"  # code of the refusal of what waits when the service is asked to end
-THREADS = 4  # questions that are answered at a time
 
 Map = Annotated[
     dict[str, Any],
+    # Models of agents write a map as a text at times.
+    BeforeValidator(lambda said: parse_json(said) if isinstance(said, str) else said),
     Field(
         description="What was seen of the building. Simplest: room -> list of things seen there, "
         "[] for a room not entered; and `more_rooms`, true or a number, if there are rooms that "
@@ -196,12 +193,8 @@ class Contents(Record):
     notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
 
 
-_Asked = TypeVar("_Asked", Find, Expect)
-_Answer = TypeVar("_Answer")
-
-
 class Service:
-    """Answers questions, a few at a time; the others wait."""
+    """Answers questions by one model."""
 
     def __init__(self, model: AnyPath = bsg_models.DEFAULT_MODEL) -> None:
         """Load the model.
@@ -210,43 +203,43 @@ class Service:
             CheckpointError: if there is no such model.
         """
         self._predictor = bsg_models.Predictor(model)
-        self._threads = ThreadPoolExecutor(THREADS, thread_name_prefix="answer")
-        self._is_ending = False
 
-    def end(self) -> None:
-        """Answer what is under way, and refuse what waits and what comes."""
-        self._is_ending = True
-        self._threads.shutdown(wait=False, cancel_futures=True)
-
-    async def find(self, asked: Find) -> Found:
+    def find(self, asked: Find) -> Found:
         """Return where things probably are.
 
         Raises:
             BSGError: if the map is malformed, or a name means nothing.
         """
-        return await self._run(_find, asked)
+        seen = self._open(asked)
+        facts = describe_things(
+            seen,
+            asked.things,
+            here=asked.here,
+            robots=asked.robots,
+            look=asked.look,
+            chance=LOOK_CHANCE if asked.chance is None else asked.chance,
+            task=asked.task or "single",
+        )
+        return Found.model_validate({**facts, "notes": seen.notes})
 
-    async def expect(self, asked: Expect) -> Contents:
+    def expect(self, asked: Expect) -> Contents:
         """Return what rooms probably hold.
 
         Raises:
             BSGError: if the map is malformed, or there is no such room.
         """
-        return await self._run(_expect, asked)
-
-    async def _run(
-        self, answer: Callable[[bsg_models.SeenBuilding, _Asked], _Answer], asked: _Asked
-    ) -> _Answer:
-        loop = asyncio.get_running_loop()
-        try:
-            return await loop.run_in_executor(
-                self._threads, lambda: answer(self._open(asked), asked)
+        seen = self._open(asked)
+        known = {room.name: room.label for room in seen.graph.rooms}
+        rooms = known if asked.room is None else (asked.room,)
+        contents = [
+            Content(
+                room=room,
+                label=known.get(room),
+                expected=seen.expected(room)[: asked.most or MOST_CLASSES],
             )
-        except (asyncio.CancelledError, RuntimeError):  # no thread took it
-            if not self._is_ending:
-                raise
-            said = "the service ends; ask again when it runs"
-            raise BSGError(said, code=ENDING) from None
+            for room in rooms
+        ]
+        return Contents(rooms=tuple(contents), model=seen.model, notes=seen.notes)
 
     def _open(self, asked: Find | Expect) -> bsg_models.SeenBuilding:
         file = parse_graph(asked.map, path=Path("map"), labels=asked.labels)
@@ -259,30 +252,3 @@ class Service:
             )
         graph = reclassify(file.graph, self._predictor.class_map)
         return bsg_models.SeenBuilding(graph, self._predictor, notes=file.notes)
-
-
-def _find(seen: bsg_models.SeenBuilding, asked: Find) -> Found:
-    facts = describe_things(
-        seen,
-        asked.things,
-        here=asked.here,
-        robots=asked.robots,
-        look=asked.look,
-        chance=LOOK_CHANCE if asked.chance is None else asked.chance,
-        task=asked.task or "single",
-    )
-    return Found.model_validate({**facts, "notes": seen.notes})
-
-
-def _expect(seen: bsg_models.SeenBuilding, asked: Expect) -> Contents:
-    known = {room.name: room.label for room in seen.graph.rooms}
-    rooms = known if asked.room is None else (asked.room,)
-    contents = [
-        Content(
-            room=room,
-            label=known.get(room),
-            expected=seen.expected(room)[: asked.most or MOST_CLASSES],
-        )
-        for room in rooms
-    ]
-    return Contents(rooms=tuple(contents), model=seen.model, notes=seen.notes)

@@ -1,33 +1,19 @@
-"""The door for agents: tools of the Model Context Protocol (MCP)."""
+"""The door for agents: tools of the Model Context Protocol (MCP), which ask as HTTP asks."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable
+import json
 from importlib.metadata import version
-from typing import TypeVar
+from typing import Any
 
-from mcp.server.mcpserver import MCPServer
-from mcp.server.mcpserver.exceptions import ToolError
-from mcp_types import ToolAnnotations
+import mcp_types as types
+from mcp.server.lowlevel import Server
+from starlette.types import ASGIApp
 
-from bsg_cli.serve.questions import (
-    AnyTask,
-    Chance,
-    Contents,
-    Expect,
-    Find,
-    Found,
-    Here,
-    Labels,
-    Look,
-    Map,
-    Most,
-    Robots,
-    Room,
-    Service,
-    Things,
-)
-from bsg_data.errors import BSGError
+from bsg_cli.serve.answer import call
+from bsg_cli.serve.questions import Contents, Expect, Find, Found
+from bsg_data.files import encode_json
+from bsg_data.recipes import Record
 
 _INSTRUCTIONS = (
     "Say where things probably are in a building that a robot has partly seen, and which room to "
@@ -36,59 +22,65 @@ _INSTRUCTIONS = (
     "Names of rooms are read as their kind (kitchen, bedroom_2). A partial graph can also say what "
     "looks have missed (`looks`), and how sure an object is there (`score`)."
 )
-_Answer = TypeVar("_Answer")
+_TOOLS: dict[
+    str, tuple[str, type[Record], type[Record], str]
+] = {  # name -> path, question, answer, what it does
+    "find_things": (
+        "/find",
+        Find,
+        Found,
+        "Say in which rooms things probably are, and which room to search first.",
+    ),
+    "expect_things": (
+        "/expect",
+        Expect,
+        Contents,
+        "Say what rooms probably hold that was not seen yet, of one room or of all.",
+    ),
+}
 
 
-def make_server(service: Service) -> MCPServer:
-    """Return the server of the two tools."""
-    server = MCPServer(
+def make_server(app: ASGIApp) -> Server[Any]:
+    """Return the server of the two tools, which ask an application."""
+
+    async def list_tools(*_: Any) -> types.ListToolsResult:
+        tools = [
+            types.Tool(
+                name=name,
+                description=what,
+                input_schema=question.model_json_schema(),
+                output_schema=answer.model_json_schema(mode="serialization"),
+                annotations=types.ToolAnnotations(read_only_hint=True, open_world_hint=False),
+            )
+            for name, (_, question, answer, what) in _TOOLS.items()
+        ]
+        return types.ListToolsResult(tools=tools)
+
+    async def call_tool(_: Any, asked: types.CallToolRequestParams) -> types.CallToolResult:
+        if asked.name not in _TOOLS:
+            return _say(f"no tool of this name; known are {', '.join(_TOOLS)}")
+        scope = {
+            "method": "POST",
+            "path": _TOOLS[asked.name][0],
+            "query_string": b"",
+            "headers": [(b"content-type", b"application/json")],
+        }
+        answer = await call(app, scope, encode_json(asked.arguments or {}).encode())
+        said = json.loads(answer.body)
+        if answer.status != 200:
+            return _say(f"{said['error']} ({said['code']})")
+        text = types.TextContent(type="text", text=answer.body.decode())
+        return types.CallToolResult(content=[text], structured_content=said)
+
+    return Server(
         "belief-scene-graphs",
         instructions=_INSTRUCTIONS,
         version=version("belief-scene-graphs"),
-        log_level="WARNING",
+        on_list_tools=list_tools,
+        on_call_tool=call_tool,
     )
 
-    async def find_things(
-        map: Map,  # noqa: A002 -- the name that callers write
-        things: Things,
-        here: Here = None,
-        robots: Robots = None,
-        look: Look = None,
-        chance: Chance = None,
-        task: AnyTask = None,
-        labels: Labels = None,
-    ) -> Found:
-        """Say in which rooms things probably are, and which room to search first."""
-        asked = Find(
-            map=map,
-            things=things,
-            here=here,
-            robots=robots,
-            look=look,
-            chance=chance,
-            task=task,
-            labels=labels,
-        )
-        return await _answer(service.find(asked))
 
-    async def expect_things(
-        map: Map,  # noqa: A002
-        room: Room = None,
-        most: Most = None,
-        labels: Labels = None,
-    ) -> Contents:
-        """Say what rooms probably hold that was not seen yet, of one room or of all."""
-        asked = Expect(map=map, room=room, most=most, labels=labels)
-        return await _answer(service.expect(asked))
-
-    for tool in (find_things, expect_things):
-        reads = ToolAnnotations(read_only_hint=True, open_world_hint=False)
-        server.add_tool(tool, annotations=reads)
-    return server
-
-
-async def _answer(coming: Awaitable[_Answer]) -> _Answer:
-    try:
-        return await coming
-    except BSGError as error:
-        raise ToolError(f"{error} ({error.code})") from error
+def _say(fault: str) -> types.CallToolResult:
+    text = types.TextContent(type="text", text=fault)
+    return types.CallToolResult(content=[text], is_error=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 import sys
 from typing import Any
 
@@ -11,6 +13,7 @@ from mcp import Client, StdioServerParameters
 
 import bsg_models
 
+COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
 SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
 
 
@@ -18,8 +21,7 @@ SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
 def server(request: pytest.FixtureRequest) -> Any:
     if request.param == "http":
         return request.getfixturevalue("address") + "/mcp"
-    line = "from bsg_cli.serve import main; main()"
-    return StdioServerParameters(command=sys.executable, args=["-c", line, "--stdio"])
+    return StdioServerParameters(command=COMMAND[0], args=[*COMMAND[1:], "--stdio"])
 
 
 def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
@@ -65,5 +67,39 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             lost = {**question, "robots": {"a": "attic"}}
             fault = await client.call_tool("find_things", lost)
             assert "no room 'attic'" in fault.content[0].text
+
+    anyio.run(ask)
+
+
+def test_a_line_out_of_bounds_is_refused_by_its_id_and_the_next_is_answered() -> None:
+    """Bytes, what would take gigabytes as objects, a key twice, and what is no JSON."""
+    said = b'{"jsonrpc": "2.0", "id": %d, "method": "ping", "params": %s}\n'
+    twice = b'{"map": {"hall": [], "hall": []}}'
+    lines = [
+        said % (1, b'["' + b"x" * 8_500_000 + b'"]'),
+        said % (2, b"[" + b"[]," * 2_000_000 + b"1]"),
+        said % (3, twice),
+        b"hello\n",
+        said % (4, b"{}"),
+    ]
+    done = subprocess.run([*COMMAND, "--stdio"], input=b"".join(lines), capture_output=True)
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["id"] for one in answers] == [1, 2, 3, None, 4]
+    assert [one["error"]["code"] for one in answers[:-1]] == [-32600] * 4
+    for answer, what in zip(answers[:-1], ("bytes", "lists", "twice", "column"), strict=True):
+        assert what in answer["error"]["message"]
+    assert done.returncode == 0
+
+
+def test_a_map_may_be_a_text_that_our_parser_reads(address: str) -> None:
+    async def ask() -> None:
+        async with Client(address + "/mcp") as client:
+            question = {"map": json.dumps(SIMPLE), "things": "cup", "here": "hall"}
+            found = await client.call_tool("find_things", question)
+            plain = await client.call_tool("find_things", {**question, "map": SIMPLE})
+            assert found.structured_content == plain.structured_content
+            twice = await client.call_tool("find_things", {**question, "map": '{"a": [], "a": []}'})
+            assert twice.is_error
+            assert "the key 'a' twice" in twice.content[0].text
 
     anyio.run(ask)

@@ -1,0 +1,80 @@
+"""The processes that answer: one that takes too long is killed, and those who wait may leave."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import anyio
+import pytest
+
+from bsg_cli.serve.processes import Processes
+
+SIMPLE = {"map": {"kitchen": ["sink", "stove"], "hall": []}, "things": "cup"}
+WORDS = {f"room {one}": [f"word {one} {number}" for number in range(40)] for one in range(500)}
+THINGS = ["mug", "towel", "banana", "sofa", "toilet", "book", "laptop", "knife", "shampoo", "tv"]
+LONG = {"map": WORDS, "things": THINGS}
+SCOPE = {
+    "method": "POST",
+    "path": "/find",
+    "query_string": b"",
+    "headers": [(b"content-type", b"application/json")],
+}
+
+
+async def ask(processes: Processes, question: Any, *, left_after: float = 600) -> tuple[int, str]:
+    """Return status and code of the answer; the client leaves after so many seconds."""
+
+    async def receive() -> dict[str, str]:
+        await anyio.sleep(left_after)
+        return {"type": "http.disconnect"}
+
+    answer = await processes(SCOPE, json.dumps(question).encode(), receive)
+    return answer.status_code, json.loads(answer.body).get("code", "")
+
+
+def test_a_question_that_takes_too_long_ends_with_its_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def run() -> None:
+        processes = Processes("universal")
+        monkeypatch.setattr("bsg_cli.serve.processes.SECONDS_TO_ANSWER", 1)
+        assert await ask(processes, LONG) == (503, "answer-late")
+        monkeypatch.setattr("bsg_cli.serve.processes.SECONDS_TO_ANSWER", 60)
+        assert await ask(processes, SIMPLE) == (200, "")
+
+    anyio.run(run)
+
+
+def test_who_waits_may_leave_and_is_told_that_the_service_ends(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("bsg_cli.serve.processes.os.cpu_count", lambda: 2)
+    monkeypatch.setattr("bsg_cli.serve.processes.SECONDS_TO_ANSWER", 3)
+    told: dict[str, tuple[int, str]] = {}
+
+    async def run() -> None:
+        processes = Processes("universal")
+
+        async def note(name: str, question: Any, left_after: float = 600) -> None:
+            told[name] = await ask(processes, question, left_after=left_after)
+
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(note, "large", LONG)
+            await anyio.sleep(0.1)
+            # A second large one leaves the other process to small ones.
+            tasks.start_soon(note, "left", LONG, 0.1)
+            await anyio.sleep(0.2)
+            assert told["left"][0] == 503
+            await note("small", SIMPLE)
+            tasks.start_soon(note, "waits", LONG)
+            await anyio.sleep(0.1)
+            processes.end()
+            await anyio.sleep(0.1)
+            assert told["waits"] == (503, "service-ending")
+            assert "large" not in told  # it is under way
+        assert await ask(processes, SIMPLE) == (503, "service-ending")
+
+    anyio.run(run)
+    assert told["small"] == (200, "")
+    assert told["large"] == (503, "answer-late")

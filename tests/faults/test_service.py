@@ -1,0 +1,181 @@
+"""Hostile clients of the service: honest questions stay answered, and nothing of a question stays.
+
+With `--full` each hostility meets 1,000 honest questions, and 20,000 questions ask strange words.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx2
+import pytest
+
+pytest.importorskip("mcp", reason="needs the extra serve")
+pytestmark = pytest.mark.heavy
+COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
+HONEST = {"map": {"kitchen": ["sink", "stove"], "hall": []}, "things": "microwave", "here": "hall"}
+JSON = {"Content-Type": "application/json"}
+SIZE = 8_300_000
+TELLER = itertools.count()
+
+
+@pytest.fixture
+def service() -> Iterator[tuple[int, str]]:
+    """The process and the address of a service."""
+    with subprocess.Popen([*COMMAND, "--port", "0"], stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr
+        found = re.search(r"http://127\.0\.0\.1:\d+", process.stderr.readline())
+        assert found
+        yield process.pid, found[0]
+        process.terminate()
+
+
+def _connect(address: str, said: bytes) -> socket.socket:
+    client = socket.create_connection(("127.0.0.1", urlsplit(address).port or 0), timeout=60)
+    client.sendall(said)
+    return client
+
+
+def send_lists(address: str) -> None:
+    """The slowest JSON that the bounds allow."""
+    body = b'{"things": "cup", "map": {"hall": [' + b"[]," * 1_400_000 + b'"x"]}}'
+    assert (
+        httpx2.post(f"{address}/find", content=body, headers=JSON, timeout=600).status_code != 200
+    )
+
+
+def send_numbers(address: str) -> None:
+    """As many bytes as the bounds allow, as an agent's map in a text."""
+    question = {"map": "[" + "1," * (SIZE // 2 - 100) + "1]", "things": "cup"}
+    said = {"name": "find_things", "arguments": question}
+    call = {"jsonrpc": "2.0", "id": 1, "method": "tools/call", "params": said}
+    httpx2.post(f"{address}/mcp", json=call, timeout=600)
+
+
+def say_strange_words(address: str) -> None:
+    """A map of twenty thousand words that nobody has said before."""
+    turn = next(TELLER)
+    rooms = {f"room {one}": [f"w{turn} {one} {n}" for n in range(40)] for one in range(500)}
+    httpx2.post(f"{address}/expect", json={"map": rooms}, timeout=600)
+
+
+def leave_at_once(address: str) -> None:
+    """Ask what takes long, and leave."""
+    rooms = {f"room {one}": ["chair"] for one in range(500)}
+    with suppress(httpx2.TimeoutException):
+        httpx2.post(f"{address}/find", json={"map": rooms, "things": "cup"}, timeout=0.2)
+
+
+def hold_half_headers(address: str) -> None:
+    """Hold two hundred connections that never say their headers."""
+    half = b"POST /find HTTP/1.1\r\nHost: localhost\r\nX-Slow: "
+    held = [_connect(address, half) for _ in range(220)]
+    time.sleep(1)
+    for one in held:
+        one.close()
+
+
+def hold_half_bodies(address: str) -> None:
+    """Hold as many that never say their question."""
+    half = b"POST /find HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    held = [_connect(address, half + b"Content-Length: 100\r\n\r\n{") for _ in range(220)]
+    time.sleep(1)
+    for one in held:
+        one.close()
+
+
+def send_too_large(address: str) -> None:
+    """A question above the bound."""
+    with suppress(httpx2.TransportError):
+        httpx2.post(f"{address}/find", content=b" " * 4 * SIZE, headers=JSON, timeout=600)
+
+
+def never_read(address: str) -> None:
+    """Ask for a large answer, and do not read it."""
+    body = json.dumps({"map": {f"room {one}": [] for one in range(300)}, "most": 1000}).encode()
+    head = b"POST /expect HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    client = _connect(address, head + f"Content-Length: {len(body)}\r\n\r\n".encode() + body)
+    time.sleep(5)
+    client.close()
+
+
+HOSTILE: tuple[Callable[[str], None], ...] = (
+    send_lists,
+    send_numbers,
+    say_strange_words,
+    leave_at_once,
+    hold_half_headers,
+    hold_half_bodies,
+    send_too_large,
+    never_read,
+)
+
+
+@pytest.mark.parametrize("hostile", HOSTILE, ids=lambda one: one.__name__)
+def test_honest_questions_stay_answered(
+    hostile: Callable[[str], None], service: tuple[int, str], stride: int
+) -> None:
+    _, address = service
+    ended = threading.Event()
+
+    def annoy() -> None:
+        while not ended.is_set():
+            with suppress(OSError, httpx2.TransportError):
+                hostile(address)
+
+    alone = httpx2.post(f"{address}/find", json=HONEST, timeout=600).text
+    crowd = [threading.Thread(target=annoy, daemon=True) for _ in range(10)]
+    for one in crowd:
+        one.start()
+    answers = []
+
+    def ask() -> None:
+        with httpx2.Client(timeout=600) as client:
+            for _ in range(100 if stride == 1 else 5):
+                answers.append(client.post(f"{address}/find", json=HONEST))
+
+    honest = [threading.Thread(target=ask) for _ in range(10)]
+    for one in honest:
+        one.start()
+    for one in honest:
+        one.join()
+    ended.set()
+    assert {one.text for one in answers} == {alone}
+    assert len(answers) == (1000 if stride == 1 else 50)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux")
+def test_nothing_of_a_question_stays(service: tuple[int, str], stride: int) -> None:
+    """Neither in the process that listens nor in those that answer."""
+    number, address = service
+
+    def measure() -> int:
+        """Bytes of the process and of its children."""
+        children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
+        pages = [int(Path(f"/proc/{one}/statm").read_text().split()[1]) for one in children]
+        own = int(Path(f"/proc/{number}/statm").read_text().split()[1])
+        return (own + sum(pages)) * 4096
+
+    def ask(times: int, words: int) -> None:
+        with httpx2.Client(timeout=600) as client:
+            for _ in range(times):
+                turn = next(TELLER)
+                rooms = {"kitchen": [f"thing{turn} {n} {turn * 7}" for n in range(words)]}
+                question = {"map": rooms, "things": f"thing{turn} 3"}
+                assert client.post(f"{address}/find", json=question).status_code in (200, 422)
+
+    ask(8, 2_500)  # until all that is kept for the next question is full
+    before = measure()
+    ask(20_000 if stride == 1 else 500, 8)
+    assert measure() - before < 20_000_000, (before, measure())
