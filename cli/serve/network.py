@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import resource
@@ -32,26 +33,49 @@ _ID = re.compile(rb'"id"\s*:\s*(\d{1,18}|"[\w-]{1,80}")')
 
 
 class _Connection(H11Protocol):  # type: ignore[misc]
-    """Has its place as long as there is one, or if its whole question has come."""
+    """Keeps its place while its whole question is here; else others may need it.
+
+    Who has never asked goes first, then who was answered; of each, who has waited longest.
+    """
+
+    def __init__(self, *args: Any, waiting: tuple[dict[Any, None], ...], **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._waiting = waiting
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
-        self.made = self.loop.time()
-        if len(self.connections) >= MOST_CONNECTIONS:
-            open_ = [one for one in self.connections if one is not self and not one.has_asked()]
-            if open_:
-                oldest = min(open_, key=lambda one: one.made)
-                self.connections.discard(oldest)
-                oldest.transport.abort()
+        never_asked, _ = self._waiting
+        never_asked[self] = None
+        if len(self.connections) > MOST_CONNECTIONS:
+            oldest = next(iter(self._waiting[0] or self._waiting[1]))
+            oldest.transport.abort()
+            oldest.connections.discard(oldest)
+            oldest._leave()
 
-    def has_asked(self) -> bool:
-        """Return whether a question has come that is not answered yet."""
-        return self.cycle is not None and not (self.cycle.more_body or self.cycle.response_complete)
+    def data_received(self, data: bytes) -> None:
+        """Note when the whole question has come."""
+        super().data_received(data)
+        if self._has_asked():
+            self._leave()
 
     def on_response_complete(self) -> None:
         """Wait for the next question, but not for ever until this answer is read."""
         super().on_response_complete()
+        if not self._has_asked():
+            self._waiting[1][self] = None
         self.loop.call_later(SECONDS_TO_ASK, self._forget, self.cycle)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        self._leave()
+
+    def _has_asked(self) -> bool:
+        cycle = self.cycle
+        return cycle is not None and not (cycle.more_body or cycle.response_complete)
+
+    def _leave(self) -> None:
+        for waiting in self._waiting:
+            waiting.pop(self, None)
 
     def _forget(self, answered: object) -> None:
         if self.cycle is answered and self.transport.get_write_buffer_size():
@@ -77,20 +101,21 @@ class _Server(uvicorn.Server):  # type: ignore[misc]
 def listen(model: str, door: socket.socket, *, hosts: Sequence[str] = ()) -> None:
     """Serve until the process is asked to end."""
     most, allowed = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if most < 2 * MOST_CONNECTIONS:
-        wanted = min(2 * MOST_CONNECTIONS, allowed) if allowed > 0 else 2 * MOST_CONNECTIONS
+    wanted = 3 * MOST_CONNECTIONS
+    if most < wanted and (allowed < 0 or most < allowed):
+        wanted = wanted if allowed < 0 else min(wanted, allowed)
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, allowed))
     processes = Processes(model)
     config = uvicorn.Config(
         KnownHosts(Bounds(processes), hosts=(*LOCAL, *hosts)),
-        http=_Connection,
+        http=functools.partial(_Connection, waiting=({}, {})),
         ws="none",
         lifespan="off",
         log_level="warning",
         access_log=False,
         proxy_headers=False,
         server_header=False,
-        limit_concurrency=MOST_CONNECTIONS,
+        limit_concurrency=2 * MOST_CONNECTIONS,  # that have asked, or are about to end
         timeout_graceful_shutdown=_SECONDS_TO_END,
     )
     _Server(config, processes).run(sockets=[door])
