@@ -17,8 +17,11 @@ from bsg_data.errors import BSGError, DatasetError
 AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes for a path
 # Settings of matplotlib for all figures: names are shown as they are, a $ as a $.
 PLAIN_TEXT: Final[dict[Any, Any]] = {"text.usetex": False, "text.parse_math": False}
-
-
+# What a figure says of itself, by which `--force` knows it again: matplotlib has no one way.
+_CREATED: Final[dict[str, Any]] = {"metadata": {"Creator": "bsg-figure"}}
+_COMMENT: Final[dict[str, Any]] = {"pil_kwargs": {"comment": b"Creator: bsg-figure"}}
+_MARKS = dict.fromkeys(("png", "svg", "pdf", "eps", "ps"), _CREATED)
+_MARKS |= dict.fromkeys(("jpg", "jpeg"), _COMMENT)
 _PARTIAL = re.compile(r"(^|/)\.([^/]+)\.partial$")
 
 
@@ -78,9 +81,10 @@ def write_figure(figure: Any, path: Path, **how: Any) -> None:
     """Draw a figure of matplotlib as `open_beside` does; the suffix names its format."""
     if not path.suffix:  # matplotlib would take another path
         raise BSGError(f"{path}: no suffix names the format of the figure; take {path}.png")
+    kind = path.suffix[1:]
     try:
         with open_beside(path) as partial:
-            figure.savefig(partial, format=path.suffix[1:], **how)
+            figure.savefig(partial, format=kind, **_MARKS.get(kind.casefold(), {}), **how)
     except (ValueError, RuntimeError) as error:  # it lists what it knows; .pgf needs LaTeX
         raise FigureError(f"{path}: the figure cannot be written ({error})") from error
 

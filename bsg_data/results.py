@@ -37,6 +37,7 @@ from bsg_data.files import (
     write_bytes,
 )
 from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.inputs.bounds import KIB
 
 SEAL = "SHA256SUMS"
 UNFINISHED = ".bsg-unfinished"
@@ -48,6 +49,14 @@ _STAGE = ".unfinished"  # ends the name of the folder in which a single file is 
 _OF_BUILD = re.compile(rf"{re.escape(BUILD)}/(?:plan|part-[0-9]{{5}})\.json[^/]*")
 _ASIDE = ".{}.replaced"  # name of a folder while another replaces it
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
+# What our single files say of themselves: JSON, ONNX and pages their format; figures who made
+# them; tables of predictions and recordings of Rerun what no others have.
+_MARK = re.compile(
+    rb"(?:[Ff]ormat|[Cc]reator|<dc:title|generator)(?:\W{1,5}|\" content=\")bsg-"
+    rb"|bsg\.masks_sha256|\ARRF2.{1,200}belief-scene-graphs",
+    re.DOTALL,
+)
+_ENDS = 256 * KIB  # bytes at both ends of a file, where it says so
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
@@ -447,13 +456,29 @@ def refuse_file(path: Path, *, force: bool) -> None:
         message = f"{path}: is a folder; name a file"
         raise DatasetError(message, code="path-folder", where=path)
     refuse_device(path)
-    _refuse_taken(path, _stage_of(path), force=force)
+    stage = _stage_of(path)
+    _refuse_taken(path, stage, force=force)
+    if os.path.lexists(path) and not (_is_ours(path, stage, path.name) or _is_marked(path)):
+        message = f"{path}: is no file that this program wrote; move it away, or name another"
+        raise DatasetError(message, code="foreign-file", where=path)
 
 
 def _refuse_taken(path: Path, stage: Path, *, force: bool) -> None:
     if os.path.lexists(path) and not force and not _is_ours(path, stage, path.name):
         message = f"{path}: is there already; --force replaces it"
         raise DatasetError(message, code="path-taken", where=path)
+
+
+def _is_marked(path: Path) -> bool:
+    """Say whether a file says itself that this program wrote it; an empty one is nobody's work."""
+    if not path.is_file():
+        return False
+    if path.stat().st_size == 0:
+        return True
+    with path.open("rb") as file:
+        start = file.read(_ENDS)
+        file.seek(max(path.stat().st_size - _ENDS, 0))
+        return any(map(_MARK.search, (start, file.read(_ENDS))))
 
 
 def _refuse_foreign(path: Path, stage: Path) -> None:

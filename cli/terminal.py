@@ -105,7 +105,7 @@ def _is_of_extra(error: ModuleNotFoundError) -> bool:
 
 @contextmanager
 def _ended_in_order() -> Iterator[None]:
-    """Let SIGTERM end the block like Ctrl-C; ignore further SIGTERM while it ends.
+    """Let SIGTERM end the block like Ctrl-C; ignore further SIGTERM until the process has ended.
 
     Ctrl-C raises KeyboardInterrupt again; it ended the process during the imports.
     """
@@ -125,7 +125,8 @@ def _ended_in_order() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        if signal.getsignal(signal.SIGTERM) is end:
+            signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -20,7 +20,7 @@ Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class 
 _DAMAGE = (OSError, EOFError, zlib.error)
 # A RuntimeError of an encrypted member, a ValueError of a name that is no text.
 _ZIP_DAMAGE = (*_DAMAGE, zipfile.BadZipFile, RuntimeError, ValueError)
-_UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
+UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
 
 
 class TooLargeError(OSError):
@@ -102,7 +102,7 @@ class _Counted(io.RawIOBase):
         if self._done > self._bound:
             raise _too_large(self._path, self._bound, self._error)
         taken = self._done if self._packed is None else max(self._packed.tell(), 1)
-        if self._done > max(_UNSUSPICIOUS, MAX_RATIO * taken):
+        if self._done > max(UNSUSPICIOUS, MAX_RATIO * taken):
             raise self._error(
                 f"{self._path}: unpacks to more than {MAX_RATIO} times its size; unpack it, "
                 "if it is what it should be",

@@ -31,11 +31,11 @@ MAX_CORNERS = 256  # of a floor or a footprint
 COBIE = 256 * MIB  # a spreadsheet, `.xlsx`
 MAX_SHEET_ROWS = 1_000_000  # of a sheet of a spreadsheet
 MAX_SHEET_COLUMNS = 64
-MAX_CELLS = 10_000_000  # of a sheet, that are not empty
+MAX_CELLS = 1_000_000  # of the sheets that are read, that are not empty
 MAX_CELL = 32_767  # letters of a cell; no program writes more
 S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
 TABLE = 4 * GIB  # of objects, CSV or parquet
-MAX_OBJECT_ROWS = 2_500_000  # of such a table: 25 times HM3D's objects
+MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects
 MAX_LINE = MIB  # characters of a line of CSV
 
 # robots

@@ -140,9 +140,10 @@ def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
             book = openpyxl.load_workbook(
                 io.BytesIO(data), read_only=True, data_only=True, keep_links=False
             )
+            counted: Counter[str] = Counter()
             for sheet in book.worksheets:
                 if (name := _key(sheet.title)) in sheets:
-                    sheets[name] += _read_rows(sheet)
+                    sheets[name] += _read_rows(sheet, counted)
     except Exception as error:  # openpyxl raises whatever its parsers do
         raise SourceError(
             f"{path}: no readable spreadsheet ({error})", code="spreadsheet-malformed", where=path
@@ -156,16 +157,16 @@ def _require_plain_xml(name: str, data: bytes) -> None:
         raise ValueError(f"{name} has a document type; save it again from a spreadsheet program")
 
 
-def _read_rows(sheet: Any) -> Iterator[_Row]:
+def _read_rows(sheet: Any, counted: Counter[str]) -> Iterator[_Row]:
     """Yield the rows below the header, which is the first that is not empty, which say anything."""
     header: list[str] = []
-    cells = letters = 0
     bounds = {"max_row": MAX_SHEET_ROWS + 1, "max_col": MAX_SHEET_COLUMNS + 1}
     for number, values in enumerate(sheet.iter_rows(values_only=True, **bounds)):
-        row = [_text(value) for value in values]
-        cells += sum(map(bool, row))
-        letters += sum(map(len, row))  # many cells may name one text of the file
-        if cells > MAX_CELLS or letters > COBIE or max(map(len, row), default=0) > MAX_CELL:
+        row = ["" if value is None else _text(value) for value in values]
+        counted["cells"] += sum(map(bool, row))
+        counted["letters"] += sum(map(len, row))  # many cells may name one text of the file
+        is_over = counted["cells"] > MAX_CELLS or counted["letters"] > COBIE
+        if is_over or max(map(len, row), default=0) > MAX_CELL:
             raise ValueError(
                 f"sheet {sheet.title}: more than {MAX_CELLS:,} cells, {COBIE:,} letters, or "
                 f"{MAX_CELL:,} letters in one cell"
@@ -191,7 +192,7 @@ def _text(value: object) -> str:
     """Return a cell as text: a room 101 may be a number."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)
-    return "" if value is None else " ".join(str(value).split())
+    return " ".join(str(value).split())
 
 
 def _is_silent(text: str) -> bool:

@@ -20,7 +20,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, fields, replace
 from decimal import Decimal
 from functools import lru_cache
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO
 
@@ -365,10 +365,15 @@ def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Seq
     """Yield the names of the columns, then the line and the values of every row."""
     with open_parquet_file(path, most=MAX_OBJECT_ROWS) as file, refusing_damage(path):
         leaves = [file.schema.column(at) for at in range(len(file.schema))]
+    for leaf in leaves:  # runs of a list have any number of values
+        name = leaf.path.split(".")[0]
+        if leaf.max_repetition_level and _fold(name) in wanted:
+            message = f"{path}, column {name}: expected text, found lists; put ; between names"
+            raise SourceError(message, code="table-lists", where=path)
     words = [
         leaf.path
         for leaf in leaves
-        if leaf.physical_type == "BYTE_ARRAY" and _fold(leaf.path.split(".")[0]) in wanted
+        if leaf.physical_type == "BYTE_ARRAY" and _fold(leaf.path) in wanted
     ]
     # As dictionaries, a word that repeats is one object, however long it is.
     opened = open_parquet_file(path, most=MAX_OBJECT_ROWS, dictionaries=words)
@@ -394,9 +399,6 @@ def _list_values(column: pa.Array) -> list[Any]:
     if pa.types.is_dictionary(kind):
         words = _list_values(column.dictionary)
         return [None if at is None else words[at] for at in column.indices.to_pylist()]
-    if pa.types.is_list(kind):
-        items = iter(_list_values(column.flatten()))
-        return [list(islice(items, size or 0)) for size in column.value_lengths().to_pylist()]
     if any(is_bytes(kind) for is_bytes in _BYTES):  # so some programs write text
         listed = column.cast(pa.binary()).cast(pa.string())
     values: list[Any] = listed.to_pylist()

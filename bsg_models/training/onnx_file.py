@@ -99,6 +99,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
         )
     header = checkpoint.header
     said = {
+        "format": "bsg-network",
         "name": found.name,
         "classes": header.class_space.classes,
         "class_space": str(header.class_space),

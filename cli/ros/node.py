@@ -9,6 +9,7 @@ and a client that dies leaves nothing behind.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -28,7 +29,7 @@ import bsg_data
 import bsg_models
 from bsg_cli.ros.markers import draw
 from bsg_cli.ros.requests import TOPICS, Robot, read_detections
-from bsg_data.files import encode_json, write_bytes
+from bsg_data.files import encode_json, hold, write_bytes
 from bsg_data.observation.robot_json import RobotGraphError, encode_robot_graph
 from bsg_data.spelling import ask_if_meant
 from bsg_data.tables import make_plain
@@ -56,8 +57,12 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # l
 class BeliefNode:
     """Gives texts and detections to a `Robot`, and publishes its answers and its state."""
 
-    def __init__(self, node: Any) -> None:
+    def __init__(self, node: Any, held: ExitStack) -> None:
         """Declare parameters, read the graph, and open all topics.
+
+        Args:
+            node: of rclpy.
+            held: ends with the node; it holds the file of the state.
 
         Raises:
             ParameterException: for a parameter of another type, or out of its range.
@@ -73,6 +78,8 @@ class BeliefNode:
         self.said: set[str] = set()  # of detections: each note is logged once
         self.kept: bsg_data.PartialGraph | None = None
         self.drawn: tuple[bsg_data.PartialGraph, str | None] | None = None
+        if self.state is not None:
+            held.enter_context(hold(self.state))  # of no other node at a time
         goes_on = self.state is not None and self.state.exists()
         try:
             self.robot = Robot(self._open(self.state if goes_on else self.graph))
@@ -177,21 +184,22 @@ def run(ros_args: Sequence[str]) -> None:
         raise click.UsageError(str(error)) from error
     node = rclpy.create_node("belief")
     belief = None
-    try:
-        for name in _list_unknown(ros_args):
-            hint = ask_if_meant(name, PARAMETERS) or f"parameters are {', '.join(PARAMETERS)}"
-            node.get_logger().warning(make_plain(f"no parameter {name!r}; {hint}"))
-        belief = BeliefNode(node)
-        rclpy.spin(node)
-    except ParameterException as error:
-        raise click.UsageError(f"parameter {error}") from error
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        if belief is not None:
-            belief.keep()
-        node.destroy_node()
-        rclpy.try_shutdown()
+    with ExitStack() as held:
+        try:
+            for name in _list_unknown(ros_args):
+                hint = ask_if_meant(name, PARAMETERS) or f"parameters are {', '.join(PARAMETERS)}"
+                node.get_logger().warning(make_plain(f"no parameter {name!r}; {hint}"))
+            belief = BeliefNode(node, held)
+            rclpy.spin(node)
+        except ParameterException as error:
+            raise click.UsageError(f"parameter {error}") from error
+        except ExternalShutdownException:
+            pass
+        finally:
+            if belief is not None:
+                belief.keep()
+            node.destroy_node()
+            rclpy.try_shutdown()
 
 
 def _list_unknown(ros_args: Sequence[str]) -> list[str]:

@@ -147,6 +147,10 @@ def test_old_results_are_replaced_by_force_alone(tmp_path: Path) -> None:
     refuse_file(tmp_path / "page.html", force=True)
     with refuses(DatasetError, "path-taken", tmp_path / "page.html"):
         refuse_file(tmp_path / "page.html", force=False)
+    for name, work in (("a.html", "<title>bsg-belief</title>"), ("a.json", '{"format": "mine"}')):
+        (tmp_path / name).write_text(work)
+        with refuses(DatasetError, "foreign-file", tmp_path / name):
+            refuse_file(tmp_path / name, force=True)
 
 
 @pytest.mark.parametrize("line", ["0" * 64 + "  ../a", "0" * 63 + "  a", "", "0" * 64 + " a"])
@@ -205,11 +209,11 @@ def test_an_error_while_files_are_committed_leaves_a_way_on(
 
 def test_single_files_are_one_result(tmp_path: Path) -> None:
     first, second = tmp_path / "a", tmp_path / "b"
-    first.write_text("old")
+    first.write_text(old := '{"format": "bsg-old"}')
     second.mkdir()
     with refuses(DatasetError, "path-folder", second), write_files([first, second], force=True):
         pass
-    assert first.read_text() == "old"
+    assert first.read_text() == old
     second.rmdir()
 
     def fail() -> None:
@@ -219,7 +223,7 @@ def test_single_files_are_one_result(tmp_path: Path) -> None:
 
     with pytest.raises(RuntimeError):
         fail()
-    assert first.read_text() == "old"
+    assert first.read_text() == old
     with write_files([first, second], force=True) as staged:
         staged[first].write_text("new")
         staged[second].write_text("new")

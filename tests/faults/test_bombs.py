@@ -1,4 +1,4 @@
-"""Small files that ask for much: each is an error or an answer, in little memory and time.
+"""Small files that ask for much are errors, and the largest that are none are read in a gigabyte.
 
 Every file is opened by the reader that a command uses, in a process of its own that may take 2 GiB
 of memory beyond what its imports took, and 20 seconds of the processor.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
 import resource
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -85,6 +87,22 @@ def make_long_word(path: Path) -> None:
     pq.write_table(pa.table({**names, "connected": word}), path)
 
 
+def make_long_list(path: Path) -> None:
+    """Write half a kilobyte in which a row names 50 million rooms."""
+    ones = pa.DictionaryArray.from_arrays(pa.array(np.zeros(50_000_000, np.int32)), ["a"])
+    listed = pa.ListArray.from_arrays(pa.array([0, len(ones)], pa.int32()), ones)
+    names = {name: pa.array(["a"]) for name in ("scene", "room", "category")}
+    pq.write_table(pa.table({**names, "connected": listed}), path)
+
+
+def make_long_words(path: Path) -> None:
+    """Write a hundred kilobytes in which 20,000 words of 16,000 letters all differ."""
+    words = [f"{'a' * 16_000}{number}" for number in range(20_000)]
+    names = {name: ["a"] * len(words) for name in ("scene", "room")}
+    table = pa.table({**names, "category": words})
+    pq.write_table(table, path, compression="zstd", use_dictionary=False)
+
+
 def make_entities(path: Path) -> None:
     """Write a spreadsheet whose one text is an entity of entities."""
     levels = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(7))
@@ -131,6 +149,8 @@ BOMBS = {
     "packed JSON of 20,000,000 lists": (pack(LISTS), "a.json.gz", ROBOT),
     "footprint of 3,000 corners": (text(FOOTPRINT), "a.json", ROBOT),
     "a long word in 200,000 rows": (make_long_word, "a.parquet", TABLE),
+    "a row of 50 million rooms": (make_long_list, "a.parquet", TABLE),
+    "20,000 long words": (make_long_words, "a.parquet", TABLE),
     "a spreadsheet of entities": (make_entities, "a.xlsx", SHEETS),
     "annotation of 5,000,000 lines": (
         text("HM3D Semantic Annotations\n" * 5_000_000),
@@ -147,18 +167,58 @@ BOMBS = {
 }
 
 
+ROOMS = [{"id": f"r{one}", "label": "kitchen", "floor_area": 9} for one in range(10_000)]
+OBJECTS = [
+    {"id": f"{one}", "category": f"thing {one} of mine", "room": f"r{one % 10_000}"}
+    for one in range(100_000)
+]
+ROUND = [[math.cos(turn / 20), math.sin(turn / 20)] for turn in range(125)]
+SIMPLE = {f"room {one}": [f"thing {one} {n}" for n in range(10)] for one in range(10_000)}
+LINES = (f'{one},{one:06X},"thing {one}",{one % 5_000}\n' for one in range(1, 490_000))
+KITCHEN = "{label: kitchen, centroid: {x: 1.0, y: 1.25, z: -2.0}, dims: {x: 2, y: 2.5, z: 4}}"
+GRAPH = ("bsg_models.belief.graph_file", "read_graph", "read_graph(path)")
+LARGEST = {
+    "robot's graph": (json.dumps({"scene_id": "a", "rooms": ROOMS, "objects": OBJECTS}), ROBOT),
+    "footprints": (
+        json.dumps({"scene_id": "a", "rooms": [{**one, "footprint": ROUND} for one in ROOMS]}),
+        ROBOT,
+    ),
+    "simplest map": (json.dumps(SIMPLE), GRAPH),
+    "annotation": ("".join(("HM3D Semantic Annotations\n", *LINES)), ANNOTATION),
+    "layout": (
+        "rooms:\n" + "".join(f"  room_{one}: {KITCHEN}\n" for one in range(1, 10_000)),
+        LAYOUT,
+    ),
+}
+
+
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_bomb_is_refused_in_little_memory_and_time(name: str, tmp_path: Path, full: bool) -> None:
     if not full and list(BOMBS).index(name) % 4:
         pytest.skip("`make faults` tries the others")
-    make, file, (module, reader, call) = BOMBS[name]
+    make, file, reader = BOMBS[name]
     make(tmp_path / file)
-    code = READ.format(module=module, reader=reader, call=call, most=BYTES)
+    assert read_within_limits(tmp_path / file, reader, BYTES).startswith("refused:")
+
+
+@pytest.mark.parametrize("name", LARGEST)
+def test_the_largest_file_within_the_bounds_is_read(name: str, tmp_path: Path, full: bool) -> None:
+    if not full and name != "robot's graph":
+        pytest.skip("`make faults` tries the others")
+    said, reader = LARGEST[name]
+    (tmp_path / "a.json").write_text(said, "utf-8")
+    assert read_within_limits(tmp_path / "a.json", reader, 10**9) == "answered"
+
+
+def read_within_limits(path: Path, reader: tuple[str, str, str], most: int) -> str:
+    """Read a file in a process, and return what it said."""
+    module, name, call = reader
+    code = READ.format(module=module, reader=name, call=call, most=most)
     done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / file)],
+        [sys.executable, "-c", code, str(path)],
         capture_output=True,
         text=True,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS)),
     )
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("refused:")
+    return done.stdout.strip()

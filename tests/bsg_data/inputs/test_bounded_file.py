@@ -45,7 +45,7 @@ def test_a_stream_is_bounded_by_how_well_it_is_packed(
     path.write_bytes(gzip.compress(b"\n" * 5_000_000))
     with open_stream(path, 5_000_000) as file:
         assert len(file.read()) == 5_000_000  # nothing is said of what is small
-    monkeypatch.setattr(bounded_file, "_UNSUSPICIOUS", 1_000_000)
+    monkeypatch.setattr(bounded_file, "UNSUSPICIOUS", 1_000_000)
     with (
         refuses(SourceError, "file-packed-too-well", path),
         open_stream(path, 5_000_000) as file,

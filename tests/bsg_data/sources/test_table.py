@@ -519,17 +519,21 @@ def test_tables_joined_with_their_headers(tmp_path: Path) -> None:
     assert notes == ["rows that repeat the header, left out: 1"]
 
 
-def test_text_of_parquet_may_be_bytes_dictionaries_and_lists(tmp_path: Path) -> None:
+def test_text_of_parquet_may_be_bytes_and_dictionaries_but_no_lists(tmp_path: Path) -> None:
     columns = {
         "scene": pa.array([b"a", b"a"]),
         "room": pa.array(["Küche", "hall"]).dictionary_encode(),
         "category": pa.array(["bed", None], pa.large_string()),
-        "connected": [["hall", "nan", None], []],
+        "connected": ["hall;nan", None],
     }
     pq.write_table(pa.table(columns), tmp_path / "t.parquet")
     rows = ["a,Küche,bed,hall;nan", "a,hall,,"]
     path = write_table(tmp_path, *rows, header="scene,room,category,connected")
     assert answer(tmp_path / "t.parquet") == answer(path)
+    columns["connected"] = [["hall", None], []]
+    pq.write_table(pa.table(columns), tmp_path / "t.parquet")
+    with refuses(SourceError, "table-lists", tmp_path / "t.parquet"):
+        ObjectTable(tmp_path / "t.parquet").find()
 
 
 def test_a_header_of_many_columns_is_noted_in_short(tmp_path: Path) -> None:

@@ -147,7 +147,7 @@ def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: st
     robot.say("reset", None)
     assert robot.hear("reset") == "0 rooms and 0 objects"
     assert robot.hear_graph(lambda graph: not graph["rooms"])["objects"] == []
-    assert end(node, signal.SIGINT) == 0
+    assert end(node, signal.SIGINT) == 130
 
 
 def test_questions_are_answered_while_sightings_arrive(start: Start, space: str) -> None:
@@ -203,7 +203,7 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     robot.ask("looked", '{"thing": "sink", "room": "living"}')
     robot.ask("more_rooms", "2")
     before = robot.ask("where", '{"thing": "sink", "here": "hall"}')
-    assert end(node, signal.SIGTERM) == 0
+    assert end(node, signal.SIGTERM) == 143
     robot.process.kill()
     kept = json.loads(state.read_text("utf-8"))
     assert [room["id"] for room in kept["rooms"]][-1] == "cellar"
@@ -211,6 +211,11 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     node, robot = start_node(start, space, graph=HOME, state=state), start_robot(start, space)
     assert robot.hear("graph") == kept
     assert robot.ask("where", '{"thing": "sink", "here": "hall"}') == before
+    second = subprocess.run(
+        [*COMMAND, "-p", f"state:={state}"], capture_output=True, text=True, timeout=WAIT
+    )
+    assert second.returncode == 1
+    assert "another command is writing there" in second.stderr
     robot.ask("searched", "cellar")
     while json.loads(state.read_text("utf-8")) == kept:  # written within a period
         assert node.poll() is None

@@ -1,0 +1,89 @@
+"""The table of bounds of SECURITY.md has the bounds of the code."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from conftest import REPOSITORY
+
+from bsg_data.inputs import bounded_file, bounds, parquet
+from bsg_data.inputs.bounds import GIB, KIB, MIB
+
+
+def size(number: int) -> str:
+    """Return bytes as the page writes them."""
+    unit, name = next(one for one in ((GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")) if number >= one[0])
+    return f"{number // unit:,} {name}"
+
+
+def list_expected() -> dict[str, list[str]]:
+    serve = pytest.importorskip("bsg_cli.serve.bounds", reason="needs the extra serve")
+    from bsg_cli.serve import network, processes, questions
+
+    packed = [f"{bounds.MAX_RATIO} times", size(bounded_file.UNSUSPICIOUS)]
+    return {
+        "JSON": [f"{bounds.MAX_CONTAINERS:,} lists", f"{bounds.MAX_VALUES:,} values"],
+        "YAML": [f"{bounds.MAX_NESTING} deep"],
+        "packed files": [*packed, size(parquet.UNSUSPICIOUS)],
+        "a robot's graph": [
+            size(bounds.ROBOT),
+            f"{bounds.MAX_ROBOT_ROOMS:,} rooms",
+            f"{bounds.MAX_ROBOT_OBJECTS:,} objects",
+            f"{bounds.MAX_CORNERS} corners",
+        ],
+        "Hydra's graph, a belief graph": [size(bounds.SPARK_DSG), size(bounds.BELIEF)],
+        "an annotation of HM3D": [size(bounds.ANNOTATION), f"{bounds.MAX_INSTANCES:,} objects"],
+        "a table of objects": [size(bounds.TABLE), f"{bounds.MAX_OBJECT_ROWS:,} rows"],
+        "a house of ProcTHOR": [
+            size(bounds.MAX_HOUSE),
+            f"{bounds.MAX_HOUSE_ROOMS:,} rooms",
+            f"{bounds.MAX_CORNERS} corners",
+        ],
+        "a COBie spreadsheet": [
+            size(bounds.COBIE),
+            f"{bounds.MAX_CELLS:,} cells",
+            f"{bounds.MAX_SHEET_ROWS:,} rows",
+            f"{bounds.MAX_SHEET_COLUMNS} columns",
+            f"{bounds.MAX_CELL:,} letters",
+        ],
+        "a house of Matterport3D": [size(bounds.HOUSE)],
+        "lists of S3DIS and of BEHAVIOR-1K": [size(bounds.S3DIS), size(bounds.BEHAVIOR)],
+        "labels of rooms, room layouts, label spaces": [
+            size(bounds.LABEL_TABLE),
+            size(bounds.LAYOUT),
+            size(bounds.LABEL_SPACE),
+        ],
+        "a class map, a configuration, a prior table": [
+            size(bounds.CLASS_MAP),
+            size(bounds.CONFIG),
+            size(bounds.PRIOR),
+        ],
+        "a question to `bsg-serve`, also by `--stdio`": [
+            size(serve.MOST_BYTES),
+            f"{questions.MOST_ROOMS} rooms",
+            f"{questions.MOST_THINGS} things",
+            f"{serve.SECONDS_TO_ASK:g} s to arrive",
+            f"{processes.SECONDS_TO_WAIT:g} s of waiting",
+            f"{processes.SECONDS_TO_ANSWER:g} s of answering",
+        ],
+        "all questions at a time": [
+            size(serve.MOST_HELD),
+            f"{network.MOST_CONNECTIONS:,} connections",
+        ],
+    }
+
+
+def test_the_table_has_the_bounds_of_the_code() -> None:
+    page = (
+        (REPOSITORY / "SECURITY.md").read_text("utf-8").partition("| what | at most |\n|---|---|")
+    )
+    rows = dict(re.findall(r"^\| (.+?) \| (.+) \|$", page[2], re.MULTILINE))
+    expected = list_expected()
+    assert list(rows) == list(expected)
+    for what, each in expected.items():
+        for one in each:
+            assert one in rows[what], what
+        # Numbers of the row that no constant gives: "nested 200 deep" is pydantic's own bound.
+        said = {*re.findall(r"\d[\d,]*", rows[what])} - {"200"}
+        assert said <= {*re.findall(r"\d[\d,]*", " ".join(each))}, what
