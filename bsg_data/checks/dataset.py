@@ -27,12 +27,13 @@ from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
     Totals,
+    hash_manifest,
     read_hashed_manifest,
 )
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import assemble_graphs, make_tables, read_file
-from bsg_data.errors import BSGError, ClassMapError
-from bsg_data.files import AnyPath
+from bsg_data.errors import BSGError, ClassMapError, DatasetError
+from bsg_data.files import AnyPath, hold
 from bsg_data.scene.class_map import ClassMap, load_class_map, parse_own_map
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_data.scene.scene_graph import SceneGraph
@@ -61,10 +62,33 @@ def check_dataset(
         progress: called with (files done, files in all).
 
     Raises:
-        DatasetError: if the manifest is unreadable, so nothing can be compared with it.
+        DatasetError: if the manifest is unreadable, so nothing can be compared with it; or if
+            another command writes the dataset.
     """
-    dataset = Path(dataset)
-    manifest, sha256 = read_hashed_manifest(dataset)
+    while True:
+        manifest, sha256 = read_hashed_manifest(Path(dataset))
+        faults = _check_once(Path(dataset), manifest, sha256, progress)
+        if not faults or _is_still(Path(dataset), sha256):
+            return faults
+
+
+def _is_still(dataset: Path, sha256: str) -> bool:
+    """Say whether no command has written a dataset meanwhile, so that its faults are its own."""
+    try:
+        with hold(dataset):
+            pass
+    except DatasetError as error:
+        if error.code == "folder-busy":
+            raise
+    return hash_manifest(dataset) == sha256
+
+
+def _check_once(
+    dataset: Path,
+    manifest: Manifest,
+    sha256: str,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[Fault, ...]:
     check = _Check(dataset, manifest, progress)
     check.faults += _check_files(dataset, manifest)
     scenes = _check_tables(check)

@@ -357,6 +357,16 @@ def read_file(
     return table
 
 
+def _refuse_replaced(dataset: Path, manifest: Manifest) -> None:
+    """Refuse to go on with a dataset that another command has replaced: its old files are gone."""
+    if read_manifest(dataset) != manifest:
+        raise DatasetError(
+            f"{dataset}: another command has replaced it while it was read; run this again",
+            code="dataset-replaced",
+            where=dataset,
+        )
+
+
 @contextmanager
 def open_listed(
     dataset: Path, entry: FileEntry, *, manifest: Manifest, dictionaries: Sequence[str] = ()
@@ -369,6 +379,7 @@ def open_listed(
     try:
         data = path.read_bytes() if path.stat().st_size == entry.bytes else b""
     except OSError as error:
+        _refuse_replaced(dataset, manifest)
         raise DatasetError(
             f"{path}: is in the manifest but cannot be read ({error.strerror or error}); build the "
             "dataset again",
@@ -376,6 +387,7 @@ def open_listed(
             where=entry.path,
         ) from error
     if hashlib.sha256(data).hexdigest() != entry.sha256:
+        _refuse_replaced(dataset, manifest)
         found = path.stat().st_size
         raise DatasetError(
             f"{path}: was changed: expected {entry.bytes:,} bytes, sha256 {entry.sha256[:12]}…, "

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from conftest import commit_manifest, describe_file
 from painted_meshes import write_painted
+from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -21,6 +22,8 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
+from bsg_data.errors import DatasetError
+from bsg_data.files import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
@@ -319,3 +322,23 @@ def test_a_table_with_a_part_too_few_is_named(in_shards: Path) -> None:
     commit_manifest(in_shards, manifest.model_copy(update={"files": files}))
     found = [fault.what for fault in check_dataset(in_shards)]
     assert any("4 of scenes, 3 of rooms, 4 of objects, 4 of edges" in what for what in found)
+
+
+def test_a_dataset_that_another_command_writes_is_not_called_faulty(dataset: Path) -> None:
+    """What the other has written is a stray file until it is named."""
+    (dataset / "pairs" / "new-01234567.parquet").write_bytes(b"half")
+    with hold(dataset), refuses(DatasetError, "folder-busy", dataset):
+        check_dataset(dataset)
+    assert len(check_dataset(dataset)) == 1
+
+
+def test_a_dataset_that_was_replaced_during_a_check_is_checked_again(dataset: Path) -> None:
+    parts: list[int] = []
+
+    def replace_it(done: int, number: int) -> None:
+        if not parts:
+            write_pairs(dataset, PairsRecipe(draws=2), force=True)
+        parts.append(done)
+
+    assert check_dataset(dataset, progress=replace_it) == ()
+    assert parts.count(1) == 2

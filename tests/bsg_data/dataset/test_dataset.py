@@ -196,6 +196,13 @@ def test_a_changed_dataset_is_opened_again(dataset: Path, monkeypatch: pytest.Mo
     assert first.splits == before  # what was open stays what it was
 
 
+def test_a_dataset_that_another_command_replaces_is_not_called_damaged(dataset: Path) -> None:
+    opened = Dataset.open(dataset)
+    split_dataset(dataset, SplitRecipe(seed=1), force=True)
+    with refuses(DatasetError, "dataset-replaced", dataset):
+        _ = opened.splits
+
+
 @pytest.mark.parametrize("how", ["cut", "changed", "gone"])
 def test_a_damaged_file_is_refused(dataset: Path, how: str) -> None:
     path = sorted((dataset / "objects").glob("*.parquet"))[0]
