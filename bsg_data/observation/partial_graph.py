@@ -44,7 +44,6 @@ from bsg_data.spelling import show_value
 
 GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
 EVIDENCE_SCORE = 0.5  # models read objects that are there with at least this probability
-_MOST_HIDDEN = 0.99  # of a room in which something was seen: its objects are evidence
 MOST_MORE_ROOMS = 100
 _MOST_ID = 10**20  # of an id that is a number: any of 64 bits
 
@@ -273,8 +272,6 @@ class PartialGraph:
         """
         cells = self._cells()
         share = np.array([self.hidden_share, *(room.hidden_share for room in self.rooms)])
-        shown = [node for obj in self.objects if obj.is_evidence for node in (0, obj.room_index)]
-        share[shown] = np.minimum(share[shown], _MOST_HIDDEN)  # whatever was said
         visited = np.array([True, *(room.visited for room in self.rooms)])
         if isinstance(withheld, np.ndarray):
             if withheld.shape != cells.shape:

@@ -89,6 +89,7 @@ from bsg_data.scene.vocabularies import vocabulary_words
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 _MOST_WORDS = 5  # named in a note
+_MOST_HIDDEN = 0.99  # of a room that shows something, though all of it is said to be hidden
 _ENTRIES = {
     "rooms": "room",
     "objects": "object",
@@ -376,9 +377,18 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         Look(_find(one.room, index, f"look for {one.thing[:SHOWN]!r}"), one.thing, one.chance)
         for one in document.looks
     )
+    shown = {obj.room_index for obj in objects if obj.is_evidence}
+    rooms = tuple(
+        replace(room, hidden_share=_MOST_HIDDEN)
+        if room.hidden_share == 1 and number in shown
+        else room
+        for number, room in enumerate(rooms, start=1)
+    )
     share = document.hidden_share
     if share is None:
         share = float(np.mean([room.hidden_share for room in rooms])) if rooms else VAGUE.mean
+    if share == 1 and shown:
+        share = _MOST_HIDDEN
     return PartialGraph(
         scene_id=document.scene_id,
         class_space=by.space if isinstance(by, ClassMap) else by,

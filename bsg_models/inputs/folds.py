@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from bsg_data.dataset.histograms import choose_vocabulary
 from bsg_data.errors import DatasetError
@@ -61,3 +64,12 @@ def vocabulary_of(data: Dataset, scenes: Sequence[str], *, min_scenes: int) -> t
     """Return the categories outside the classes that occur in enough of some scenes."""
     unclassified = (data.unclassified(scene) for some in data.in_shards(scenes) for scene in some)
     return choose_vocabulary(unclassified, min_scenes=min_scenes)
+
+
+@lru_cache(maxsize=4)
+def untaught_of(data: Dataset, *, fold: int | None = None) -> tuple[str, ...]:
+    """Return the classes of which no train building has an object."""
+    every = data.in_shards(scenes_of(data, "train", fold=fold))
+    totals = sum(data.cells(scene).sum(axis=0) for some in every for scene in some)
+    classes = np.array(data.manifest.class_space.classes)
+    return tuple(classes[totals == 0].tolist())

@@ -836,6 +836,9 @@ class SeenBuilding:
         nouns = None if self._models[0].is_free else read_nouns()
         if thing not in self._meanings:
             found = self._find_meaning(thing, prefer_exact=not own, nouns=nouns)
+            if found.class_name in self._model(found.model).untaught:
+                never = f"no training building had a {found.class_name}, so none is expected"
+                found = replace(found, how="; ".join(filter(None, (found.how, never))))
             if len(self._meanings) >= _MOST_MEANINGS:
                 self._meanings.clear()
             self._meanings[thing] = found

@@ -28,6 +28,7 @@ from bsg_data.results import read_seal
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.errors import CheckpointError, ConfigError
+from bsg_models.inputs.folds import untaught_of
 from bsg_models.runs.checkpoint_file import (
     AGAIN,
     CHECKPOINT_VERSION,
@@ -57,6 +58,7 @@ class CheckpointHeader(Record):
     members: dict[str, RunConfig] = Field(default_factory=dict)
     # categories outside the classes that it reads, in the order of its columns
     vocabulary: tuple[str, ...] = ()
+    untaught: tuple[str, ...] = ()  # classes of which no train building had an object
     dataset_sha256: str  # of the manifest of the dataset that it was trained on
     calibrated: bool = False  # whether its calibration was fitted
     epoch: int = 0  # epochs done; 0 for a model that was fitted by counting
@@ -89,6 +91,7 @@ def make_header(
         class_space=data.manifest.class_space,
         class_maps=tuple(entry.read(data.path) for entry in data.manifest.class_maps),
         vocabulary=vocabulary,
+        untaught=untaught_of(data, fold=config.data.fold),
         dataset_sha256=data.sha256,
         **fields,
     )
@@ -185,6 +188,8 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
     except (ConfigError, CheckpointError) as error:
         raise CheckpointError(f"{path}: {error}") from error
     model.origin = str(path)
+    if header.untaught:
+        model.untaught = np.isin(header.class_space.classes, header.untaught)
     return model
 
 

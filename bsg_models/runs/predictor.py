@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+
+import numpy as np
 
 from bsg_data.arrays import Bools
 from bsg_data.errors import ClassMapError, MismatchError
@@ -30,6 +33,7 @@ from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restor
 from bsg_models.runs.found_model import DEFAULT_MODEL, find_model, read_shipped_card, weights_folder
 from bsg_models.runs.model_card import read_card
 from bsg_models.runs.share_posterior import update_shares
+from bsg_models.zoo.model import one_thread
 
 
 class Predictor:
@@ -77,6 +81,11 @@ class Predictor:
         return self._model.vocabulary
 
     @property
+    def untaught(self) -> tuple[str, ...]:
+        """Classes of which no train building had an object: none is expected anywhere."""
+        return self._header.untaught
+
+    @property
     def reads_labels(self) -> bool:
         """Whether the model reads the kinds of rooms."""
         return self._model.reads_labels
@@ -119,14 +128,15 @@ class Predictor:
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
-        return self._model.require_finite(lambda: self._answer(graph, seen, weigh_seen=weigh_seen))
+        with one_thread():
+            return self._answer(graph, seen, weigh_seen=weigh_seen)
 
     def _answer(self, graph: PartialGraph, seen: Observation, *, weigh_seen: bool) -> Expectation:
         """Return the expectation of what was seen, over the uncertain shares."""
         if weigh_seen:
-            graph = update_shares(graph, seen, expect_rooms=self._model.predict_rooms)
+            graph = self._update_shares(graph, seen)
         levels, weights = spread_shares(graph, seen)
-        expectation = self._model.predict(levels)
+        expectation = self._model.expect(levels)
         if len(weights) > 1:
             expectation = mix_copies(expectation, weights)
         # The paper's model does not read the hidden share, and expects some in a searched room.
@@ -149,8 +159,14 @@ class Predictor:
             PredictionError: if the answer is not finite.
         """
         seen = self._observe(graph, withheld)
-        after = update_shares(graph, seen, expect_rooms=self._model.expect_rooms)
+        after = self._update_shares(graph, seen)
         return tuple(room.share for room in after.rooms)
+
+    def _update_shares(self, graph: PartialGraph, seen: Observation) -> PartialGraph:
+        """Return a graph whose shares are updated by the classes that the model was taught."""
+        never = np.isin(self.classes, self.untaught)
+        taught = replace(seen, withheld=seen.withheld | never)
+        return update_shares(graph, taught, expect_rooms=self._model.expect_rooms)
 
     def _observe(self, graph: PartialGraph, withheld: Collection[int] | Bools) -> Observation:
         if graph.class_space != self.class_space:

@@ -15,10 +15,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import onnxscript  # noqa: F401 - by which torch exports: a missing one is named before any work
 import torch
 from torch import nn
 
+from bsg_data.arrays import Bools
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, encode_json
 from bsg_data.results import refuse_file, write_files
@@ -75,6 +77,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     for one in (path, beside):
         refuse_file(one, force=force)
     checkpoint = load_checkpoint(found.path)
+    header = checkpoint.header
     network = restore_model(found.path, checkpoint)
     if not isinstance(network, CountNetwork) or "adjacent" in network.inputs.edges:
         raise RecipeError(
@@ -86,7 +89,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     inputs, nodes = _make_inputs(network), torch.export.Dim("nodes", min=3)
     with _said_nothing():
         program: Any = torch.onnx.export(
-            _OneBuilding(network).eval(),
+            _OneBuilding(network, ~np.isin(header.class_space.classes, header.untaught)).eval(),
             tuple(getattr(inputs, one.name) for one in fields(inputs)),
             input_names=[one.name for one in fields(inputs)],
             output_names=["expected", "presence"],
@@ -97,7 +100,6 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
             dynamo=True,
             verbose=False,
         )
-    header = checkpoint.header
     said = {
         "format": "bsg-network",
         "name": found.name,
@@ -163,9 +165,9 @@ def _make_inputs(network: CountNetwork) -> _Inputs:
 class _OneBuilding(nn.Module):
     """A network as a function of the inputs of the file."""
 
-    def __init__(self, network: CountNetwork) -> None:
+    def __init__(self, network: CountNetwork, taught: Bools) -> None:
         super().__init__()
-        self._network = network
+        self._network, self._taught = network, torch.from_numpy(taught)
         self._weights = {name: torch.from_numpy(one) for name, one in network.weights.items()}
 
     def forward(
@@ -206,6 +208,7 @@ class _OneBuilding(nn.Module):
         )
         learned = to_distribution(self._network.forward(self._weights, nodes))
         counts = self._network.calibrate(learned, share)  # type: ignore[arg-type]
-        mean, presence = torch.as_tensor(counts.mean)[1:], torch.as_tensor(counts.presence)[1:]
+        mean = torch.as_tensor(counts.mean)[1:] * self._taught
+        presence = torch.as_tensor(counts.presence)[1:] * self._taught
         whole = mean.sum(dim=0, keepdim=True), 1 - (1 - presence).prod(dim=0, keepdim=True)
         return torch.cat([whole[0], mean]).float(), torch.cat([whole[1], presence]).float()

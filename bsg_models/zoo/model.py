@@ -6,7 +6,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from threadpoolctl import ThreadpoolController
 
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
@@ -50,11 +50,13 @@ class BeliefModel(ABC):
         inputs: what it can read.
         origin: the checkpoint that it was restored from; None if it was not restored.
         notes: remarks on its fit for the user, e.g. that it read a sample.
+        untaught: `[C]` classes of which no train building had an object: none is expected.
     """
 
     by_gradient: ClassVar[bool] = False
     origin: str | None = None
     notes: tuple[str, ...] = ()
+    untaught: Bools | None = None
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         self.config = config
@@ -104,7 +106,10 @@ class BeliefModel(ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        return self.require_finite(lambda: self.predict(seen))
+        found = self.require_finite(lambda: self.predict(seen))
+        if self.untaught is None:
+            return found
+        return replace(found, hidden_counts=found.hidden_counts.without(self.untaught))
 
     @abstractmethod
     def predict(self, seen: Observation) -> Expectation:
@@ -123,7 +128,10 @@ class BeliefModel(ABC):
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        return self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
+        found = self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
+        if self.untaught is None:
+            return found
+        return found.without(self.untaught if columns is None else self.untaught[columns])
 
     def predict_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None = None

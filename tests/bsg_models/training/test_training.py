@@ -18,11 +18,13 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.results import SEAL
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
+from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.checkpoint import (
     CheckpointHeader,
     load_checkpoint,
     save_checkpoint,
 )
+from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST, LAST, LOG, METRICS
 from bsg_models.studies.run_summary import summarise_run
 from bsg_models.training import training
@@ -251,3 +253,24 @@ def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(
     network.loss(nodes).backward()  # type: ignore[no-untyped-call]
     norm = torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
     assert norm.device == network.cells_of(nodes).device == meta
+
+
+@pytest.mark.parametrize("name", ["mixture", "gamma-poisson", "train-mean", "universal"])
+def test_a_class_that_was_never_taught_is_expected_nowhere_and_said(
+    name: str, dataset: Path, tmp_path: Path
+) -> None:
+    list(train_run(configure("training.epochs=2", name=name), dataset, tmp_path / "run"))
+    predictor = Predictor(tmp_path / "run")
+    data = Dataset.open(dataset)
+    objects = sum(data.cells(scene).sum(axis=0) for scene in scenes_of(data, "train"))
+    never = [one for one, number in zip(predictor.classes, objects, strict=True) if not number]
+    assert list(predictor.untaught) == never != []
+    seen = open_graph({"kitchen": [never[0], "chair"], "hall": []}, model=predictor)
+    columns = np.isin(predictor.classes, never)
+    assert seen.expectation().hidden[:, columns].max() == 0
+    assert seen.expectation().hidden[0, ~columns].max() > 0
+    assert seen.where(never[0])[0].seen, "what was seen there is there"
+    assert any(
+        note.startswith(f"never taught, so none is expected: {never[0]}") for note in seen.notes
+    )
+    assert f"no training building had a {never[1]}" in seen.understand(never[1]).how
