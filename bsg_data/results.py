@@ -49,12 +49,18 @@ _STAGE = ".unfinished"  # ends the name of the folder in which a single file is 
 _OF_BUILD = re.compile(rf"{re.escape(BUILD)}/(?:plan|part-[0-9]{{5}})\.json[^/]*")
 _ASIDE = ".{}.replaced"  # name of a folder while another replaces it
 _LINE = re.compile(r"(?P<sha256>[0-9a-f]{64})  (?P<name>(?!/)[^\\\x00-\x1f]+)")
-# What our single files say of themselves: JSON, ONNX and pages their format; figures who made
-# them; tables of predictions and recordings of Rerun what no others have.
+# What our single files say of themselves: a belief graph and the words of a network at their
+# start, Hydra's graph with a belief, a network and a figure anywhere, a page in its head, a table
+# of predictions in its schema, a recording of Rerun in its header.
 _MARK = re.compile(
-    rb"(?:[Ff]ormat|[Cc]reator|<dc:title|generator)(?:\W{1,5}|\" content=\")bsg-"
-    rb"|bsg\.masks_sha256|\ARRF2.{1,200}belief-scene-graphs",
-    re.DOTALL,
+    rb"""\A\{\s*"format":\ ?"bsg-(?:belief-graph|network)"
+    |"belief":\{"added":"
+    |format\W{1,5}bsg-network
+    |<meta\ name="generator"\ content="bsg-page">
+    |(?:Creator\W{1,5}|<dc:title>)bsg-figure
+    |bsg\.masks_sha256
+    |\ARRF2.{1,200}belief-scene-graphs""",
+    re.DOTALL | re.VERBOSE,
 )
 _ENDS = 256 * KIB  # bytes at both ends of a file, where it says so
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2

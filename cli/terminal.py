@@ -183,7 +183,7 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
     from multiprocessing import active_children, get_context
 
     with (
-        _importing_nothing_from_here(),
+        importing_nothing_from_here(),
         ProcessPoolExecutor(
             workers, mp_context=get_context("spawn"), initializer=_end_with_parent
         ) as pool,
@@ -204,7 +204,7 @@ def worker_pool(workers: int) -> Iterator[Executor | None]:
 
 
 @contextmanager
-def _importing_nothing_from_here() -> Iterator[None]:
+def importing_nothing_from_here() -> Iterator[None]:
     """Keep new processes from importing modules of the working folder, which may be untrusted.
 
     `multiprocessing` starts processes with `python -c`, which searches that folder first and would

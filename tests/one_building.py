@@ -35,9 +35,9 @@ def surround_rooms(
     return Surroundings.of_graph(graph, rooms)
 
 
-def read_pairs(dataset: Path, split: str) -> pa.Table:
+def read_pairs(dataset: Path | Dataset, split: str) -> pa.Table:
     """Read the stored pairs of one split or fold."""
-    data = Dataset.open(dataset)
+    data = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
     empty = pairs_schema(len(data.manifest.class_space.classes)).empty_table()
     return pa.concat_tables([empty, *stream_pairs(data, split)])
 

@@ -44,7 +44,12 @@ def parse_json(data: bytes | str, *, once: bool = True) -> Any:
     """Parse JSON; a key that is there twice is refused if `once`, else its last value is taken."""
     text = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
     _require_bounded(text)
-    document = from_json(text.removeprefix(b"\xef\xbb\xbf"), allow_inf_nan=False)
+    try:
+        document = from_json(text.removeprefix(b"\xef\xbb\xbf"), allow_inf_nan=False)
+    except ValueError as error:
+        if "recursion limit" in str(error):
+            raise ValueError("nested more than 200 deep") from None
+        raise
     if once:
         json.loads(text.decode("utf-8-sig"), object_pairs_hook=_require_once)
     return document

@@ -62,6 +62,7 @@ _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")
 _WHOLE = re.compile(r"-?[0-9]+(\.0+)?")  # pandas writes 3.0 for 3 where a column has gaps
 _SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
+_ROWS = 2_000  # that are decoded at a time, however long their words are
 _LONGEST = 200  # characters of a name; the longest of HM3D has 61
 _MOST = 100_000  # objects of a row
 _NAMED = 5  # things in a note; the others are counted
@@ -381,7 +382,9 @@ def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Seq
         names = file.schema_arrow.names
         yield "", names
         known = [name for name in names if _fold(name) in wanted]
-        rows = chain.from_iterable(_list_rows(b, names) for b in file.iter_batches(columns=known))
+        rows = chain.from_iterable(
+            _list_rows(b, names) for b in file.iter_batches(_ROWS, columns=known)
+        )
         for number, row in enumerate(rows, start=1):
             yield f"row {number}", row
 

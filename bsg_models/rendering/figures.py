@@ -79,7 +79,7 @@ def _plot_class_errors(errors: Floats, classes: Sequence[str]) -> Figure:
     axes.set_ylim(1.4 * min(errors.min(), -1.0), 1.4 * max(errors.max(), 1.0))
     axes.set_ylabel("predicted − true number\n(linear within ±2, then logarithmic)", fontsize=8)
     axes.grid(axis="y", linewidth=0.3)
-    axes.legend(fontsize=7, frameon=False)
+    axes.legend(loc="upper right", fontsize=7, frameon=False)
     return figure
 
 
@@ -113,7 +113,7 @@ def _plot_building(shown: ShownNodes, classes: Sequence[str]) -> Figure:
     top.set_ylabel("objects (E × O)", fontsize=8)
     bottom.set_ylabel("probability (E)", fontsize=8)
     bottom.set_xticks(positions, classes, rotation=90, fontsize=7)
-    top.legend(fontsize=8, frameon=False, ncols=3)
+    top.legend(loc="upper right", fontsize=8, frameon=False, ncols=3)
     for axes in (top, bottom):
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(x=0.01)
@@ -141,7 +141,7 @@ def plot_learning_curve(
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xlabel("epoch")
     axes.set_ylabel(loss)
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(loc="upper right", fontsize=8, frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     _save(figure, path, title=title)
 

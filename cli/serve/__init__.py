@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 
 import click
+from click.core import ParameterSource
 
 import bsg_models
 from bsg_cli.options import model_option
-from bsg_cli.terminal import Command, print_note
-from bsg_data.errors import ask_to_install
+from bsg_cli.terminal import Command, importing_nothing_from_here, print_note
+from bsg_data.errors import BSGError, ask_to_install
 
 _EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 -- addresses that are no names
 
@@ -30,7 +32,7 @@ _EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104 -- addresses that are no names
     "names",
     multiple=True,
     metavar="NAME",
-    help="A name by which others reach this machine: by --host, or through a proxy here. "
+    help="A name or address by which others reach this machine: by --host, or through a proxy. "
     "Repeat it for several.",
 )
 def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str, ...]) -> None:
@@ -49,7 +51,8 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
     try:
         import fastapi  # noqa: F401 -- which only the processes import that answer
 
-        from bsg_cli.serve.network import listen, speak
+        from bsg_cli.serve.network import listen
+        from bsg_cli.serve.stdio import speak
     except ModuleNotFoundError as error:
         if str(error.name).startswith("bsg_"):
             raise
@@ -60,18 +63,42 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
 
     if not host.strip():
         raise click.UsageError("--host: expected an address to listen on, found none")
+    asked = click.get_current_context().get_parameter_source
+    for name in ("host", "port", "names"):
+        if stdio and asked(name) is not ParameterSource.DEFAULT:
+            said = "allow-host" if name == "names" else name
+            raise click.UsageError(f"--stdio does not use --{said}; leave one of them out")
     names = tuple(map(read_host, names))
     model = bsg_models.DEFAULT_MODEL if model is None else model
     bsg_models.Predictor(model)  # or no such model, before anything is answered
-    if stdio:
-        speak(model)
-        return
+    with importing_nothing_from_here():
+        if stdio:
+            speak(model)
+            return
+        with _open_door(host, port) as door:
+            shown = f"[{host}]" if ":" in host else host
+
+            def announce() -> None:
+                print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
+                if host in _EVERYWHERE and not names:
+                    print_note(
+                        "others are refused until --allow-host says how they call this machine"
+                    )
+
+            own = () if host in _EVERYWHERE else (shown,)
+            listen(model, door, announce=announce, hosts=(*own, *names))
+
+
+def _open_door(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.create_server((host, port), family=family, backlog=2048) as door:
-        # An answer goes out at once; asyncio says so only for sockets that it opens itself.
-        door.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        shown = f"[{host}]" if ":" in host else host
-        print_note(f"listening on http://{shown}:{door.getsockname()[1]}; Ctrl-C ends it")
-        if host in _EVERYWHERE and not names:
-            print_note("other machines are refused until --allow-host NAME says how they call it")
-        listen(model, door, hosts=(*(() if host in _EVERYWHERE else (shown,)), *names))
+    try:
+        door = socket.create_server((host, port), family=family, backlog=2048)
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            said = f"port {port} of {host} is taken; take another --port, or 0 for any that is free"
+        else:
+            said = f"--host {host}: this machine has no such address ({error.strerror})"
+        raise BSGError(said, code="address") from error
+    # An answer goes out at once; asyncio says so only for sockets that it opens itself.
+    door.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return door

@@ -37,6 +37,8 @@ async def call(app: ASGIApp, scope: Scope, body: bytes) -> Answer:
         await app({"type": "http", **scope}, receive, send)
     except Exception:  # after the application has answered that it failed
         said = traceback.format_exc()
+    if not sent:
+        return Answer(500, [], b"", said)
     start, *pieces = sent
     whole = b"".join(piece.get("body", b"") for piece in pieces)
     return Answer(start["status"], [*start["headers"]], whole, said)

@@ -15,6 +15,7 @@ from bsg_data.recipes import Record
 MOST_BYTES = 8 * MIB  # of a question
 MOST_HELD = 256 * MIB  # of all questions at a time
 SECONDS_TO_ASK = 30.0
+ENDING = "the service ends; ask again when it runs"
 
 Answering = Callable[[Scope, bytes, Receive], Awaitable[Response]]
 
@@ -46,13 +47,19 @@ class Bounds:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
-        body = bytearray()
+        body, size = bytearray(), 0
         try:
-            fault = await self._read(scope, receive, body)
-            response = fault or await self._answer(scope, bytes(body), receive)
-            await response(scope, receive, send)
+            response = await self._read(scope, receive, body)
+            if response is None:
+                said, size = bytes(body), len(body)
+                body.clear()
+                response = await self._answer(scope, said, receive)
+        except anyio.get_cancelled_exc_class():  # nothing else ends a request than the whole end
+            response = refuse(503, ENDING, code="service-ending")
         finally:
-            self._held -= len(body)
+            self._held -= size or len(body)
+        with anyio.CancelScope(shield=True), anyio.move_on_after(SECONDS_TO_ASK):
+            await response(scope, receive, send)
 
     async def _read(self, scope: Scope, receive: Receive, body: bytearray) -> Response | None:
         """Read the body; a fault is told once all has come, for then a client listens."""

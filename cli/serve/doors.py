@@ -46,7 +46,7 @@ class KnownHosts:
             headers = Headers(scope=scope)
             origin = headers.get("origin", "")
             origin = origin.partition("://")[2] or origin
-            for host in filter(None, (headers.get("host", "none"), origin)):
+            for host in (headers.get("host") or "none", *filter(None, (origin,))):
                 if _PORT.sub("", host).lower() not in self._hosts:
                     said = (
                         f"host {host[:SHOWN]!r} is not known here; if you trust it, start "

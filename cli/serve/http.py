@@ -46,6 +46,7 @@ def make_app(service: Service) -> FastAPI:
         version=version("belief-scene-graphs"),
         docs_url=None,  # its page loads scripts from elsewhere
         redoc_url=None,
+        redirect_slashes=False,
         lifespan=lambda _: server.session_manager.run(),
         responses={code: {"model": Fault, "description": what} for code, what in _FAULTS.items()},
     )
@@ -130,6 +131,9 @@ async def _explain_question(request: Request, error: Exception) -> JSONResponse:
     where = ".".join(str(part)[:SHOWN] for part in fault["loc"][1:]) or "the question"
     is_whole = len(fault["loc"]) == 1
     said = "expected a JSON object" if is_whole else fault["msg"].removeprefix("Value error, ")
+    if fault["type"] == "too_long":
+        most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
+        said = f"expected at most {most}, found {found or 'more'}"
     if fault["type"] == "extra_forbidden":
         keys = (Find if request.url.path == "/find" else Expect).model_fields
         hint = ask_if_meant(where, keys) or f"known are {', '.join(keys)}"

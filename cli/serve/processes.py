@@ -20,17 +20,21 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope
 
 from bsg_cli.serve.answer import Answer, call
-from bsg_cli.serve.bounds import confess, refuse
+from bsg_cli.serve.bounds import ENDING, confess, refuse
 from bsg_data.inputs.bounds import KIB
 
 SMALL = 32 * KIB  # a question that has a process kept free of larger ones
 SECONDS_TO_WAIT, SECONDS_TO_ANSWER = 60.0, 10.0
+SECONDS_TO_LOAD = 60.0  # a model, at the start
+_SECONDS_LOST = 0.5  # within which a process fails that was killed before it was asked
 _KEPT = ("method", "path", "query_string", "headers")  # of a request, for the process
 _Headers = Iterable[tuple[bytes, bytes]]
 
 
 class Processes:
-    """Answers questions as many at a time as there are cores; the others wait."""
+    """Answers questions, one for each core at a time, 2 to 8; the others wait."""
+
+    seconds_to_end = 7  # for what is under way when the service is asked to end
 
     def __init__(self, model: str) -> None:
         self._model = model
@@ -38,55 +42,90 @@ class Processes:
         self._limiter = anyio.CapacityLimiter(number)
         self._free, self._free_for_large = anyio.Semaphore(number), anyio.Semaphore(number - 1)
         self._waiting: set[anyio.CancelScope] = set()
+        self._running: set[anyio.CancelScope] = set()
         self._is_ending = False
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a question is under way, or waits."""
+        return bool(self._waiting or self._running)
+
     async def start(self) -> None:
-        """Start the processes, so that the first question finds the model loaded."""
-        async with anyio.create_task_group() as tasks:
-            for _ in range(int(self._limiter.total_tokens)):
-                tasks.start_soon(self._run, None, b"")
+        """Start the processes, so that the first question finds the model loaded.
+
+        Raises:
+            BrokenWorkerProcess: if one cannot be started.
+            TimeoutError: if it takes too long.
+        """
+        with anyio.fail_after(SECONDS_TO_LOAD):
+            async with anyio.create_task_group() as tasks:
+                for _ in range(int(self._limiter.total_tokens)):
+                    tasks.start_soon(self._ask, None, b"")
 
     def end(self) -> None:
-        """Answer what is under way, and refuse what waits and what comes."""
+        """Give what is under way some seconds, and refuse what waits and what comes."""
         self._is_ending = True
         for waiting in self._waiting:
             waiting.cancel()
+        for running in self._running:
+            running.deadline = min(running.deadline, anyio.current_time() + self.seconds_to_end)
 
     async def __call__(self, scope: Scope, body: bytes, receive: Receive) -> Response:
         """Answer a question, unless the client leaves before it is its turn."""
         async with AsyncExitStack() as turn:
-            with anyio.move_on_after(SECONDS_TO_WAIT) as waiting:
-                self._waiting.add(waiting)
+            if self._is_ending or not await self._take_turn(turn, body, receive):
+                return self._refuse("busy", "too many questions at a time; ask again")
+            with anyio.move_on_after(SECONDS_TO_ANSWER) as running:
+                self._running.add(running)
+                try:
+                    kept = {key: scope[key] for key in _KEPT}
+                    answer = await self._ask(kept, body)
+                except anyio.BrokenWorkerProcess:
+                    said = "the process of this question was killed; ask about less, or again"
+                    return refuse(503, said, code="answer-killed")
+                finally:
+                    self._running.discard(running)
+            if running.cancelled_caught:
+                said = f"no answer within {SECONDS_TO_ANSWER:g} s; ask about fewer rooms or things"
+                return self._refuse("answer-late", said)
+        if answer.traceback:
+            logging.getLogger("uvicorn.error").error(answer.traceback)
+        return Response(answer.body, answer.status, dict(_decode(answer.headers)))
+
+    async def _take_turn(self, turn: AsyncExitStack, body: bytes, receive: Receive) -> bool:
+        """Wait until a process is free; return whether it is."""
+        with anyio.move_on_after(SECONDS_TO_WAIT) as waiting:
+            self._waiting.add(waiting)
+            try:
                 async with anyio.create_task_group() as tasks:
                     tasks.start_soon(_cancel_without_client, receive, waiting)
                     if len(body) > SMALL:
                         await turn.enter_async_context(self._free_for_large)
                     await turn.enter_async_context(self._free)
                     tasks.cancel_scope.cancel()
-            self._waiting.discard(waiting)
-            if self._is_ending:
-                said = "the service ends; ask again when it runs"
-                return refuse(503, said, code="service-ending")
-            if waiting.cancelled_caught:
-                return refuse(503, "too many questions at a time; ask again", code="busy")
-            return await self._run({key: scope[key] for key in _KEPT}, body)
+            finally:
+                self._waiting.discard(waiting)
+        return not (waiting.cancelled_caught or self._is_ending)
 
-    async def _run(self, scope: Scope | None, body: bytes) -> Response:
-        answer = None
-        with anyio.move_on_after(SECONDS_TO_ANSWER):
+    async def _ask(self, scope: Scope | None, body: bytes) -> Answer:
+        """Return the answer of a process; one that was killed while it was idle is replaced."""
+        began = anyio.current_time()
+        for number in range(int(self._limiter.total_tokens) + 1):
             try:
-                answer = await anyio.to_process.run_sync(
+                answer: Answer = await anyio.to_process.run_sync(
                     _answer, self._model, scope, body, cancellable=True, limiter=self._limiter
                 )
             except anyio.BrokenWorkerProcess:
-                said = "the process of this question was killed; ask about less, or again"
-                return refuse(503, said, code="answer-killed")
-        if answer is None:
-            said = f"no answer within {SECONDS_TO_ANSWER:g} s; ask about fewer rooms or things"
-            return refuse(503, said, code="answer-late")
-        if answer.traceback:
-            logging.getLogger("uvicorn.error").error(answer.traceback)
-        return Response(answer.body, answer.status, dict(_decode(answer.headers)))
+                if number or anyio.current_time() - began > _SECONDS_LOST:
+                    raise
+            else:
+                return answer
+        raise AssertionError
+
+    def _refuse(self, code: str, said: str) -> Response:
+        if self._is_ending:
+            code, said = "service-ending", ENDING
+        return refuse(503, said, code=code)
 
 
 async def _cancel_without_client(receive: Receive, waiting: anyio.CancelScope) -> None:

@@ -209,7 +209,7 @@ def test_an_error_while_files_are_committed_leaves_a_way_on(
 
 def test_single_files_are_one_result(tmp_path: Path) -> None:
     first, second = tmp_path / "a", tmp_path / "b"
-    first.write_text(old := '{"format": "bsg-old"}')
+    first.write_text(old := '{"format": "bsg-network"}')
     second.mkdir()
     with refuses(DatasetError, "path-folder", second), write_files([first, second], force=True):
         pass

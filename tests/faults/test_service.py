@@ -182,7 +182,7 @@ def test_nothing_of_a_question_stays(service: tuple[int, str], stride: int) -> N
         for one in both:
             one.join()
 
-    ask_twice(8, 2_500)  # until all that is kept for the next question is full
+    ask_twice(14, 3_000)  # until all that is kept for the next question is full
     before = measure()
     ask_twice(20_000 if stride == 1 else 500, 8)
     assert measure() - before < 20_000_000, (before, measure())

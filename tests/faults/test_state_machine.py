@@ -268,9 +268,7 @@ class House(RuleBasedStateMachine):
         data = Dataset.open(dataset)
         cells = tuple(int(data.cells(scene).sum()) for scene in data.scene_ids)
         splits = read_splits(dataset, manifest=data.manifest)
-        rows = [
-            len(read_pairs(dataset, split)) for split in splits if data.manifest.pairs is not None
-        ]
+        rows = [len(read_pairs(data, split)) for split in splits if data.manifest.pairs is not None]
         return cells, tuple(splits.items()), tuple(rows)
 
     def change(

@@ -80,5 +80,5 @@ def test_who_waits_may_leave_and_is_told_that_the_service_ends(
         "left": (503, "busy"),
         "small": (200, ""),
         "waits": (503, "service-ending"),
-        "large": (503, "answer-late"),
+        "large": (503, "service-ending"),  # seven seconds after it was asked to end
     }
