@@ -147,7 +147,10 @@ def test_old_results_are_replaced_by_force_alone(tmp_path: Path) -> None:
     refuse_file(tmp_path / "page.html", force=True)
     with refuses(DatasetError, "path-taken", tmp_path / "page.html"):
         refuse_file(tmp_path / "page.html", force=False)
-    for name, work in (("a.html", "<title>bsg-belief</title>"), ("a.json", '{"format": "mine"}')):
+    robot = '{"format": "bsg-partial-graph", "scene_id": "home", "rooms": []}'  # said by hand
+    quoted = 'x = {"format": "bsg-belief-graph"}  # my script'
+    page = "<title>bsg-belief</title>"
+    for name, work in (("a.html", page), ("a.json", robot), ("a.py", quoted)):
         (tmp_path / name).write_text(work)
         with refuses(DatasetError, "foreign-file", tmp_path / name):
             refuse_file(tmp_path / name, force=True)
