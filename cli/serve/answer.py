@@ -19,7 +19,7 @@ class Answer(NamedTuple):
 
 
 async def call(app: ASGIApp, scope: Scope, body: bytes) -> Answer:
-    """Call an application in this process."""
+    """Call an application in this process; what it raises after its answer is in the answer."""
     sent: list[Message] = []
     left: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
@@ -35,10 +35,10 @@ async def call(app: ASGIApp, scope: Scope, body: bytes) -> Answer:
     said = ""
     try:
         await app({"type": "http", **scope}, receive, send)
-    except Exception:  # after the application has answered that it failed
+    except Exception:
+        if not sent:
+            raise
         said = traceback.format_exc()
-    if not sent:
-        return Answer(500, [], b"", said)
     start, *pieces = sent
     whole = b"".join(piece.get("body", b"") for piece in pieces)
     return Answer(start["status"], [*start["headers"]], whole, said)

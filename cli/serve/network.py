@@ -6,6 +6,7 @@ import functools
 import resource
 import socket
 from collections.abc import Callable, Sequence
+from itertools import chain
 from typing import Any
 
 import uvicorn
@@ -13,7 +14,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from bsg_cli.serve.bounds import SECONDS_TO_ASK, Bounds
 from bsg_cli.serve.doors import LOCAL, KnownHosts
-from bsg_cli.serve.processes import Processes
+from bsg_cli.serve.processes import SECONDS_TO_END, Processes
 
 MOST_CONNECTIONS = 2000
 _KEPT_FILES = 100  # of those that a process may open, for all but connections
@@ -34,10 +35,11 @@ class _Places:
 
     def make_room(self) -> None:
         """End the connection that has waited longest, of those that never asked if there are."""
-        oldest = next(iter(self.strangers or self.answered))
-        oldest.transport.abort()
-        oldest.connections.discard(oldest)
-        self.leave(oldest)
+        oldest = next(chain(self.strangers, self.answered), None)
+        if oldest is not None:
+            oldest.transport.abort()
+            oldest.connections.discard(oldest)
+            self.leave(oldest)
 
 
 class _Connection(H11Protocol):  # type: ignore[misc]
@@ -53,9 +55,7 @@ class _Connection(H11Protocol):  # type: ignore[misc]
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
-        if len(self.connections) > self._places.most and (
-            self._places.strangers or self._places.answered
-        ):
+        if len(self.connections) > self._places.most:
             self._places.make_room()
         self._places.strangers[self] = None
 
@@ -134,7 +134,7 @@ def listen(
         proxy_headers=False,
         server_header=False,
         limit_concurrency=2 * most,  # that have asked, or are about to end
-        timeout_graceful_shutdown=processes.seconds_to_end + 1,
+        timeout_graceful_shutdown=SECONDS_TO_END + 1,
     )
     _Server(config, processes, announce).run(sockets=[door])
 

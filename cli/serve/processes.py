@@ -12,7 +12,7 @@ import os
 import signal
 import traceback
 from collections.abc import Iterable
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
 
 import anyio
 import anyio.to_process
@@ -21,11 +21,13 @@ from starlette.types import ASGIApp, Receive, Scope
 
 from bsg_cli.serve.answer import Answer, call
 from bsg_cli.serve.bounds import ENDING, confess, refuse
+from bsg_data.errors import BSGError
 from bsg_data.inputs.bounds import KIB
 
 SMALL = 32 * KIB  # a question that has a process kept free of larger ones
 SECONDS_TO_WAIT, SECONDS_TO_ANSWER = 60.0, 10.0
 SECONDS_TO_LOAD = 60.0  # a model, at the start
+SECONDS_TO_END = 7  # for what is under way when the service is asked to end
 _SECONDS_LOST = 0.5  # within which a process fails that was killed before it was asked
 _KEPT = ("method", "path", "query_string", "headers")  # of a request, for the process
 _Headers = Iterable[tuple[bytes, bytes]]
@@ -33,8 +35,6 @@ _Headers = Iterable[tuple[bytes, bytes]]
 
 class Processes:
     """Answers questions, one for each core at a time, 2 to 8; the others wait."""
-
-    seconds_to_end = 7  # for what is under way when the service is asked to end
 
     def __init__(self, model: str) -> None:
         self._model = model
@@ -54,13 +54,25 @@ class Processes:
         """Start the processes, so that the first question finds the model loaded.
 
         Raises:
-            BrokenWorkerProcess: if one cannot be started.
-            TimeoutError: if it takes too long.
+            BSGError: if they do not start, or it takes too long.
         """
-        with anyio.fail_after(SECONDS_TO_LOAD):
+        started: list[Answer] = []
+
+        async def start_one() -> None:
+            with suppress(anyio.BrokenWorkerProcess):
+                started.append(await self._ask(None, b""))
+
+        number = int(self._limiter.total_tokens)
+        with anyio.move_on_after(SECONDS_TO_LOAD):
             async with anyio.create_task_group() as tasks:
-                for _ in range(int(self._limiter.total_tokens)):
-                    tasks.start_soon(self._ask, None, b"")
+                for _ in range(number):
+                    tasks.start_soon(start_one)
+        if len(started) < number:
+            raise BSGError(
+                f"{len(started)} of {number} processes that answer started within "
+                f"{SECONDS_TO_LOAD:g} s; free some memory, and start again",
+                code="process-missing",
+            )
 
     def end(self) -> None:
         """Give what is under way some seconds, and refuse what waits and what comes."""
@@ -68,7 +80,7 @@ class Processes:
         for waiting in self._waiting:
             waiting.cancel()
         for running in self._running:
-            running.deadline = min(running.deadline, anyio.current_time() + self.seconds_to_end)
+            running.deadline = min(running.deadline, anyio.current_time() + SECONDS_TO_END)
 
     async def __call__(self, scope: Scope, body: bytes, receive: Receive) -> Response:
         """Answer a question, unless the client leaves before it is its turn."""
@@ -110,17 +122,16 @@ class Processes:
     async def _ask(self, scope: Scope | None, body: bytes) -> Answer:
         """Return the answer of a process; one that was killed while it was idle is replaced."""
         began = anyio.current_time()
-        for number in range(int(self._limiter.total_tokens) + 1):
+        while True:
             try:
                 answer: Answer = await anyio.to_process.run_sync(
                     _answer, self._model, scope, body, cancellable=True, limiter=self._limiter
                 )
             except anyio.BrokenWorkerProcess:
-                if number or anyio.current_time() - began > _SECONDS_LOST:
+                if anyio.current_time() - began > _SECONDS_LOST:
                     raise
             else:
                 return answer
-        raise AssertionError
 
     def _refuse(self, code: str, said: str) -> Response:
         if self._is_ending:

@@ -77,7 +77,7 @@ class _BoundedLines:
                 self._refuse(line, str(fault)[:SHOWN])
             else:
                 return line.decode("utf-8", "replace")
-        time.sleep(0.1)  # until the last question is under way
+        time.sleep(0.3)  # until the last question is under way
         while self._processes.is_busy:
             time.sleep(0.1)
         return ""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from typing import Any
 
 import anyio
@@ -44,6 +46,16 @@ def test_a_question_that_takes_too_long_ends_with_its_process(
         assert await ask(processes, SIMPLE) == (200, "")
 
     anyio.run(run)
+
+
+def test_a_service_whose_processes_do_not_start_says_so() -> None:
+    late = "import bsg_cli.serve.processes as one; one.SECONDS_TO_LOAD = 0.001"
+    line = f"{late}; from bsg_cli.serve import main; main()"
+    words = [sys.executable, "-c", line, "--port", "0"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "Error: 0 of" in done.stderr
+    assert "listening" not in done.stderr
 
 
 def test_who_waits_may_leave_and_is_told_that_the_service_ends(
