@@ -44,6 +44,8 @@ class Processes:
         self._waiting: set[anyio.CancelScope] = set()
         self._running: set[anyio.CancelScope] = set()
         self._is_ending = False
+        # asyncio warns if a process that is killed was waited for by another thread.
+        logging.getLogger("asyncio").setLevel(logging.ERROR)
 
     @property
     def is_busy(self) -> bool:
