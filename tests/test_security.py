@@ -7,7 +7,7 @@ import re
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.inputs import bounded_file, bounds, parquet
+from bsg_data.inputs import bounded_file, bounds, parquet_pages
 from bsg_data.inputs.bounds import GIB, KIB, MIB
 
 
@@ -25,7 +25,7 @@ def list_expected() -> dict[str, list[str]]:
     return {
         "JSON": [f"{bounds.MAX_CONTAINERS:,} lists", f"{bounds.MAX_VALUES:,} values"],
         "YAML": [f"{bounds.MAX_NESTING} deep"],
-        "packed files": [*packed, size(parquet.UNSUSPICIOUS)],
+        "packed files": packed,
         "a robot's graph": [
             size(bounds.ROBOT),
             f"{bounds.MAX_ROBOT_ROOMS:,} rooms",
@@ -54,6 +54,7 @@ def list_expected() -> dict[str, list[str]]:
             size(bounds.LAYOUT),
             size(bounds.LABEL_SPACE),
         ],
+        "parquet": [size(parquet_pages.MAX_PAGE), f"{parquet_pages.MAX_PAGES:,} pages"],
         "a class map, a configuration, a prior table": [
             size(bounds.CLASS_MAP),
             size(bounds.CONFIG),

@@ -34,7 +34,7 @@ MAX_SHEET_COLUMNS = 64
 MAX_CELLS = 1_000_000  # of the sheets that are read, that are not empty
 MAX_CELL = 32_767  # letters of a cell; no program writes more
 S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
-TABLE = 4 * GIB  # of objects, CSV or parquet
+TABLE = 512 * MIB  # of objects, CSV, or parquet as it unpacks
 MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects
 MAX_LINE = MIB  # characters of a line of CSV
 

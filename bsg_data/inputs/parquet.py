@@ -11,43 +11,40 @@ import pyarrow.parquet as pq
 
 from bsg_data.errors import BSGError, SourceError
 from bsg_data.inputs.bounded_file import Refusal
-from bsg_data.inputs.bounds import MAX_RATIO, MIB
+from bsg_data.inputs.parquet_pages import measure_pages
 
-UNSUSPICIOUS = 256 * MIB  # unpacked, before a ratio is judged
 # What Arrow raises for bytes that are no parquet of ours: UnicodeDecodeError is a ValueError.
 _DAMAGE = (OSError, pa.ArrowException, KeyError, IndexError, TypeError, ValueError, OverflowError)
 
 
 def open_parquet_file(
-    path: Path, *, most: int, dictionaries: Sequence[str] = (), error: Refusal = SourceError
+    path: Path,
+    *,
+    most: int,
+    bound: int,
+    dictionaries: Sequence[str] = (),
+    error: Refusal = SourceError,
 ) -> pq.ParquetFile:
-    """Open a parquet file of at most so many rows; dictionaries are columns of repeated words."""
+    """Open a parquet file of at most so many rows and bytes, as they unpack.
+
+    Dictionaries are columns of words that repeat.
+    """
     with refusing_damage(path, error=error):
+        with path.open("rb") as data:
+            size = measure_pages(data)
+        if size > bound:
+            raise error(
+                f"{path}: expected at most {bound:,} bytes, unpacked, found {size:,}",
+                code="file-too-large",
+                where=path,
+            )
         file = pq.ParquetFile(path, read_dictionary=list(dictionaries))
     found = file.metadata.num_rows
     if found > most:
         file.close()
         message = f"{path}: expected at most {most:,} rows, found {found:,}"
         raise error(message, code="parquet-rows", where=path)
-    if _unpacked_size(file.metadata) > max(UNSUSPICIOUS, MAX_RATIO * path.stat().st_size):
-        file.close()
-        raise error(
-            f"{path}: unpacks to more than {MAX_RATIO} times its size; write it as .csv, if it is "
-            "what it should be",
-            code="file-packed-too-well",
-            where=path,
-        )
     return file
-
-
-def _unpacked_size(said: pq.FileMetaData) -> int:
-    """Return the bytes of all columns in memory, if none is a list.
-
-    What a damaged file says of single columns ends the process in Arrow.
-    """
-    groups = map(said.row_group, range(said.num_row_groups))
-    sizes: list[int] = [group.total_byte_size for group in groups]
-    return sum(sizes) + 8 * int(said.num_rows * said.num_columns)
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from typing import Annotated, Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -62,7 +63,7 @@ _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")
 _WHOLE = re.compile(r"-?[0-9]+(\.0+)?")  # pandas writes 3.0 for 3 where a column has gaps
 _SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
-_ROWS = 2_000  # that are decoded at a time, however long their words are
+_ROWS = 200  # that are decoded at a time, however long their words are
 _LONGEST = 200  # characters of a name; the longest of HM3D has 61
 _MOST = 100_000  # objects of a row
 _NAMED = 5  # things in a note; the others are counted
@@ -364,21 +365,14 @@ def _read_lines(path: Path, file: BinaryIO) -> Iterator[str]:
 
 def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Sequence[Any]]]:
     """Yield the names of the columns, then the line and the values of every row."""
-    with open_parquet_file(path, most=MAX_OBJECT_ROWS) as file, refusing_damage(path):
+    with open_parquet_file(path, most=MAX_OBJECT_ROWS, bound=TABLE) as file, refusing_damage(path):
         leaves = [file.schema.column(at) for at in range(len(file.schema))]
     for leaf in leaves:  # runs of a list have any number of values
         name = leaf.path.split(".")[0]
         if leaf.max_repetition_level and _fold(name) in wanted:
             message = f"{path}, column {name}: expected text, found lists; put ; between names"
             raise SourceError(message, code="table-lists", where=path)
-    words = [
-        leaf.path
-        for leaf in leaves
-        if leaf.physical_type == "BYTE_ARRAY" and _fold(leaf.path) in wanted
-    ]
-    # As dictionaries, a word that repeats is one object, however long it is.
-    opened = open_parquet_file(path, most=MAX_OBJECT_ROWS, dictionaries=words)
-    with opened as file, refusing_damage(path):
+    with refusing_damage(path), pq.ParquetFile(path) as file:
         names = file.schema_arrow.names
         yield "", names
         known = [name for name in names if _fold(name) in wanted]
@@ -397,14 +391,12 @@ def _list_rows(batch: pa.RecordBatch, names: Sequence[str]) -> Iterator[Sequence
 
 
 def _list_values(column: pa.Array) -> list[Any]:
-    """Return the values of a column; `to_pylist` would make a text anew for every row."""
-    kind, listed = column.type, column
-    if pa.types.is_dictionary(kind):
-        words = _list_values(column.dictionary)
-        return [None if at is None else words[at] for at in column.indices.to_pylist()]
-    if any(is_bytes(kind) for is_bytes in _BYTES):  # so some programs write text
-        listed = column.cast(pa.binary()).cast(pa.string())
-    values: list[Any] = listed.to_pylist()
+    """Return the values of a column, text as text also where a program wrote it as bytes."""
+    if pa.types.is_dictionary(column.type):
+        column = column.cast(column.type.value_type)
+    if any(is_bytes(column.type) for is_bytes in _BYTES):
+        column = column.cast(pa.binary()).cast(pa.string())
+    values: list[Any] = column.to_pylist()
     return values
 
 

@@ -28,7 +28,7 @@ import pyarrow.parquet as pq
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.files import open_beside
-from bsg_data.inputs.bounds import MAX_STREAMED_ROWS
+from bsg_data.inputs.bounds import DATASET_TABLE, MAX_STREAMED_ROWS
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE
@@ -97,7 +97,11 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
 
 def _open(path: Path) -> pq.ParquetFile:
     return open_parquet_file(
-        path, most=MAX_STREAMED_ROWS, dictionaries=_TEXTS, error=PredictionError
+        path,
+        most=MAX_STREAMED_ROWS,
+        bound=DATASET_TABLE,
+        dictionaries=_TEXTS,
+        error=PredictionError,
     )
 
 

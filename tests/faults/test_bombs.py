@@ -103,6 +103,26 @@ def make_long_words(path: Path) -> None:
     pq.write_table(table, path, compression="zstd", use_dictionary=False)
 
 
+def make_lie(path: Path) -> None:
+    """Write those words with an index that says that they take a byte."""
+    make_long_words(path)
+    said = pq.ParquetFile(path).metadata.row_group(0).total_byte_size
+    true = _as_varint(said)
+    lie = bytes([2 | 0x80, *[0x80] * (len(true) - 2), 0])  # 1, in as many bytes
+    data = path.read_bytes()
+    assert data.count(true) == 1
+    path.write_bytes(data.replace(true, lie))
+    assert pq.ParquetFile(path).metadata.row_group(0).total_byte_size == 1
+
+
+def _as_varint(number: int) -> bytes:
+    number, digits = 2 * number, []
+    while number:
+        digits.append(number & 127 | 128)
+        number >>= 7
+    return bytes([*digits[:-1], digits[-1] & 127])
+
+
 def make_entities(path: Path) -> None:
     """Write a spreadsheet whose one text is an entity of entities."""
     levels = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(7))
@@ -151,6 +171,7 @@ BOMBS = {
     "a long word in 200,000 rows": (make_long_word, "a.parquet", TABLE),
     "a row of 50 million rooms": (make_long_list, "a.parquet", TABLE),
     "20,000 long words": (make_long_words, "a.parquet", TABLE),
+    "an index that lies": (make_lie, "a.parquet", TABLE),
     "a spreadsheet of entities": (make_entities, "a.xlsx", SHEETS),
     "annotation of 5,000,000 lines": (
         text("HM3D Semantic Annotations\n" * 5_000_000),

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import DatasetError, SourceError
+from bsg_data.inputs.bounds import MIB
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
 
 TABLE = pa.table({"name": ["chair", "bed", None], "list": [[1.0], [], [2.0, 3.0]]})
@@ -26,12 +27,12 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_no_more_rows_are_read_than_expected(path: Path) -> None:
-    with open_parquet_file(path, most=3) as file:
+    with open_parquet_file(path, most=3, bound=MIB) as file:
         assert file.read() == TABLE
     with refuses(DatasetError, "parquet-rows", path):
-        open_parquet_file(path, most=2, error=DatasetError)
+        open_parquet_file(path, most=2, bound=MIB, error=DatasetError)
     with refuses(SourceError, "parquet-unreadable", path.parent, golden=False):
-        open_parquet_file(path.parent, most=3)
+        open_parquet_file(path.parent, most=3, bound=MIB)
 
 
 @settings(max_examples=300, deadline=None)
@@ -44,7 +45,7 @@ def test_damage_anywhere_is_one_error(path: Path, place: int, byte: int, end: in
         damaged.write_bytes(content)
         with (
             suppress(SourceError),
-            open_parquet_file(damaged, most=99) as file,
+            open_parquet_file(damaged, most=99, bound=MIB) as file,
             refusing_damage(damaged),
         ):
             file.read(use_threads=False).validate(full=True)

@@ -1,0 +1,54 @@
+"""What the pages of parquet unpack to, by what Arrow was given to write."""
+
+from __future__ import annotations
+
+import io
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bsg_data.inputs import parquet_pages
+from bsg_data.inputs.parquet_pages import measure_pages
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.text(max_size=40), max_size=300),
+    st.integers(0, 20),
+    st.sampled_from(["none", "zstd", "snappy"]),
+    st.sampled_from(["1.0", "2.0"]),
+)
+def test_the_size_of_all_values_is_found_however_they_are_packed(
+    names: list[str], columns: int, packed: str, version: str
+) -> None:
+    kinds = [pa.field(f"c{number}", pa.int64(), nullable=False) for number in range(columns)]
+    schema = pa.schema([pa.field("name", pa.string(), nullable=False), *kinds])
+    values = [pa.array(names, pa.string()), *[pa.array(range(len(names)), pa.int64())] * columns]
+    sink = io.BytesIO()
+    pq.write_table(
+        pa.table(values, schema=schema),
+        sink,
+        compression=packed,
+        use_dictionary=False,
+        row_group_size=97,
+        data_page_size=256,
+        data_page_version=version,
+    )
+    texts = sum(4 + len(name.encode()) for name in names)
+    assert measure_pages(sink) == texts + 8 * columns * len(names)
+
+
+def test_pages_that_are_too_large_or_too_many_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    sink = io.BytesIO()
+    words = pa.table({"name": [f"{number:09}" for number in range(1_000)]})
+    pq.write_table(words, sink, use_dictionary=False)
+    size = 1_000 * (4 + 9)  # lengths and letters
+    assert size < measure_pages(sink) < size + 10  # and which are null
+    for name, most in (("MAX_PAGES", 0), ("MAX_PAGE", size), ("MAX_INDEX", 99)):
+        with monkeypatch.context() as bound:
+            bound.setattr(parquet_pages, name, most)
+            with pytest.raises(ValueError, match=r"more|fewer|expected"):
+                measure_pages(sink)
