@@ -21,6 +21,7 @@ from starlette.types import ASGIApp, Receive, Scope
 
 from bsg_cli.serve.answer import Answer, call
 from bsg_cli.serve.bounds import ENDING, confess, refuse
+from bsg_cli.serve.turns import Turns
 from bsg_data.errors import BSGError
 from bsg_data.inputs.bounds import KIB
 
@@ -40,7 +41,7 @@ class Processes:
         self._model = model
         number = max(2, min(os.cpu_count() or 2, 8))
         self._limiter = anyio.CapacityLimiter(number)
-        self._free, self._free_for_large = anyio.Semaphore(number), anyio.Semaphore(number - 1)
+        self._turns = Turns(number)
         self._waiting: set[anyio.CancelScope] = set()
         self._running: set[anyio.CancelScope] = set()
         self._is_ending = False
@@ -87,7 +88,7 @@ class Processes:
     async def __call__(self, scope: Scope, body: bytes, receive: Receive) -> Response:
         """Answer a question, unless the client leaves before it is its turn."""
         async with AsyncExitStack() as turn:
-            if self._is_ending or not await self._take_turn(turn, body, receive):
+            if self._is_ending or not await self._take_turn(turn, scope, body, receive):
                 return self._refuse("busy", "too many questions at a time; ask again")
             with anyio.move_on_after(SECONDS_TO_ANSWER) as running:
                 self._running.add(running)
@@ -106,16 +107,18 @@ class Processes:
             logging.getLogger("uvicorn.error").error(answer.traceback)
         return Response(answer.body, answer.status, dict(_decode(answer.headers)))
 
-    async def _take_turn(self, turn: AsyncExitStack, body: bytes, receive: Receive) -> bool:
+    async def _take_turn(
+        self, turn: AsyncExitStack, scope: Scope, body: bytes, receive: Receive
+    ) -> bool:
         """Wait until a process is free; return whether it is."""
         with anyio.move_on_after(SECONDS_TO_WAIT) as waiting:
             self._waiting.add(waiting)
             try:
                 async with anyio.create_task_group() as tasks:
                     tasks.start_soon(_cancel_without_client, receive, waiting)
-                    if len(body) > SMALL:
-                        await turn.enter_async_context(self._free_for_large)
-                    await turn.enter_async_context(self._free)
+                    client, _ = scope.get("client") or ("", 0)
+                    turns = self._turns.take(client, is_large=len(body) > SMALL)
+                    await turn.enter_async_context(turns)
                     tasks.cancel_scope.cancel()
             finally:
                 self._waiting.discard(waiting)
