@@ -465,7 +465,9 @@ def refuse_file(path: Path, *, force: bool) -> None:
     stage = _stage_of(path)
     _refuse_taken(path, stage, force=force)
     if os.path.lexists(path) and not (_is_ours(path, stage, path.name) or _is_marked(path)):
-        message = f"{path}: is no file that this program wrote; move it away, or name another"
+        message = (
+            f"{path}: nothing in it says that this program wrote it; move it away, or name another"
+        )
         raise DatasetError(message, code="foreign-file", where=path)
 
 

@@ -290,8 +290,8 @@ def _refusal(word: str, kind: str | None, roles: Set[Role], near: Sequence[str])
         why = "no known thing has this English name"
     hint = f"; did you mean {', '.join(near)}?" if near else "."
     return (
-        f"no model here can look for {word!r}: {why}{hint} `bsg-data map show NAME` says which "
-        "classes have a name"
+        f"no model here can look for {word!r}: {why}{hint} `bsg-data map show CATEGORY` says "
+        "which class a name has"
     )
 
 

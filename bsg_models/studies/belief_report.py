@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -95,8 +95,8 @@ def report_beliefs(
     results = [(choose_format(path), path) for path in request.out]
     paths = [path.absolute() for _, path in results]
     paths += [file.path.absolute() for file in request.graphs]
-    if len(set(paths)) < len(paths):
-        raise RecipeError("one file is named twice", code="output-twice")
+    for path in (path for path, times in Counter(paths).items() if times > 1):
+        raise RecipeError(f"{path}: is named twice", code="output-twice", where=path)
     singles = [path for row, path in results if row.name != TABLES.name]
     for row, path in results:
         if row.name == TABLES.name:

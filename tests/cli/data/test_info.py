@@ -47,7 +47,7 @@ def test_a_figure_is_replaced_by_force_alone(
     assert "--force replaces it" in run("info", dataset, "--figure", figure, code=1).stderr
     assert figure.read_bytes() == b"years of work"
     result = run("info", dataset, "--figure", figure, "--force", code=1)
-    assert "is no file that this program wrote" in result.stderr
+    assert "nothing in it says that this program wrote it" in result.stderr
     assert figure.read_bytes() == b"years of work"
     figure.unlink()
     for _ in range(2):

@@ -23,7 +23,6 @@ def answer(questions: list[tuple[str, bool]], *, number: int) -> list[int]:
         async with anyio.create_task_group() as tasks:
             for at, question in enumerate(questions):
                 tasks.start_soon(ask, at, *question)
-                await anyio.sleep(0)
 
     anyio.run(run)
     return came
