@@ -76,8 +76,6 @@ class _Thrift:
         self._data, self.at, self._records = data, 0, 0
 
     def read_struct(self, depth: int = 0) -> _Struct:
-        if depth > _MAX_DEPTH:
-            raise ValueError(f"records nested more than {_MAX_DEPTH} deep")
         found: _Struct = {}
         field = 0
         self._count(1)
@@ -88,6 +86,8 @@ class _Thrift:
         return found
 
     def _read(self, kind: int, depth: int) -> Any:
+        if depth > _MAX_DEPTH:
+            raise ValueError(f"records nested more than {_MAX_DEPTH} deep")
         if kind in (_TRUE, _FALSE, _BYTE):  # the truth of a list takes a byte
             return self._read_byte()
         if kind in _INTEGERS:

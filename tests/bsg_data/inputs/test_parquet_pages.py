@@ -52,3 +52,15 @@ def test_pages_that_are_too_large_or_too_many_are_refused(monkeypatch: pytest.Mo
             bound.setattr(parquet_pages, name, most)
             with pytest.raises(ValueError, match=r"more|fewer|expected"):
                 measure_pages(sink)
+
+
+def test_lists_in_lists_without_an_end_are_refused() -> None:
+    sink = io.BytesIO()
+    pq.write_table(pa.table({"name": ["a"]}), sink)
+    data = bytearray(sink.getvalue())
+    index = b"\x19" * 5_000  # a field that is a list of one list of one list …
+    data[-8 - int.from_bytes(data[-8:-4], "little") :] = (
+        index + len(index).to_bytes(4, "little") + b"PAR1"
+    )
+    with pytest.raises(ValueError, match="nested more than 16 deep"):
+        measure_pages(io.BytesIO(bytes(data)))
