@@ -86,9 +86,20 @@ def parse_yaml(data: bytes) -> Any:
 def parse_toml(text: bytes | str) -> dict[str, Any]:
     """Parse TOML."""
     try:
-        return tomllib.loads(decode(text))
+        parsed = tomllib.loads(decode(text))
     except RecursionError:
-        raise ValueError("nested beyond reason") from None
+        parsed = None
+    if parsed is None or not _is_shallow(parsed):
+        raise ValueError(f"nested more than {MAX_NESTING} deep")
+    return parsed
+
+
+def _is_shallow(values: Any) -> bool:
+    level = [values]
+    for _ in range(MAX_NESTING):
+        inner = [one.values() if isinstance(one, dict) else one for one in level]
+        level = [two for one in inner for two in one if isinstance(two, dict | list)]
+    return not level
 
 
 def decode(data: bytes | str) -> str:

@@ -24,7 +24,7 @@ from pydantic import (
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import CONFIG
+from bsg_data.inputs.bounds import CONFIG, MAX_NESTING
 from bsg_data.inputs.documents import parse_toml
 from bsg_data.recipes import Exploration, MaskRecipe, Record
 from bsg_data.spelling import ask_if_meant
@@ -110,7 +110,7 @@ def override(tables: Mapping[str, Any], settings: Sequence[str]) -> dict[str, An
     for setting in settings:
         path, equals, value = setting.partition("=")
         keys = path.strip().split(".")
-        if not equals or not all(keys):
+        if not equals or not all(keys) or len(keys) > MAX_NESTING:
             raise ConfigError(f"--set {setting}: expected path=value, as in training.epochs=50")
         table = result
         for key in keys[:-1]:

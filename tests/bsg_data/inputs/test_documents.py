@@ -95,7 +95,9 @@ def test_yaml_of_nothing_and_of_tags() -> None:
     assert parse_yaml(b"!!python/object/apply:os.system [ls]") == ["ls"]
 
 
-@pytest.mark.parametrize("text", ["a = ", "a = " + "[" * 100_000, b"a = '\xff'"])
+@pytest.mark.parametrize(
+    "text", ["a = ", "a = " + "[" * 100_000, "a" + ".a" * 100 + " = 1", b"a = '\xff'"]
+)
 def test_what_is_no_toml_is_a_value_error(text: str | bytes) -> None:
     assert parse_toml(b"[a]\nb = [1, 2]") == {"a": {"b": [1, 2]}}
     with pytest.raises(ValueError, match=r"."):
