@@ -54,7 +54,11 @@ def list_expected() -> dict[str, list[str]]:
             size(bounds.LAYOUT),
             size(bounds.LABEL_SPACE),
         ],
-        "parquet": [size(parquet_pages.MAX_PAGE), f"{parquet_pages.MAX_PAGES:,} pages"],
+        "parquet": [
+            size(parquet_pages.MAX_PAGE),
+            size(parquet_pages.MAX_WORDS),
+            f"{parquet_pages.MAX_PAGES:,} pages",
+        ],
         "a class map, a configuration, a prior table": [
             size(bounds.CLASS_MAP),
             size(bounds.CONFIG),

@@ -2,75 +2,136 @@
 
 Arrow allots what a header says, and ends the process for some indexes that are damaged. So index
 and headers are read here, before Arrow reads them: structs of Thrift's compact protocol, whose
-fields have the numbers of parquet.thrift.
+fields have the numbers of parquet.thrift. What Arrow would read in another way is refused: a field
+twice or of another kind, numbers beyond their bits, pages that do not end where their column does.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from typing import Any, BinaryIO
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from typing import Any, BinaryIO, NamedTuple
 
 from bsg_data.inputs.bounds import MIB
 
 MAX_INDEX = 4 * MIB
 MAX_PAGES, MAX_PAGE = 100_000, 64 * MIB  # Arrow takes a page whole
+MAX_WORDS = 2 * MIB  # of a dictionary: each of its words may be in every row
 _MAX_RECORDS = 1_000_000  # structs and members of lists in an index: Arrow takes a kB for each
 _MAX_HEADER = 16 * 1024  # of a page; its least and largest value are in it
 _MAX_DEPTH = 16
 _TAIL, _MARK = 8, b"PAR1"  # the size of the index, then the mark
-_TRUE, _FALSE, _BYTE, _DOUBLE, _BINARY, _LIST, _SET, _STRUCT = 1, 2, 3, 7, 8, 9, 10, 12
-_INTEGERS = (4, 5, 6)
-_Struct = dict[int, Any]
+_TRUE, _FALSE, _BYTE, _SHORT, _INT, _LONG, _DOUBLE, _TEXT, _LIST, _SET = range(1, 11)
+_STRUCT = 12
+_BITS = {_SHORT: 16, _INT: 32, _LONG: 64}
+_DICTIONARY = 2  # the type of such a page
+_Struct = dict[int, tuple[int, Any]]  # field → kind and value; of a list, kind and members
 
 
-def measure_pages(file: BinaryIO) -> int:
-    """Return the bytes that all pages of an open parquet file say they unpack to.
+class _Chunk(NamedTuple):
+    """Where the pages of a column in a row group are."""
+
+    start: int
+    end: int
+
+
+class Pages(NamedTuple):
+    """What the pages of a file hold."""
+
+    rows: int
+    size: int  # in bytes, unpacked
+
+
+def measure_pages(file: BinaryIO, is_read: Callable[[str], bool] = bool) -> Pages:
+    """Return the rows of an open parquet file, and what the pages of columns that are read take.
 
     Raises:
-        IndexError, KeyError, TypeError, ValueError: if its index or the header of a page cannot
-            be read, or is too large.
+        IndexError, KeyError, ValueError: if its index or the header of a page cannot be read, or is
+            too large.
     """
-    size, pages = 0, 0
-    for start, end in _list_chunks(file):
-        while start < end:
-            file.seek(start)
-            header = _Thrift(file.read(_MAX_HEADER))
-            page = header.read_struct()
-            unpacked, packed = page[2], page[3]
-            if not (0 <= unpacked <= MAX_PAGE and packed >= 0):
-                raise ValueError(f"a page of {unpacked:,} bytes; expected 0 to {MAX_PAGE:,}")
-            start += header.at + packed
-            size, pages = size + unpacked, pages + 1
-            if pages > MAX_PAGES:
-                raise ValueError(f"more than {MAX_PAGES:,} pages; write larger ones")
-    return size
-
-
-def _list_chunks(file: BinaryIO) -> Iterator[tuple[int, int]]:
-    """Yield where the pages of each column of each row group start and end."""
     tail = file.seek(-_TAIL, os.SEEK_END)
-    size, mark = int.from_bytes(file.read(4), "little"), file.read(4)
+    length, mark = int.from_bytes(file.read(4), "little"), file.read(4)
     if mark != _MARK:
         raise ValueError("expected PAR1 at its end")
-    if size > min(tail, MAX_INDEX):
-        raise ValueError(f"an index of {size:,} bytes; write fewer and larger row groups")
-    file.seek(tail - size)
-    for group in _Thrift(file.read(size)).read_struct().get(4, []):
-        for chunk in group[1]:
-            column = chunk[3]
-            if column[5] <= 0:  # it has no values, and no page of it is read
-                continue
-            start, dictionary = column[9], column.get(11, 0)
-            if 0 < dictionary < start:  # as Arrow has it
-                start = dictionary
-            if start < 0 or start + column[7] > tail:
-                raise ValueError(f"pages at {start:,} of {tail:,} bytes")
-            yield start, start + column[7]
+    if length > min(tail, MAX_INDEX):
+        raise ValueError(f"an index of {length:,} bytes; write fewer and larger row groups")
+    file.seek(tail - length)
+    index = _Thrift(file.read(length)).read_struct()
+    rows, groups = _read(index, 3, _LONG), _read_structs(index, 4)
+    of_groups = [_read(group, 3, _LONG) for group in groups]
+    if min(of_groups, default=0) < 0 or sum(of_groups) != rows:
+        raise ValueError(f"{rows:,} rows, but {sum(of_groups):,} in its row groups")
+    chunks = [chunk for group in groups for chunk in _list_chunks(group, is_read)]
+    for before, after in pairwise([_Chunk(0, 0), *sorted(chunks), _Chunk(tail, tail)]):
+        if after.start < before.end:
+            raise ValueError(f"pages at {after.start:,} within others, or beyond its end")
+    size, pages = 0, 0
+    for chunk in chunks:
+        for page in _measure_chunk(file, chunk):
+            size, pages = size + page, pages + 1
+            if pages > MAX_PAGES:
+                raise ValueError(f"more than {MAX_PAGES:,} pages; write larger ones")
+    return Pages(rows, size)
+
+
+def _list_chunks(group: _Struct, is_read: Callable[[str], bool]) -> Iterator[_Chunk]:
+    """Yield the chunks of columns in a row group that have values."""
+    for chunk in _read_structs(group, 1):
+        column = _read(chunk, 3, _STRUCT)
+        kind, path = _read(column, 3, _LIST)
+        if kind != _TEXT or not path:
+            raise ValueError("a column without a name")
+        if not is_read(path[0].decode("utf-8", "replace")):
+            continue
+        values, rows = _read(column, 5, _LONG), _read(group, 3, _LONG)
+        if len(path) == 1 and values != rows:
+            raise ValueError(f"{values:,} values of a column in {rows:,} rows")
+        if values <= 0:  # no page of it is read
+            continue
+        start = _read(column, 9, _LONG)
+        dictionary = _read(column, 11, _LONG) if 11 in column else 0
+        if 0 < dictionary < start:  # as Arrow has it
+            start = dictionary
+        yield _Chunk(start, start + _read(column, 7, _LONG))
+
+
+def _measure_chunk(file: BinaryIO, chunk: _Chunk) -> Iterator[int]:
+    """Yield what each page of a chunk takes, packed or unpacked."""
+    start = chunk.start
+    while start < chunk.end:
+        file.seek(start)
+        header = _Thrift(file.read(_MAX_HEADER))
+        page = header.read_struct()
+        kind, unpacked, packed = (_read(page, field, _INT) for field in (1, 2, 3))
+        most = MAX_WORDS if kind == _DICTIONARY else MAX_PAGE
+        if not (0 <= unpacked <= most and packed >= 0):
+            raise ValueError(f"a page of {unpacked:,} bytes; expected 0 to {most:,}")
+        start += header.at + packed
+        yield max(unpacked, packed)
+    if start != chunk.end:
+        raise ValueError("pages that do not end where their column does")
+
+
+def _read(struct: _Struct, field: int, kind: int) -> Any:
+    """Return the value of a field that must be there, of a kind."""
+    found, value = struct[field]
+    if found != kind:
+        raise ValueError(f"a field of kind {found}, expected {kind}")
+    return value
+
+
+def _read_structs(struct: _Struct, field: int) -> Sequence[_Struct]:
+    """Return a list of structs."""
+    kind, members = _read(struct, field, _LIST)
+    if members and kind != _STRUCT:
+        raise ValueError(f"a list of kind {kind}, expected {_STRUCT}")
+    structs: Sequence[_Struct] = members
+    return structs
 
 
 class _Thrift:
-    """A reader of structs as field → value; texts are passed over."""
+    """A reader of structs."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self.at, self._records = data, 0, 0
@@ -80,9 +141,12 @@ class _Thrift:
         field = 0
         self._count(1)
         while head := self._read_byte():
-            field = field + (head >> 4) if head >> 4 else self._read_integer()
+            field = field + (head >> 4) if head >> 4 else self._read_integer(_SHORT)
+            if field in found:
+                raise ValueError("a field twice")
             kind = head & 15
-            found[field] = kind == _TRUE if kind in (_TRUE, _FALSE) else self._read(kind, depth)
+            value = kind == _TRUE if kind in (_TRUE, _FALSE) else self._read(kind, depth)
+            found[field] = kind, value
         return found
 
     def _read(self, kind: int, depth: int) -> Any:
@@ -90,17 +154,17 @@ class _Thrift:
             raise ValueError(f"records nested more than {_MAX_DEPTH} deep")
         if kind in (_TRUE, _FALSE, _BYTE):  # the truth of a list takes a byte
             return self._read_byte()
-        if kind in _INTEGERS:
-            return self._read_integer()
-        if kind in (_DOUBLE, _BINARY):
+        if kind in _BITS:
+            return self._read_integer(kind)
+        if kind in (_DOUBLE, _TEXT):
             size = 8 if kind == _DOUBLE else self._read_number()
             self.at += size
-            return None
+            return self._data[self.at - size : self.at]
         if kind in (_LIST, _SET):
             head = self._read_byte()
             number = self._read_number() if head >> 4 == 15 else head >> 4
             self._count(number)
-            return [self._read(head & 15, depth + 1) for _ in range(number)]
+            return head & 15, [self._read(head & 15, depth + 1) for _ in range(number)]
         if kind == _STRUCT:
             return self.read_struct(depth + 1)
         raise ValueError(f"a value of kind {kind}")  # no field of parquet.thrift is a map
@@ -110,8 +174,10 @@ class _Thrift:
         if self._records > _MAX_RECORDS:
             raise ValueError(f"more than {_MAX_RECORDS:,} records in its index")
 
-    def _read_integer(self) -> int:
+    def _read_integer(self, kind: int) -> int:
         number = self._read_number()
+        if number >> _BITS[kind]:
+            raise ValueError(f"a number of more than {_BITS[kind]} bits")
         return number >> 1 ^ -(number & 1)
 
     def _read_number(self) -> int:

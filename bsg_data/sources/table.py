@@ -26,7 +26,6 @@ from typing import Annotated, Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -63,7 +62,7 @@ _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")
 _WHOLE = re.compile(r"-?[0-9]+(\.0+)?")  # pandas writes 3.0 for 3 where a column has gaps
 _SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
-_ROWS = 200  # that are decoded at a time, however long their words are
+_ROWS = 32  # that are decoded at a time, however long their words are
 _LONGEST = 200  # characters of a name; the longest of HM3D has 61
 _MOST = 100_000  # objects of a row
 _NAMED = 5  # things in a note; the others are counted
@@ -365,17 +364,21 @@ def _read_lines(path: Path, file: BinaryIO) -> Iterator[str]:
 
 def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Sequence[Any]]]:
     """Yield the names of the columns, then the line and the values of every row."""
-    with open_parquet_file(path, most=MAX_OBJECT_ROWS, bound=TABLE) as file, refusing_damage(path):
-        leaves = [file.schema.column(at) for at in range(len(file.schema))]
-    for leaf in leaves:  # runs of a list have any number of values
-        name = leaf.path.split(".")[0]
-        if leaf.max_repetition_level and _fold(name) in wanted:
-            message = f"{path}, column {name}: expected text, found lists; put ; between names"
-            raise SourceError(message, code="table-lists", where=path)
-    with refusing_damage(path), pq.ParquetFile(path) as file:
+
+    def is_read(name: str) -> bool:
+        return _fold(name) in wanted
+
+    opened = open_parquet_file(path, most=MAX_OBJECT_ROWS, bound=TABLE, is_read=is_read)
+    with opened as file, refusing_damage(path):
+        for field in file.schema_arrow:  # runs of a list have any number of values
+            if is_read(field.name) and pa.types.is_nested(field.type):
+                message = (
+                    f"{path}, column {field.name}: expected text, found lists; put ; between names"
+                )
+                raise SourceError(message, code="table-lists", where=path)
         names = file.schema_arrow.names
         yield "", names
-        known = [name for name in names if _fold(name) in wanted]
+        known = [name for name in names if is_read(name)]
         rows = chain.from_iterable(
             _list_rows(b, names) for b in file.iter_batches(_ROWS, columns=known)
         )

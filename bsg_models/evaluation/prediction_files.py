@@ -115,7 +115,7 @@ def _read(path: Path, file: pq.ParquetFile) -> pd.DataFrame:
             if name not in _TEXTS:
                 kind = pa.int64() if name in _NUMBERS else pa.float64()
                 table = table.set_column(place, name, table[name].cast(kind))
-    rows: pd.DataFrame = table.to_pandas()
+        rows: pd.DataFrame = table.to_pandas()
     for name, values, sound, expected in _list_rules(rows):
         if not sound.all():
             row = int(np.argmin(sound))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -38,7 +39,12 @@ def test_the_size_of_all_values_is_found_however_they_are_packed(
         data_page_version=version,
     )
     texts = sum(4 + len(name.encode()) for name in names)
-    assert measure_pages(sink) == texts + 8 * columns * len(names)
+    size = texts + 8 * columns * len(names)
+    found = measure_pages(sink)
+    assert found.rows == len(names)
+    # A page that packs badly takes more packed.
+    assert found.size == size if packed == "none" else found.size >= size
+    assert measure_pages(sink, lambda name: name == "c0").size <= found.size
 
 
 def test_pages_that_are_too_large_or_too_many_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -46,7 +52,7 @@ def test_pages_that_are_too_large_or_too_many_are_refused(monkeypatch: pytest.Mo
     words = pa.table({"name": [f"{number:09}" for number in range(1_000)]})
     pq.write_table(words, sink, use_dictionary=False)
     size = 1_000 * (4 + 9)  # lengths and letters
-    assert size < measure_pages(sink) < size + 10  # and which are null
+    assert size < measure_pages(sink).size < size + 10  # and which are null
     for name, most in (("MAX_PAGES", 0), ("MAX_PAGE", size), ("MAX_INDEX", 99)):
         with monkeypatch.context() as bound:
             bound.setattr(parquet_pages, name, most)
@@ -54,13 +60,26 @@ def test_pages_that_are_too_large_or_too_many_are_refused(monkeypatch: pytest.Mo
                 measure_pages(sink)
 
 
-def test_lists_in_lists_without_an_end_are_refused() -> None:
+def change_index(file: io.BytesIO, change: Callable[[bytes], bytes]) -> io.BytesIO:
+    data = file.getvalue()
+    at = len(data) - 8 - int.from_bytes(data[-8:-4], "little")
+    index = change(data[at:-8])
+    return io.BytesIO(data[:at] + index + len(index).to_bytes(4, "little") + b"PAR1")
+
+
+# What Arrow reads in another way than a reader that is less strict.
+LIES = {
+    "nested more than 16 deep": lambda _: b"\x19" * 5_000,  # a list of one list of one list …
+    "a field twice": lambda index: index[:-1] + b"\x06\x06\x00\x00",  # the rows, again
+    "2 rows, but 1,000": lambda index: index.replace(b"\x16\xd0\x0f", b"\x16\x04", 1),
+    "more than 64 bits": lambda index: index[:-1] + b"\x06\x40" + b"\xff" * 10 + b"\x00",
+    "a value of kind 13": lambda index: index[:-1] + b"\x0d\x40\x00\x00",
+}
+
+
+@pytest.mark.parametrize("said", LIES)
+def test_an_index_that_could_be_read_in_two_ways_is_refused(said: str) -> None:
     sink = io.BytesIO()
-    pq.write_table(pa.table({"name": ["a"]}), sink)
-    data = bytearray(sink.getvalue())
-    index = b"\x19" * 5_000  # a field that is a list of one list of one list …
-    data[-8 - int.from_bytes(data[-8:-4], "little") :] = (
-        index + len(index).to_bytes(4, "little") + b"PAR1"
-    )
-    with pytest.raises(ValueError, match="nested more than 16 deep"):
-        measure_pages(io.BytesIO(bytes(data)))
+    pq.write_table(pa.table({"name": [str(number) for number in range(1_000)]}), sink)
+    with pytest.raises(ValueError, match=said):
+        measure_pages(change_index(sink, LIES[said]))
