@@ -69,6 +69,11 @@ class MaskedBuildings:
         rows, _ = self.seen.rows_of(chosen)
         return MaskedBuildings(seen, self.targets[rows], self.draws[chosen], self.nodes[rows])
 
+    def without_categories(self) -> MaskedBuildings:
+        """Return the buildings without their objects outside the classes."""
+        none = np.zeros((len(self.seen.inputs), 0), dtype=np.int64)
+        return replace(self, seen=replace(self.seen, vocabulary=(), unclassified=none))
+
 
 def stack_masked(several: Sequence[MaskedBuildings]) -> MaskedBuildings:
     """Return one record with the buildings of several, in order."""

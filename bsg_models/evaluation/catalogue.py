@@ -38,8 +38,8 @@ def find_value(name: str) -> tuple[Metric, str, str]:
     node_set, _, rest = name.partition("/")
     row, _, part = rest.partition("/")
     metric = METRICS[row]
-    if node_set not in metric.node_sets or part not in metric.parts:
-        known = ", ".join(name_value(row, s, p) for s in metric.node_sets for p in metric.parts)
+    if (node_set, part) not in metric.keys:
+        known = ", ".join(name_value(row, *key) for key in metric.keys)
         raise RecipeError(f"metric {row!r} has no value {name!r}; it has {known}")
     return metric, node_set, part
 
@@ -47,8 +47,8 @@ def find_value(name: str) -> tuple[Metric, str, str]:
 def list_values() -> tuple[str, ...]:
     """Return the names of all values, in the order of all tables.
 
-    First come metrics of all nodes, by node set; then those of rooms only, by selection of cells;
-    then those without a selection.
+    First come metrics of all nodes, by node set; then those of presence, by selection of cells;
+    then those of rooms only.
     """
     rows, _ = METRICS.load_all()
     wide = [row for row, metric in rows.items() if metric.node_sets == NODE_SETS]
@@ -63,8 +63,7 @@ def list_values() -> tuple[str, ...]:
             if row not in wide:
                 names += [
                     name_value(row, node_set, part)
-                    for node_set in rows[row].node_sets
-                    for part in rows[row].parts
+                    for node_set, part in rows[row].keys
                     if part == selection or (selection is None and part not in SELECTIONS)
                 ]
     return tuple(names)
@@ -78,8 +77,10 @@ def label_value(name: str) -> str:
         label = label if part == "all" else f"{part} {label}"
     elif part not in ("", "mean"):
         label = f"{part} of {label}"
-    if len(metric.node_sets) > 1:
+    if metric.node_sets == NODE_SETS:
         label += ", all nodes" if node_set == "all" else f", {node_set}"
+    elif node_set != metric.node_sets[0]:  # most are of rooms, and need not say so
+        label += f", {node_set}"
     return label
 
 

@@ -21,7 +21,7 @@ from bsg_models.evaluation.metric_kinds import (
     Weights,
 )
 from bsg_models.evaluation.metrics import mean_known
-from bsg_models.evaluation.presence import PresenceHistograms
+from bsg_models.evaluation.presence import RANKED, PresenceHistograms
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel, one_thread
 
@@ -113,15 +113,16 @@ def measure_metrics(
     """Return some metrics of each model's fold under weights of its buildings `[B, W]`, by name."""
     number_of = {scene: number for number, scene in enumerate(of_models[0].scene_ids)}
     ranked = any(isinstance(metric, RankMetric) for metric in metrics.values())
-    cells = [PresenceHistograms(weights) for _ in of_models]
+    cells = [{one: PresenceHistograms(weights) for one in RANKED} for _ in of_models]
     sums = [{name: Sums(weights, own) for name in metrics} for own in cells]
     for batches in zip(*(fold.batches for fold in of_models), strict=True):
         for (truth, expectation), counted, own in zip(batches, cells, sums, strict=True):
             numbers = np.array([number_of[scene] for scene in truth.scene_ids], dtype=np.int64)
             batch = Batch(Prediction(truth, expectation), numbers[truth.building], weights)
             if ranked:
-                rooms = batch.prediction.rows["rooms"]
-                counted.add(truth, expectation, rooms, batch.building[rooms])
+                for node_set, histograms in counted.items():
+                    rows = batch.prediction.rows[node_set]
+                    histograms.add(truth, expectation, rows, batch.building[rows])
             for name, metric in metrics.items():
                 metric.add(batch, own[name])
     return [{name: metric.finish(own[name]) for name, metric in metrics.items()} for own in sums]

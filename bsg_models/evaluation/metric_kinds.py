@@ -17,6 +17,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +27,13 @@ from scipy import sparse
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.metrics import MOMENTS, correlate_sums, mean_known, moments_of_sums
-from bsg_models.evaluation.presence import SELECTIONS, PresenceHistograms, select_cells
+from bsg_models.evaluation.presence import (
+    RANKED,
+    SELECTIONS,
+    UNDEFINED,
+    PresenceHistograms,
+    select_cells,
+)
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth, join_truths
 
 Key = tuple[str, str]  # node set, part
@@ -63,9 +70,9 @@ class Sums:
     """What one metric keeps of the batches so far, under names of its own."""
 
     weights: Weights  # `[B, W]` how often each building counts
-    cells: PresenceHistograms  # of all metrics of ranks
+    cells: Mapping[str, PresenceHistograms]  # of all metrics of ranks, by node set
     totals: dict[Hashable, Floats] = field(default_factory=dict)
-    nodes: Counter[str] = field(default_factory=Counter)
+    nodes: Counter[Hashable] = field(default_factory=Counter)
     centres: dict[Hashable, Floats] = field(default_factory=dict)
     batches: list[Batch] = field(default_factory=list)  # of a metric that needs them whole
 
@@ -101,6 +108,11 @@ class Metric(ABC):
     def parts(self) -> tuple[str, ...]:
         """The last part of the name; ("",) for a metric with one number per node set."""
         return ("",)
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """Node set and part of every value."""
+        return tuple(product(self.node_sets, self.parts))
 
     @abstractmethod
     def add(self, batch: Batch, sums: Sums) -> None:
@@ -185,15 +197,19 @@ class NodeMetric(Metric):
 
 
 class _PresenceMetric(Metric):
-    """A metric of the cells of each selection, over rooms."""
+    """A metric of the cells of each selection, over rooms and over buildings."""
 
     @property
     def node_sets(self) -> tuple[str, ...]:
-        return ("rooms",)
+        return RANKED
 
     @property
     def parts(self) -> tuple[str, ...]:
         return SELECTIONS
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        return tuple(key for key in product(RANKED, SELECTIONS) if key != UNDEFINED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,29 +217,33 @@ class CellMetric(_PresenceMetric):
     """A function of means over the cells of each selection."""
 
     # function of presence, whether an object is hidden, and which cells are selected, all `[N, C]`;
-    # returns what each room adds to K sums, `[N, K]`
+    # returns what each node adds to K sums, `[N, K]`
     addends: Callable[[Floats, Bools, Bools], Floats]
     # function of the K means over cells, `[W, K]`; returns the value, `[W]`
     combine: Callable[[Floats], Floats]
 
     def add(self, batch: Batch, sums: Sums) -> None:
         """Add the number of cells, and the addends."""
-        truth, rows = batch.prediction.truth, batch.prediction.rows["rooms"]
-        presence = batch.prediction.expectation.presence[rows]
-        seen, hidden = truth.inputs[rows] > 0, truth.hidden[rows] > 0
-        for name, keep in select_cells(seen, truth.visited[rows], truth.known[rows]).items():
-            addends = self.addends(presence, hidden, keep)
-            sums.add(name, batch.sum(rows, np.column_stack([keep.sum(axis=1), addends])))
-            sums.nodes[name] += int(keep.any(axis=1).sum())
+        truth = batch.prediction.truth
+        for node_set in RANKED:
+            rows = batch.prediction.rows[node_set]
+            presence = batch.prediction.expectation.presence[rows]
+            seen, hidden = truth.inputs[rows] > 0, truth.hidden[rows] > 0
+            for part, keep in select_cells(seen, truth.visited[rows], truth.known[rows]).items():
+                addends = self.addends(presence, hidden, keep)
+                columns = np.column_stack([keep.sum(axis=1), addends])
+                sums.add((node_set, part), batch.sum(rows, columns))
+                sums.nodes[node_set, part] += int(keep.any(axis=1).sum())
 
     def finish(self, sums: Sums) -> Values:
         """Combine the means."""
         values = {}
-        for name, total in sums.totals.items():
+        for node_set, part in self.keys:
+            total = sums.totals[node_set, part]
             number = total[:, :1]
             means = np.divide(total, number, out=np.full_like(total, np.nan), where=number > 0)
-            values["rooms", str(name)] = self.combine(means[:, 1:])
-        return Values(values, {key: sums.nodes[key[1]] for key in values})
+            values[node_set, part] = self.combine(means[:, 1:])
+        return Values(values, {key: sums.nodes[key] for key in values})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,12 +258,13 @@ class RankMetric(_PresenceMetric):
 
     def finish(self, sums: Sums) -> Values:
         """Return the ranking of the counted cells."""
-        ranks: dict[str, Floats] = getattr(sums.cells.ranks, self.measure)
-        values = {
-            ("rooms", part): mean_known(one[1:]) if self.by_class else one[0]
-            for part, one in ranks.items()
-        }
-        return Values(values, {key: sums.cells.rooms[key[1]] for key in values})
+        values, nodes = {}, {}
+        for node_set, part in self.keys:
+            cells = sums.cells[node_set]
+            one: Floats = getattr(cells.ranks, self.measure)[part]
+            values[node_set, part] = mean_known(one[1:]) if self.by_class else one[0]
+            nodes[node_set, part] = cells.nodes[part]
+        return Values(values, nodes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -161,8 +161,8 @@ PRESENCE_AUROC_MICRO = RankMetric(
     less=False,
     measure="auroc",
     about="area under the ROC curve of P(at least one hidden object of the class) over all "
-    "(room, class) cells: of `all` classes, only of classes `unseen` in the room's input, or "
-    "only in rooms that are `unvisited`",
+    "(room, class) cells, or (building, class) cells: of `all` classes, only of classes `unseen` "
+    "in the node's input, or only in rooms that are `unvisited`",
 )
 PRESENCE_AP_MICRO = RankMetric(
     label="AP micro",
@@ -189,14 +189,14 @@ PRESENCE_AUROC_MACRO = RankMetric(
     less=False,
     measure="auroc",
     by_class=True,
-    about="area under the ROC curve over the rooms, mean over classes",
+    about="area under the ROC curve over the nodes, mean over classes",
 )
 PRESENCE_AP_MACRO = RankMetric(
     label="AP macro",
     less=False,
     measure="precision",
     by_class=True,
-    about="average precision over the rooms, mean over classes",
+    about="average precision over the nodes, mean over classes",
 )
 TOP1_UNSEEN, TOP3_UNSEEN, TOP5_UNSEEN = (
     NodeMetric(

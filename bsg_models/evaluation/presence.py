@@ -1,8 +1,9 @@
-"""Rank the (room, class) cells by presence, under the weights of all resamples at once.
+"""Rank the (node, class) cells by presence, under the weights of all resamples at once.
 
-Presence is P(at least one hidden object). There are three selections of cells: `all`; those of
-classes that are `unseen` in their room; and those of rooms that are `unvisited`, of which nothing
-was seen, or a little through a door.
+Presence is P(at least one hidden object), in a room or anywhere in a building; rooms and buildings
+are ranked separately. There are three selections of cells: `all`; those of classes that are
+`unseen` in their node; and those of rooms that are `unvisited`, of which nothing was seen, or a
+little through a door.
 
 Cells are not sorted, but counted for each building and class in `BINS` bins of presence, equally
 wide in log odds. A resample weights the counts. All cells of a bin tie, so in a bin with t hidden
@@ -30,6 +31,8 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.truth import Truth
 
 SELECTIONS = ("all", "unseen", "unvisited")
+RANKED = ("rooms", "building")  # node sets
+UNDEFINED = ("building", "unvisited")  # a robot is in its building
 BINS = 1 << 18
 _REACH = 20.0  # presence beyond these log odds, 2e-9 and its complement, is in the outer bins
 _COLUMNS, _CELLS = 32, 1 << 22  # weights at least, and cells, that are dense at a time
@@ -67,7 +70,7 @@ class PresenceHistograms:
     """How many cells of each building, class and selection lie in each bin, hidden and other."""
 
     def __init__(self, weights: _Weights) -> None:
-        self.rooms = dict.fromkeys(SELECTIONS, 0)  # selection → number of rooms with such a cell
+        self.nodes = dict.fromkeys(SELECTIONS, 0)  # selection → number of nodes with such a cell
         self._weights = weights  # `[B, W]`
         self._classes = 1
         self._cells: list[tuple[Ints, Ints]] = []  # of each batch: distinct cells, their number
@@ -80,7 +83,7 @@ class PresenceHistograms:
         for number, (name, own) in enumerate(
             select_cells(seen, truth.visited[rows], truth.known[rows]).items(), 1
         ):
-            self.rooms[name] += int(own.any(axis=1).sum())
+            self.nodes[name] += int(own.any(axis=1).sum())
             flags |= own.astype(np.int64) << number
         axes = (np.arange(self._classes), bin_presence(presence), flags, building[:, None])
         cells = np.ravel_multi_index(np.broadcast_arrays(*axes), self._shape)

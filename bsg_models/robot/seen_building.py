@@ -613,7 +613,7 @@ class SeenBuilding:
             places.append(Place(None, None, there, min(1.0, there / anywhere), 0.0, 0.0, ids, None))
         if self._graph.more_rooms:
             new = slice(number + 1, None)
-            there = float(1 - (1 - belief.unseen[new]).prod())
+            there = belief.somewhere(new)
             places.append(
                 Place(
                     room=EXPLORE,

@@ -6,7 +6,7 @@ So neither depends on earlier epochs having run in this process, nor on the numb
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
@@ -104,11 +104,25 @@ def validation_buildings(
     if not choice.needs_own_masks(pairs.mask if pairs else None):
         return read_split(data, "val", fold=choice.fold, vocabulary=vocabulary)
     scenes = scenes_of(data, "val", fold=choice.fold)
+    return mask_as_trained(config, data, scenes, vocabulary=vocabulary, draws=_VAL_DRAWS)
+
+
+def mask_as_trained(
+    config: RunConfig,
+    data: Dataset,
+    scenes: Sequence[str],
+    *,
+    vocabulary: tuple[str, ...],
+    draws: int,
+) -> MaskedBuildings:
+    """Return some buildings under fresh masks of the kind of a training."""
     drawn = []
     for first in range(0, len(scenes), BATCH):
         rows = slice(first, first + BATCH)
-        for draw in range(_VAL_DRAWS):
-            own = vary_fractions(choice.fresh_mask, choice.fractions, draw, len(scenes))[rows]
+        for draw in range(draws):
+            own = vary_fractions(config.data.fresh_mask, config.data.fractions, draw, len(scenes))[
+                rows
+            ]
             drawn.append(
                 sample_masked(data, scenes[rows], mask=own, draw=draw, vocabulary=vocabulary)
             )

@@ -31,6 +31,7 @@ from bsg_models.inputs.nodes import EVIDENCE, Nodes, encode_area, mark
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.found_model import find_model
 from bsg_models.runs.predictor import choose_class_map
+from bsg_models.zoo.building_tilt import log_none_of, tilt_buildings, tilt_rooms
 from bsg_models.zoo.networks import CountNetwork, to_distribution
 
 _NODES = 5  # of the building that the exporter follows through the network; others have any number
@@ -168,6 +169,7 @@ class _OneBuilding(nn.Module):
     def __init__(self, network: CountNetwork, taught: Bools) -> None:
         super().__init__()
         self._network, self._taught = network, torch.from_numpy(taught)
+        self._line = torch.from_numpy(network.building_calibration)[:, :, None]
         self._weights = {name: torch.from_numpy(one) for name, one in network.weights.items()}
 
     def forward(
@@ -208,7 +210,20 @@ class _OneBuilding(nn.Module):
         )
         learned = to_distribution(self._network.forward(self._weights, nodes))
         counts = self._network.calibrate(learned, share)  # type: ignore[arg-type]
+        none = log_none_of(torch.as_tensor(counts.presence) * ~is_building[:, None])
+        log_none = none.sum(dim=0, keepdim=True)
+        unlabelled = ((labels[1:].sum(dim=1) == 0) * 1.0).mean()
+        tilts = tilt_buildings(log_none, seen[:1] > 0, self._line)
+        if self._network.reads_labels:
+            tilts = tilts * torch.where(source < 0, unlabelled, 1.0)
+        factors = tilt_rooms(tilts, log_none, none)
+        likelier: Any = torch.where(share > 0, factors, 0.0)
+        counts = counts.with_none_likelier(likelier)
         mean = torch.as_tensor(counts.mean)[1:] * self._taught
         presence = torch.as_tensor(counts.presence)[1:] * self._taught
-        whole = mean.sum(dim=0, keepdim=True), 1 - (1 - presence).prod(dim=0, keepdim=True)
+        some = -torch.expm1(log_none)
+        whole = (
+            mean.sum(dim=0, keepdim=True),
+            some / (some + torch.exp(log_none + tilts)) * self._taught,
+        )
         return torch.cat([whole[0], mean]).float(), torch.cat([whole[1], presence]).float()

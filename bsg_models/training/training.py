@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import cast
@@ -13,7 +13,7 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, refuse_links
-from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
+from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stack_masked
 from bsg_data.results import require_seal
 from bsg_models.belief.count_distribution import concatenate
 from bsg_models.errors import CheckpointError, TrainingError
@@ -43,6 +43,7 @@ from bsg_models.training.count_gradients import as_network
 from bsg_models.training.epochs import GradientSteps, require_same_training, train_epochs
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.training.ranks import find_device, join_ranks
+from bsg_models.zoo.building_tilt import fit_building_tilt
 from bsg_models.zoo.calibration import (
     CalibratedModel,
     fit_calibration,
@@ -204,16 +205,12 @@ def _calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -
     """Calibrate a model on val if its configuration says so; return whether it did."""
     if not (isinstance(model, CalibratedModel) and getattr(config.model, "calibrate", False)):
         return False
-    calibrate(model, validation_buildings(config, data, vocabulary=model.vocabulary))
+    _calibrate_on(model, validation_buildings(config, data, vocabulary=model.vocabulary))
     return True
 
 
-def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
-    """Fit a model's calibration on masked buildings with their targets.
-
-    If there are many rooms it uses a sample: only seven numbers are fitted, and the distributions
-    of all rooms are in memory at once. A note of the model reports the sample.
-    """
+def _calibrate_on(model: CalibratedModel, every: MaskedBuildings) -> None:
+    """Calibrate a model on masked buildings, or on a sample whose distributions fit in memory."""
     masked = take_sample(every, most=_CALIBRATED_NODES)
     if len(masked) < len(every):
         note = (
@@ -221,23 +218,38 @@ def calibrate(model: CalibratedModel, every: MaskedBuildings) -> None:
             f"buildings: at most {_CALIBRATED_NODES:,} nodes"
         )
         model.notes = (*model.notes, note)
-    rooms = ~masked.seen.is_building
-    if not rooms.any():
+    calibrate(model, [(model, masked)])
+
+
+def calibrate(
+    model: CalibratedModel, unseen: Sequence[tuple[CalibratedModel, MaskedBuildings]]
+) -> None:
+    """Fit a model's calibration on masked buildings with their targets.
+
+    Args:
+        model: which is calibrated.
+        unseen: buildings, each with the model that predicts them: this one, or models of the same
+            recipe, such as those of a cross-validation. None was trained on its buildings.
+    """
+    every = [(one, some) for one, masked in unseen for some in masked.batches(BATCH)]
+    masked = stack_masked([some.without_categories() for _, some in every])
+    rooms = np.flatnonzero(~masked.seen.is_building)
+    if not len(rooms):
         return
-    hidden = masked.hidden[rooms].astype(np.float64)
-    known = masked.known[rooms]  # a cell that hides nothing for certain says nothing
-    learned = concatenate(
-        [
-            model.predict_hidden_counts(some.seen).take(np.flatnonzero(~some.seen.is_building))
-            for some in masked.batches(BATCH)
-        ]
-    ).without(~known)
-    fitted = fit_calibration(learned, hidden)
+    hidden = masked.hidden.astype(np.float64)
+    known = masked.known  # a cell that hides nothing for certain says nothing
+    share = masked.seen.cell_share * known
+    learned = concatenate([one.predict_hidden_counts(some.seen) for one, some in every])
+    learned = learned.without(~known)
+    of_rooms = learned.take(rooms)
+    fitted = fit_calibration(of_rooms, hidden[rooms])
     model.hold(calibration=fitted)
-    lines = fit_presence_calibration(
-        recalibrate(learned, fitted), hidden, share=masked.seen.cell_share[rooms] * known
-    )
+    recalibrated = recalibrate(of_rooms, fitted)
+    lines = fit_presence_calibration(recalibrated, hidden[rooms], share=share[rooms])
     model.hold(presence_calibration=lines)
+    presence = model.calibrate(learned, share).presence
+    tilted = model.share_to_tilt(masked.seen)
+    model.hold(building_calibration=fit_building_tilt(presence, masked, tilted))
 
 
 def _train_members(

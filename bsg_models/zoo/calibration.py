@@ -8,6 +8,9 @@ Two numbers correct the presence, separately for cells that were looked into and
 not. The log odds of none hidden, ℓ, become ℓ + shift + slope · ℓ; the remaining probabilities keep
 their ratios. The two kinds need separate numbers: where a model saw something it is too confident,
 and where it saw nothing it knows the average.
+
+At last, a tilt of what whole buildings hide makes their rooms depend on each other
+(`bsg_models.zoo.building_tilt`).
 """
 
 from __future__ import annotations
@@ -22,6 +25,13 @@ from bsg_data.observation.observation import Observation
 from bsg_models.arrays import library_of
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.zoo.building_tilt import (
+    log_none_of,
+    share_to_tilt,
+    sum_by_building,
+    tilt_buildings,
+    tilt_rooms,
+)
 from bsg_models.zoo.model import BeliefModel, ModelInputs, take_cells, to_array
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import ModelConfig
@@ -38,10 +48,16 @@ class CalibratedModel(BeliefModel):
     calibration: Floats  # [3] shift, logarithm of the slope, and spread
     # [2, 2] shift and slope of the log odds of none, in cells that were looked into, and in others
     presence_calibration: Floats
+    # [2, 3, C] line of the tilt of a building, for classes of which none was seen there, and others
+    building_calibration: Floats
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        self.hold(calibration=np.zeros(3), presence_calibration=np.zeros((2, 2)))
+        self.hold(
+            calibration=np.zeros(3),
+            presence_calibration=np.zeros((2, 2)),
+            building_calibration=np.zeros((2, 3, inputs.classes)),
+        )
 
     @abstractmethod
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
@@ -49,13 +65,67 @@ class CalibratedModel(BeliefModel):
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the calibrated expectation; a building hides what its rooms hide."""
-        calibrated = self.calibrate(self.predict_hidden_counts(seen), seen.cell_share)
-        return from_hidden_counts(seen.inputs.astype(np.float64), sum_rooms(calibrated, seen))
+        share = seen.cell_share
+        whole = sum_rooms(self.calibrate(self.predict_hidden_counts(seen), share), seen)
+        if self._tilts(seen):
+            is_room, first = ~seen.is_building, seen.starts[:-1]
+            tilts, factors = self._tilt(whole.presence[is_room], seen.building[is_room], seen)
+            factor = np.empty(share.shape)
+            factor[first], factor[is_room] = tilts, factors
+            whole = whole.with_none_likelier(np.where(share > 0, factor, 0.0))
+        return from_hidden_counts(seen.inputs.astype(np.float64), whole)
 
     def predict_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
+        self,
+        seen: Observation,
+        rows: Ints,
+        columns: Ints | None = None,
+        *,
+        are_independent: bool = False,
     ) -> CountDistribution:
-        """Return the hidden counts of some rooms, without computing other cells."""
+        """Return the hidden counts of some rooms, without computing cells that change nothing."""
+        if are_independent or not self._tilts(seen):
+            return self._calibrate_rooms(seen, rows, columns)
+        every, of_building = _add_neighbours(seen, rows), None
+        own = seen.building[every]
+        if columns is not None:
+            of_building = np.zeros((len(seen), columns.shape[1]), dtype=np.int64)
+            of_building[seen.building[rows]] = columns
+            if (of_building[seen.building[rows]] != columns).any():
+                raise ValueError("expected the same columns in all rooms of a building")
+            columns = of_building[own]
+        apart = self._calibrate_rooms(seen, every, columns)
+        _, factors = self._tilt(apart.presence, own, seen, columns=of_building)
+        asked = np.searchsorted(every, rows)
+        hides = apart.presence[asked] > 0
+        return apart.take(asked).with_none_likelier(np.where(hides, factors[asked], 0.0))
+
+    def _tilts(self, seen: Observation) -> bool:
+        return bool(self.building_calibration.any() and self.share_to_tilt(seen).any())
+
+    def share_to_tilt(self, seen: Observation) -> Floats:
+        """Return the share of the tilt that B buildings get, `[B, 1]`."""
+        return share_to_tilt(seen) if self.reads_labels else np.ones((len(seen), 1))
+
+    def _tilt(
+        self, presence: Floats, building: Ints, seen: Observation, *, columns: Ints | None = None
+    ) -> tuple[Floats, Floats]:
+        """Return tilts of buildings `[B, A]`, and log factors of none of their rooms `[M, A]`.
+
+        Columns `[B, A]` are the classes; None for all.
+        """
+        none, known = log_none_of(presence), seen.inputs[seen.starts[:-1]] > 0
+        if columns is not None:
+            known = np.take_along_axis(known, columns, axis=1)
+        log_none = sum_by_building(none, building, len(seen))
+        line = self.building_calibration[:, :, None if columns is None else columns]
+        tilts = tilt_buildings(log_none, known, line) * self.share_to_tilt(seen)
+        return tilts, tilt_rooms(tilts[building], log_none[building], none)
+
+    def _calibrate_rooms(
+        self, seen: Observation, rows: Ints, columns: Ints | None
+    ) -> CountDistribution:
+        """Return the hidden counts of some rooms as if they were independent."""
         share = seen.cell_share[rows]
         if columns is not None:
             share = np.take_along_axis(share, columns, axis=1)
@@ -74,6 +144,15 @@ class CalibratedModel(BeliefModel):
         if lines.any():
             calibrated = _recalibrate_presence(calibrated, lines, looked_into=share < 1)
         return calibrated.without(share == 0)
+
+
+def _add_neighbours(seen: Observation, rows: Ints) -> Ints:
+    """Return rooms, and all others of their buildings that may hide something, in order."""
+    asked = np.zeros(len(seen), dtype=bool)
+    asked[seen.building[rows]] = True
+    hides = (seen.cell_share > 0).any(axis=1) & ~seen.is_building & asked[seen.building]
+    hides[rows] = True
+    return np.flatnonzero(hides)
 
 
 def take_sample(masked: MaskedBuildings, *, most: int) -> MaskedBuildings:

@@ -1,14 +1,15 @@
-"""Make new models from configurations; an ensemble is the equal mixture of its members."""
+"""Make new models from configurations; an ensemble is the mixture of its members."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal
 
+import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from bsg_data.arrays import Ints
+from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution, blend
 from bsg_models.errors import ConfigError
@@ -20,7 +21,7 @@ from bsg_models.zoo.settings import WHATEVER, ModelConfig
 
 
 class EnsembleConfig(ModelConfig):
-    """Several models of the zoo, whose distributions are mixed in equal parts."""
+    """Several models of the zoo, whose distributions are mixed."""
 
     family: Literal["ensemble"] = "ensemble"
     # Names of the zoo; each is trained by its own recipe.
@@ -39,7 +40,8 @@ class EnsembleConfig(ModelConfig):
 class Ensemble(CalibratedModel):
     """P(hidden) = mean over the members of their P(hidden).
 
-    If the members agree, it is as confident as they are; if they differ, it is less so.
+    If the members agree, it is as confident as they are; if they differ, it is less so. In a room
+    whose label is told, members that read no labels do not count, if there are others.
     """
 
     config: EnsembleConfig
@@ -47,6 +49,11 @@ class Ensemble(CalibratedModel):
     def __init__(self, config: EnsembleConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.members: dict[str, BeliefModel] = {}
+
+    @property
+    def reads_labels(self) -> bool:
+        """Whether a member reads room labels."""
+        return any(member.reads_labels for member in self.members.values())
 
     def state(self) -> State:
         """Return its calibration, and what each member has learned."""
@@ -67,17 +74,22 @@ class Ensemble(CalibratedModel):
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""
-        return _mix([member.predict(seen).hidden_counts for member in self.members.values()])
+        parts = [member.predict(seen).hidden_counts for member in self.members.values()]
+        return blend(parts, self._weigh(seen, slice(None)))
 
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
         """Return the mixture of the members' beliefs about some rooms."""
-        return _mix([member.predict_rooms(seen, rows, columns) for member in self.members.values()])
+        parts = [member.predict_rooms(seen, rows, columns) for member in self.members.values()]
+        return blend(parts, self._weigh(seen, rows))
 
-
-def _mix(parts: Sequence[CountDistribution]) -> CountDistribution:
-    return blend(parts, [1 / len(parts)] * len(parts))
+    def _weigh(self, seen: Observation, rows: Any) -> Floats:
+        """Return the weights of the members in some rows, `[M, N, 1]`."""
+        labelled = seen.surroundings.labels[rows].sum(axis=1) > 0
+        reads = np.array([member.reads_labels for member in self.members.values()])
+        counts = (reads[:, None] | ~(labelled & reads.any())).astype(np.float64)
+        return np.asarray((counts / counts.sum(axis=0))[:, :, None])
 
 
 def find_member(name: str) -> RunConfig:

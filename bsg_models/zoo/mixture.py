@@ -85,7 +85,6 @@ class RoomTypeMixture(CalibratedModel):
     tilts: Floats  # [J, K, C] log factors of the first counts; only with `tilted`
 
     config: MixtureConfig
-    reads_labels = False  # it takes the kind of a room from its objects
 
     def __init__(self, config: MixtureConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)

@@ -71,7 +71,7 @@ class BeliefModel(ABC):
     @property
     def reads_labels(self) -> bool:
         """Whether it reads room labels, as far as its settings say."""
-        return "labels" in getattr(self.config, "reads", ("labels",))
+        return "labels" in getattr(self.config, "reads", ())
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:  # noqa: B027 - not all learn
         """Learn from the training buildings of a dataset, or set the start of a training."""
@@ -116,25 +116,38 @@ class BeliefModel(ABC):
         """Return the expectation of every node of an observation, of one building or many."""
 
     def expect_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
+        self,
+        seen: Observation,
+        rows: Ints,
+        columns: Ints | None = None,
+        *,
+        are_independent: bool = False,
     ) -> CountDistribution:
         """Return the hidden counts of some rooms and classes, as `expect` does, but faster.
 
         Args:
             seen: what was seen.
             rows: `[M]` nodes that are rooms.
-            columns: `[M, A]` classes; None for all.
+            columns: `[M, A]` classes, the same in all rooms of a building; None for all.
+            are_independent: whether to ask faster, as if rooms did not depend on each other.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        found = self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
+        found = self.require_finite(
+            lambda: self.predict_rooms(seen, rows, columns, are_independent=are_independent)
+        )
         if self.untaught is None:
             return found
         return found.without(self.untaught if columns is None else self.untaught[columns])
 
     def predict_rooms(
-        self, seen: Observation, rows: Ints, columns: Ints | None = None
+        self,
+        seen: Observation,
+        rows: Ints,
+        columns: Ints | None = None,
+        *,
+        are_independent: bool = False,
     ) -> CountDistribution:
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)

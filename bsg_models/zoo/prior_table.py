@@ -108,6 +108,7 @@ class PriorTableModel(PresenceOdds):
     listed: Floats  # [C] whether the table has the row
 
     config: PriorTableConfig
+    reads_labels = True
 
     def __init__(self, config: PriorTableConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)

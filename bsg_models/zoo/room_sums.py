@@ -17,11 +17,11 @@ _STEPS = 40  # of Newton's method; ten suffice unless the mean is that of one ob
 def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistribution:
     """Let every building hide what its rooms hide.
 
-    The rows of the buildings become one negative binomial with the mean and variance of a sum of
-    independent rooms. If counts are tilted, its P(0) is tilted to the product of the rooms' P(0),
-    and its variance is then not exact: a house whose kitchen most likely has a stove most likely
-    has one. A building without rooms hides f / (1 − f) of what was seen of it. Objects of the null
-    region, which are in no room, count as all seen; HM3D's public scenes have none with a class.
+    The rows of the buildings become one negative binomial with the mean of a sum of independent
+    rooms, tilted to the product of their P(0): a house whose kitchen most likely has a stove most
+    likely has one. Its variance is nearly that of the sum. A building without rooms hides
+    f / (1 − f) of what was seen of it. Objects of the null region, which are in no room, count as
+    all seen; HM3D's public scenes have none with a class.
     """
     inputs = seen.inputs
     is_room, first = ~seen.is_building[:, None], seen.starts[:-1]
@@ -40,18 +40,17 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     )
     means, dispersions = distribution.means.copy(), distribution.dispersions.copy()
     means[:, first], dispersions[:, first] = mean, dispersion
-    tilts = None if distribution.tilts is None else distribution.tilts.copy()
-    if tilts is not None:
-        none = np.log1p(-distribution.presence.clip(max=1 - 1e-12))
-        log_none = np.add.reduceat(none * is_room, first)
-        log_none[alone] = 0.0
-        means[:, first], tilts[:, :, first] = mean, 0.0
-        some = -np.expm1(log_none) > _LEAST
-        base, tilt = _tilt_none(mean[some], dispersion[some], log_none[some])
-        for place, value in ((means, base), (tilts[0], tilt)):
-            rows = place[:, first]
-            rows[:, some] = value
-            place[:, first] = rows
+    tilts = np.zeros((1, *means.shape)) if distribution.tilts is None else distribution.tilts.copy()
+    none = np.log1p(-distribution.presence.clip(max=1 - 1e-12))
+    log_none = np.add.reduceat(none * is_room, first)
+    log_none[alone] = 0.0
+    means[:, first], tilts[:, :, first] = mean, 0.0
+    some = -np.expm1(log_none) > _LEAST
+    base, tilt = _tilt_none(mean[some], dispersion[some], log_none[some])
+    for place, value in ((means, base), (tilts[0], tilt)):
+        rows = place[:, first]
+        rows[:, some] = value
+        place[:, first] = rows
     weights = distribution.weights
     if weights.shape[2] > 1:  # the components of a building are equal, whatever their weights
         weights = weights.copy()

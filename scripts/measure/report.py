@@ -65,6 +65,12 @@ UNVISITED = {
     "AP micro ↑": "presence_ap_micro/unvisited",
     "calibration error ↓": "presence_calibration_error/unvisited",
 }
+SOMEWHERE = {
+    "Brier score ↓": "presence_brier/unseen",
+    "AUROC macro ↑": "presence_auroc_macro/unseen",
+    "AUROC micro ↑": "presence_auroc_micro/unseen",
+    "calibration error ↓": "presence_calibration_error/unseen",
+}
 SINGLE = ("refrigerator", "tv", "bathtub", "toilet", "dishwasher", "microwave", "stove")
 IN_PAIRS = ("nightstand", "pillow", "washing machine")  # this class includes dryers
 EVIDENCE = {"floor_area": "floor area", "labels": "room label"}
@@ -107,11 +113,21 @@ def report_leaderboard(options: argparse.Namespace) -> Tables:
             )
             title = f"Rooms not entered, masks: {mask}"
             tables.append(ResultsTable(title, ("model", *UNVISITED), rows, reading))
+        rows = [
+            [
+                f"`{name}`",
+                *(_halved(_metric(models[name], one, "building")) for one in SOMEWHERE.values()),
+            ]
+            for name in ranked
+        ]
+        reading = "Somewhere in the building: classes of which none was seen there."
+        title = f"Somewhere, masks: {mask}"
+        tables.append(ResultsTable(title, ("model", *SOMEWHERE), rows, reading))
     return tables
 
 
-def _metric(model: Mapping[str, Any], name: str) -> dict[str, Any]:
-    return dict(model["metrics"].get(f"rooms/{name}") or {"value": None})
+def _metric(model: Mapping[str, Any], name: str, nodes: str = "rooms") -> dict[str, Any]:
+    return dict(model["metrics"].get(f"{nodes}/{name}") or {"value": None})
 
 
 def _halved(value: Mapping[str, float | None] | None, *, digits: int = 4) -> str:

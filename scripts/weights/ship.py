@@ -1,7 +1,9 @@
 """Make the shipped models: train each on all buildings of its dataset, check it, write its card.
 
-WORK/NAME/dataset    a copy of the dataset: nine tenths train, one tenth calibrates, none is tested
+WORK/NAME/dataset    a copy of the dataset: nine tenths train, one tenth chooses the best epoch
 WORK/NAME/run        the run
+WORK/NAME/folds      a copy in five folds, and WORK/NAME/fold-K the runs without fold K. What these
+                     predict of the folds that they have not seen calibrates the model
 OUT/NAME.safetensors the model alone, in single precision, without the optimiser
 OUT/NAME.md          its card; `make docs` fills in its accuracy
 OUT/SHA256SUMS       of both, of every model
@@ -17,7 +19,7 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from disclosure import find_disclosed, measure_membership
@@ -39,6 +41,7 @@ from bsg_models.evaluation.measurement import predict_all
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import (
+    CheckpointHeader,
     is_finished,
     load_checkpoint,
     name_tensors,
@@ -48,11 +51,16 @@ from bsg_models.runs.checkpoint import (
 from bsg_models.runs.found_model import SUFFIX
 from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
 from bsg_models.runs.run_folder import BEST, LAST
-from bsg_models.training.training import train_run
+from bsg_models.training.buildings import mask_as_trained
+from bsg_models.training.training import calibrate, train_run
+from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.model import BeliefModel, one_thread
 
 SPLIT = SplitRecipe(ratios=(0.9, 0.1, 0.0))
-DRAWS = 10  # masks of every building that calibrates
+ACROSS = SplitRecipe(method="folds", ratios=None, folds=5)
+DRAWS = 10  # masks of every building that chooses the best epoch
+FOLD_DRAWS = 6  # masks of every building that calibrates
 ATTACKED = 3  # masks of every building that the membership attack sees
 _CLOSE = 1e-3  # of a presence: what single precision may change
 
@@ -127,21 +135,23 @@ def configure(
     return validate_config(tables, source=name)
 
 
-def prepare_dataset(source: Path, folder: Path, config: RunConfig, *, force: bool) -> Path:
-    """Copy a dataset, split it and draw the pairs that calibrate; keep what is there already.
+def prepare_dataset(
+    source: Path, copy: Path, config: RunConfig, split: SplitRecipe, *, force: bool
+) -> Path:
+    """Copy a dataset, split it and draw pairs; keep what is there already.
 
     Raises:
         DatasetError: if the copy is of another dataset, or of another mask.
     """
-    stamp, copy = folder / "source.sha256", folder / "dataset"
+    stamp = copy.with_suffix(".sha256")
     told = f"{hash_manifest(source)}\n{config.data.fresh_mask.model_dump_json()}\n"
     if copy.exists() and (force or not stamp.is_file()):
         shutil.rmtree(copy)
         stamp.unlink(missing_ok=True)
     if not copy.exists():
-        folder.mkdir(parents=True, exist_ok=True)
+        copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copytree(source, copy)
-        split_dataset(copy, SPLIT, force=read_manifest(copy).split is not None)
+        split_dataset(copy, split, force=read_manifest(copy).split is not None)
         write_pairs(copy, PairsRecipe(mask=config.data.fresh_mask, draws=DRAWS))
         write_bytes(stamp, told.encode())
     elif stamp.read_text("utf-8") != told:
@@ -161,19 +171,38 @@ def train(config: RunConfig, dataset: Path, run: Path, *, force: bool) -> None:
         print(f"  epoch {report.epoch}", end="\r", file=sys.stderr)
 
 
-def strip(run: Path, path: Path, masked: MaskedBuildings) -> None:
-    """Write a run's best model alone, in single precision, and prove that it answers the same.
+def calibrate_across_folds(
+    model: CalibratedModel, source: Path, folder: Path, config: RunConfig, *, force: bool
+) -> None:
+    """Calibrate a model by models of five folds: they predict ten times the buildings of val."""
+    copy = prepare_dataset(source, folder / "folds", config, ACROSS, force=force)
+    data, unseen = Dataset.open(copy), []
+    for fold in range(len(data.splits)):
+        own = config.model_copy(update={"data": config.data.model_copy(update={"fold": fold})})
+        place = folder / f"fold-{fold}"
+        train(own, copy, place, force=force)
+        like_it = cast(CalibratedModel, restore_model(place / BEST, load_checkpoint(place / BEST)))
+        scenes = scenes_of(data, "test", fold=fold)
+        masked = mask_as_trained(own, data, scenes, vocabulary=like_it.vocabulary, draws=FOLD_DRAWS)
+        unseen.append((like_it, masked))
+    with one_thread():
+        calibrate(model, unseen)
+
+
+def strip(
+    model: BeliefModel, header: CheckpointHeader, path: Path, masked: MaskedBuildings
+) -> None:
+    """Write a model alone, in single precision, and prove that it answers the same.
 
     Raises:
         CheckpointError: if single precision changes a presence.
     """
-    best = load_checkpoint(run / BEST)
     tensors = {
         name: tensor.astype(np.float32) if tensor.dtype.kind == "f" else tensor
-        for name, tensor in best.state_of("model").items()
+        for name, tensor in model.state().items()
     }
-    save_checkpoint(path, best.header, name_tensors("model", tensors))
-    before = predict_all(restore_model(run / BEST, best), masked)
+    save_checkpoint(path, header, name_tensors("model", tensors))
+    before = predict_all(model, masked)
     after = predict_all(restore_model(path, load_checkpoint(path)), masked)
     change = float(np.abs(before.presence - after.presence).max())
     if change > _CLOSE:
@@ -194,12 +223,14 @@ def ship(
     Raises:
         BSGError: if it cannot be trained, or its weights tell what they should not.
     """
-    dataset = prepare_dataset(source, work / name, config, force=force)
+    dataset = prepare_dataset(source, work / name / "dataset", config, SPLIT, force=force)
     train(config, dataset, work / name / "run", force=force)
     data, made = Dataset.open(dataset), work / name / f"{name}{SUFFIX}"
-    vocabulary = load_checkpoint(work / name / "run" / BEST).header.vocabulary
-    held_out = read_split(data, "val", vocabulary=vocabulary)
-    strip(work / name / "run", made, held_out)
+    best = load_checkpoint(work / name / "run" / BEST)
+    whole = cast(CalibratedModel, restore_model(work / name / "run" / BEST, best))
+    calibrate_across_folds(whole, source, work / name, config, force=force)
+    held_out = read_split(data, "val", vocabulary=whole.vocabulary)
+    strip(whole, best.header, made, held_out)
     disclosure = find_disclosed(made, data)
     if disclosure.faults:
         raise CheckpointError(f"{made}: is not shipped: {'; '.join(disclosure.faults)}")

@@ -94,9 +94,10 @@ def test_what_cannot_be_made_is_said(
 def test_another_dataset_in_the_same_work_folder_is_refused(dataset: Path, tmp_path: Path) -> None:
     config = SHIP.configure("mixture", config_of={}, settings={})
     assert config.model.types == 16
-    copy = SHIP.prepare_dataset(dataset, tmp_path / "mixture", config, force=False)
-    assert SHIP.prepare_dataset(dataset, tmp_path / "mixture", config, force=False) == copy
+    work = tmp_path / "mixture" / "dataset"
+    copy = SHIP.prepare_dataset(dataset, work, config, SHIP.SPLIT, force=False)
+    assert SHIP.prepare_dataset(dataset, work, config, SHIP.SPLIT, force=False) == copy
     with (dataset / "dataset.json").open("a") as file:
         file.write("\n")
     with pytest.raises(SHIP.DatasetError, match="copy of another dataset"):
-        SHIP.prepare_dataset(dataset, tmp_path / "mixture", config, force=False)
+        SHIP.prepare_dataset(dataset, work, config, SHIP.SPLIT, force=False)

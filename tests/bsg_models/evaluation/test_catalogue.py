@@ -71,9 +71,10 @@ def test_a_measurement_has_the_values_of_the_table(prediction: Prediction) -> No
     )
     assert list_values()[24] == "building/wasserstein_values/mean"
     assert list_values()[72] == "rooms/presence_auroc_micro/all"
-    assert list_values()[78] == "rooms/presence_auroc_micro/unseen"
+    assert list_values()[73] == "building/presence_auroc_micro/all"
+    assert list_values()[84] == "rooms/presence_auroc_micro/unseen"
     assert list_values()[-3:] == ("rooms/top1_unseen", "rooms/top3_unseen", "rooms/top5_unseen")
-    assert len(set(list_values())) == len(list_values()) == 93
+    assert len(set(list_values())) == len(list_values()) == 105
 
 
 def test_every_value_has_a_label_of_its_own() -> None:
@@ -81,10 +82,19 @@ def test_every_value_has_a_label_of_its_own() -> None:
     assert len(set(labels)) == len(labels)
     assert label_value("building/energy_values/variance") == "variance of energy, building"
     assert head_value("rooms/presence_auroc_macro/unvisited") == "unvisited AUROC macro ↑"
+    assert label_value("building/presence_brier/unseen") == "unseen Brier score, building"
     assert head_value("rooms/mean_error") == "signed error in number, rooms"
 
 
-@pytest.mark.parametrize("name", ["rooms/hiden_nll", "walls/hidden_nll", "building/top1_unseen"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "rooms/hiden_nll",
+        "walls/hidden_nll",
+        "building/top1_unseen",
+        "building/presence_brier/unvisited",
+    ],
+)
 def test_a_value_that_is_not_there_is_refused(name: str) -> None:
     with pytest.raises(RecipeError):
         find_value(name)

@@ -95,5 +95,5 @@ def test_selections_by_hand() -> None:
 def test_without_an_unvisited_room_there_is_nothing_to_measure() -> None:
     rooms = make_rooms(digits=2, spread=0.7) | {"visited": np.ones(ROOMS, dtype=bool)}
     histograms = count(rooms)
-    assert histograms.rooms["unvisited"] == 0
+    assert histograms.nodes["unvisited"] == 0
     assert np.isnan(histograms.ranks.auroc["unvisited"]).all()

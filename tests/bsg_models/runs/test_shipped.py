@@ -28,11 +28,11 @@ from bsg_models.runs.predictor import Predictor
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "fe4f0024dde5c3562feae06fab926a028e8e313deba43f271292a8b94273a631",
-    "universal-wide": "878d6d78face0e1dc156ccc53080708b19bd36152d41c83a865d8046feb97d73",
-    "mixture": "81daa58cf8727373c8805c476694d07442e8024de619d6273fd033cb21c0744c",
-    "ensemble": "b365153a027507b5f236e521b4aaa743973a3a9087587321b5f324790464ddbc",
-    "behavior": "dca124a60684438c481839be3833706675efe4c25076a063b40e59180cf71d45",
+    "universal": "379bfe64669033eb17be7ccb63a0393b5fd3fd9866f950d130dc4f56621b2224",
+    "universal-wide": "f3cc04a3c069334c73fb42e62c7b37fcc8cd3c1e524171f78b46b402a687d42d",
+    "mixture": "81dc33168c291d6dac5c51990f56c5ab903227ad3709e74a27537d7d5c265717",
+    "ensemble": "09d6128f492079556c6f6d77255e9eea55b945151dc7777a5de208c925d36fdf",
+    "behavior": "5a8754147550ccd1bcd0ac37758f39570ede9beeebb897a266c91fc6342780c6",
 }
 
 

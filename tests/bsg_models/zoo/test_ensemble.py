@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from one_building import observe_building, surround_rooms
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.errors import ConfigError
@@ -27,6 +28,16 @@ def mix(*members: str) -> RunConfig:
     tables = find_config("ensemble").model_dump(mode="json")
     chosen = ", ".join(f'"{name}"' for name in members)
     return validate_config(override(tables, [f"model.members=[{chosen}]"]), source="test")
+
+
+def test_where_a_label_is_told_only_those_count_that_read_it() -> None:
+    model = make_model(mix("mixture", "universal"), classes=3, vocabulary=("tap",))
+    assert isinstance(model, Ensemble)
+    around = surround_rooms([None] * 2, ["kitchen", None])
+    seen = observe_building([[0] * 3] * 3, vocabulary=("tap",), surroundings=around)
+    weights = model.predict_hidden_counts(seen).weights[:, :, 0]
+    of_mixture = weights[: len(weights) - 2].sum(axis=0)
+    np.testing.assert_allclose(of_mixture[1:], [0.0, 0.5])
 
 
 @pytest.mark.parametrize("members", [("ensemble",), ("mixtrue",)])
