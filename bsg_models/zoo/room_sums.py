@@ -19,9 +19,9 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
 
     The rows of the buildings become one negative binomial with the mean of a sum of independent
     rooms, tilted to the product of their P(0): a house whose kitchen most likely has a stove most
-    likely has one. Its variance is nearly that of the sum. A building without rooms hides
-    f / (1 − f) of what was seen of it. Objects of the null region, which are in no room, count as
-    all seen; HM3D's public scenes have none with a class.
+    likely has one. Its variance is that of the sum if rooms are alike, and else another. A building
+    without rooms hides f / (1 − f) of what was seen of it. Objects of the null region, which are in
+    no room, count as all seen; HM3D's public scenes have none with a class.
     """
     inputs = seen.inputs
     is_room, first = ~seen.is_building[:, None], seen.starts[:-1]

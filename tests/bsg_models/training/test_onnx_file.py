@@ -83,7 +83,9 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
         unclassified=np.ones((3, len(model.vocabulary)), dtype=np.int64),
     )
     shares = np.array([0.5, 0.0, 1e-30], dtype=np.float32)  # a searched room hides nothing
-    for one in (told, replace(told, hidden_share=shares), *map(seen.take, ([0], [1], [2]))):
+    full = replace(told, inputs=300 * told.inputs)  # it surely hides more
+    every = (told, replace(told, hidden_share=shares), full, *map(seen.take, ([0], [1], [2])))
+    for one in every:
         expectation = model.expect(one)
         expected, presence = ask(tmp_path / "net.onnx", one)
         np.testing.assert_allclose(expected, expectation.hidden, rtol=1e-5, atol=1e-5)
