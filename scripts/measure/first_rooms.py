@@ -43,16 +43,17 @@ Home = Mapping[str, Sequence[str]]
 def open_home(home: Home, model: str, *, told: bool) -> SeenBuilding:
     """Return a small home; `told` says its kind and those of its rooms."""
     kinds = {room: {"room_type": room} if told else {} for room in home}
+    ids = {room: f"r{number}" for number, room in enumerate(home)}  # names of rooms are read
     said: dict[str, Any] = {
         "scene_id": "home",
-        "rooms": [{"id": room, "hidden_share": 0.5, **kinds[room]} for room in home],
+        "rooms": [{"id": ids[room], "hidden_share": 0.5, **kinds[room]} for room in home],
         "objects": [
-            {"id": f"{room} {number}", "room": room, "category": thing}
+            {"id": f"{room} {number}", "room": ids[room], "category": thing}
             for room, things in home.items()
             for number, thing in enumerate(things)
         ],
     }
-    said["rooms"].append({"id": "next", "visited": False})
+    said["rooms"].append({"id": "r9", "visited": False})
     return open_graph(said | ({"building_kind": "home"} if told else {}), model=model)
 
 
@@ -65,13 +66,13 @@ def report_homes(models: Sequence[str], homes: Sequence[Home]) -> ResultsTable:
             again = {
                 thing: max(
                     place.unseen
-                    for home, seen in zip(homes, opened, strict=True)
+                    for seen in opened
                     for place in seen.where(thing)
-                    if thing in home.get(place.room or "", ())
+                    if place.seen
                 )
                 for thing in SINGLE
             }
-            more = [sum(one.expected for one in seen.expected("next")) for seen in opened]
+            more = [sum(one.expected for one in seen.expected("r9")) for seen in opened]
             cells = [f"{100 * chance:.0f}" for chance in again.values()]
             what = "kind of the home and of its rooms" if told else "nothing"
             rows.append([f"`{model}`", what, *cells, f"{min(more):.0f} to {max(more):.0f}"])
