@@ -58,6 +58,7 @@ def list_expected() -> dict[str, list[str]]:
             size(parquet_pages.MAX_PAGE),
             size(parquet_pages.MAX_WORDS),
             f"{parquet_pages.MAX_PAGES:,} pages",
+            f"{parquet_pages.MAX_COLUMNS:,} columns",
         ],
         "a class map, a configuration, a prior table": [
             size(bounds.CLASS_MAP),

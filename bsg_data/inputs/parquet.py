@@ -15,7 +15,10 @@ from bsg_data.inputs.bounds import MIB
 from bsg_data.inputs.parquet_pages import measure_pages
 
 # What Arrow raises for bytes that are no parquet of ours: UnicodeDecodeError is a ValueError.
-_DAMAGE = (OSError, pa.ArrowException, KeyError, IndexError, TypeError, ValueError, OverflowError)
+_DAMAGE = (
+    *(OSError, pa.ArrowException, KeyError, IndexError, TypeError, ValueError, OverflowError),
+    *(MemoryError, RecursionError),
+)
 
 
 def open_parquet_file(

@@ -9,6 +9,7 @@ twice or of another kind, numbers beyond their bits, pages that do not end where
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, BinaryIO, NamedTuple
@@ -17,15 +18,17 @@ from bsg_data.inputs.bounds import MIB
 
 MAX_INDEX = 4 * MIB
 MAX_PAGES, MAX_PAGE = 100_000, 64 * MIB  # Arrow takes a page whole
-MAX_WORDS = 2 * MIB  # of a dictionary: each of its words may be in every row
+MAX_WORDS = 16 * MIB  # of the dictionaries of a row group: each word may be in every row
+MAX_COLUMNS, MAX_WIDTH = 1_000, 256  # of values of a fixed width, in bytes
 _MAX_RECORDS = 1_000_000  # structs and members of lists in an index: Arrow takes a kB for each
 _MAX_HEADER = 16 * 1024  # of a page; its least and largest value are in it
-_MAX_DEPTH = 16
+_MAX_DEPTH, _MAX_SCHEMA = 16, 100  # of records, and of columns in columns
 _TAIL, _MARK = 8, b"PAR1"  # the size of the index, then the mark
 _TRUE, _FALSE, _BYTE, _SHORT, _INT, _LONG, _DOUBLE, _TEXT, _LIST, _SET = range(1, 11)
 _STRUCT = 12
 _BITS = {_SHORT: 16, _INT: 32, _LONG: 64}
-_DICTIONARY = 2  # the type of such a page
+_DATA, _DICTIONARY, _DATA_AGAIN = 0, 2, 3  # types of pages
+_REPEATS = (6, 7)  # encodings of texts by their differences and lengths, of which a page has any
 _Struct = dict[int, tuple[int, Any]]  # field → kind and value; of a list, kind and members
 
 
@@ -34,6 +37,14 @@ class _Chunk(NamedTuple):
 
     start: int
     end: int
+    group: int
+
+
+class _Leaf(NamedTuple):
+    """A column of the schema."""
+
+    path: list[bytes]
+    width: int  # of values of a fixed width
 
 
 class Pages(NamedTuple):
@@ -62,28 +73,59 @@ def measure_pages(file: BinaryIO, is_read: Callable[[str], bool] = bool) -> Page
     of_groups = [_read(group, 3, _LONG) for group in groups]
     if min(of_groups, default=0) < 0 or sum(of_groups) != rows:
         raise ValueError(f"{rows:,} rows, but {sum(of_groups):,} in its row groups")
-    chunks = [chunk for group in groups for chunk in _list_chunks(group, is_read)]
-    for before, after in pairwise([_Chunk(0, 0), *sorted(chunks), _Chunk(tail, tail)]):
+    leaves = _list_leaves(_read_structs(index, 2))
+    chunks = [
+        chunk
+        for number, group in enumerate(groups)
+        for chunk in _list_chunks(group, number, leaves, is_read)
+    ]
+    for before, after in pairwise([_Chunk(0, 0, 0), *sorted(chunks), _Chunk(tail, tail, 0)]):
         if after.start < before.end:
             raise ValueError(f"pages at {after.start:,} within others, or beyond its end")
-    size, pages = 0, 0
+    size, pages, words = 0, 0, Counter[int]()
     for chunk in chunks:
-        for page in _measure_chunk(file, chunk):
+        for kind, page in _measure_chunk(file, chunk):
             size, pages = size + page, pages + 1
+            words[chunk.group] += page * (kind == _DICTIONARY)
             if pages > MAX_PAGES:
                 raise ValueError(f"more than {MAX_PAGES:,} pages; write larger ones")
+    if words and max(words.values()) > MAX_WORDS:
+        raise ValueError(f"over {MAX_WORDS:,} bytes of dictionaries; write it without them")
     return Pages(rows, size)
 
 
-def _list_chunks(group: _Struct, is_read: Callable[[str], bool]) -> Iterator[_Chunk]:
-    """Yield the chunks of columns in a row group that have values."""
-    for chunk in _read_structs(group, 1):
-        column = _read(chunk, 3, _STRUCT)
-        kind, path = _read(column, 3, _LIST)
-        if kind != _TEXT or not path:
-            raise ValueError("a column without a name")
+def _list_leaves(schema: Sequence[_Struct]) -> list[_Leaf]:
+    """Return the columns of a schema, a tree whose nodes say how many children follow them."""
+    leaves: list[_Leaf] = []
+    above: list[tuple[list[bytes], int]] = [([], 1)]  # path, and children that are still to come
+    for number, element in enumerate(schema):
+        while above and not above[-1][1]:
+            above.pop()
+        path, left = above.pop()
+        above.append((path, left - 1))
+        own = [*path, _read(element, 4, _TEXT)] if number else []  # the root has no name
+        children = _read(element, 5, _INT) if 5 in element else 0
+        if children > 0:
+            above.append((own, children))
+        elif number:
+            leaves.append(_Leaf(own, _read(element, 2, _INT) if 2 in element else 0))
+        if len(leaves) > MAX_COLUMNS or len(above) > _MAX_SCHEMA:
+            raise ValueError(f"more than {MAX_COLUMNS:,} columns, or nested too deep")
+    return leaves
+
+
+def _list_chunks(
+    group: _Struct, number: int, leaves: Sequence[_Leaf], is_read: Callable[[str], bool]
+) -> Iterator[_Chunk]:
+    """Yield the chunks of columns that are read, and have values, in a row group."""
+    for leaf, chunk in zip(leaves, _read_structs(group, 1), strict=True):
+        column, path = _read(chunk, 3, _STRUCT), leaf.path
+        if _read(column, 3, _LIST) != (_TEXT, path):
+            raise ValueError("columns of other names than its schema has")
         if not is_read(path[0].decode("utf-8", "replace")):
             continue
+        if leaf.width > MAX_WIDTH:
+            raise ValueError(f"values of {leaf.width:,} bytes; expected {MAX_WIDTH} at most")
         values, rows = _read(column, 5, _LONG), _read(group, 3, _LONG)
         if len(path) == 1 and values != rows:
             raise ValueError(f"{values:,} values of a column in {rows:,} rows")
@@ -93,22 +135,26 @@ def _list_chunks(group: _Struct, is_read: Callable[[str], bool]) -> Iterator[_Ch
         dictionary = _read(column, 11, _LONG) if 11 in column else 0
         if 0 < dictionary < start:  # as Arrow has it
             start = dictionary
-        yield _Chunk(start, start + _read(column, 7, _LONG))
+        yield _Chunk(start, start + _read(column, 7, _LONG), number)
 
 
-def _measure_chunk(file: BinaryIO, chunk: _Chunk) -> Iterator[int]:
-    """Yield what each page of a chunk takes, packed or unpacked."""
+def _measure_chunk(file: BinaryIO, chunk: _Chunk) -> Iterator[tuple[int, int]]:
+    """Yield the type of each page of a chunk, and what it takes, packed or unpacked."""
     start = chunk.start
     while start < chunk.end:
         file.seek(start)
         header = _Thrift(file.read(_MAX_HEADER))
         page = header.read_struct()
         kind, unpacked, packed = (_read(page, field, _INT) for field in (1, 2, 3))
-        most = MAX_WORDS if kind == _DICTIONARY else MAX_PAGE
-        if not (0 <= unpacked <= most and packed >= 0):
-            raise ValueError(f"a page of {unpacked:,} bytes; expected 0 to {most:,}")
+        if not (0 <= unpacked <= MAX_PAGE and packed >= 0):
+            raise ValueError(f"a page of {unpacked:,} bytes; expected 0 to {MAX_PAGE:,}")
+        places = {_DATA: (5, 2), _DATA_AGAIN: (8, 4)}
+        if kind in places:
+            inner, field = places[kind]
+            if _read(_read(page, inner, _STRUCT), field, _INT) in _REPEATS:
+                raise ValueError("texts in a delta encoding; write them plain")
         start += header.at + packed
-        yield max(unpacked, packed)
+        yield kind, max(unpacked, packed)
     if start != chunk.end:
         raise ValueError("pages that do not end where their column does")
 

@@ -296,7 +296,9 @@ def _read_table(
         expected = f"a file that ends in {', '.join(_SUFFIXES)}"
         raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
     wanted = {_fold(name) for name in (*_FIELDS, *dict(named).values())}
-    lines = _read_parquet(path, wanted) if name.endswith(".parquet") else _read_csv(path)
+    lines = (
+        _read_parquet(path, wanted, dict(named)) if name.endswith(".parquet") else _read_csv(path)
+    )
     header = [str(column).strip() for column in next(lines, ("", []))[1]]
     columns = _find_columns(path, header, dict(named))
     notes: Counter[str] = Counter()
@@ -362,7 +364,9 @@ def _read_lines(path: Path, file: BinaryIO) -> Iterator[str]:
         yield line
 
 
-def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Sequence[Any]]]:
+def _read_parquet(
+    path: Path, wanted: Container[str], named: Mapping[str, str]
+) -> Iterator[tuple[str, Sequence[Any]]]:
     """Yield the names of the columns, then the line and the values of every row."""
 
     def is_read(name: str) -> bool:
@@ -371,14 +375,16 @@ def _read_parquet(path: Path, wanted: Container[str]) -> Iterator[tuple[str, Seq
     opened = open_parquet_file(path, most=MAX_OBJECT_ROWS, bound=TABLE, is_read=is_read)
     with opened as file, refusing_damage(path):
         for field in file.schema_arrow:  # runs of a list have any number of values
-            if is_read(field.name) and pa.types.is_nested(field.type):
+            kind = getattr(field.type, "storage_type", field.type)  # of an extension
+            if is_read(field.name) and pa.types.is_nested(kind):
                 message = (
                     f"{path}, column {field.name}: expected text, found lists; put ; between names"
                 )
                 raise SourceError(message, code="table-lists", where=path)
         names = file.schema_arrow.names
         yield "", names
-        known = [name for name in names if is_read(name)]
+        chosen = _find_columns(path, [name.strip() for name in names], named)
+        known = [names[at] for at in chosen.values()]
         rows = chain.from_iterable(
             _list_rows(b, names) for b in file.iter_batches(_ROWS, columns=known)
         )

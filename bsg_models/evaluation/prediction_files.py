@@ -39,6 +39,7 @@ NODE = ("scene_id", "draw", "node_index")
 KEYS = (*NODE, "class")
 WRITTEN = 16  # number of the columns p0, p1, … that are written
 _TEXTS, _NUMBERS = ("scene_id", "class"), ("draw", "node_index")
+_READ = (*KEYS, "presence", "expected", "total")  # and p0, p1, …
 _EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 _MOST_EXACTLY = 256
 _MOST = 1e9  # objects of a class in a node
@@ -100,6 +101,7 @@ def _open(path: Path) -> pq.ParquetFile:
         path,
         most=MAX_STREAMED_ROWS,
         bound=DATASET_TABLE,
+        is_read=lambda name: name in _READ or _EXACTLY.fullmatch(name) is not None,
         dictionaries=_TEXTS,
         error=PredictionError,
     )
@@ -115,7 +117,7 @@ def _read(path: Path, file: pq.ParquetFile) -> pd.DataFrame:
             if name not in _TEXTS:
                 kind = pa.int64() if name in _NUMBERS else pa.float64()
                 table = table.set_column(place, name, table[name].cast(kind))
-        rows: pd.DataFrame = table.to_pandas()
+        rows: pd.DataFrame = table.to_pandas(ignore_metadata=True)
     for name, values, sound, expected in _list_rules(rows):
         if not sound.all():
             row = int(np.argmin(sound))
@@ -167,10 +169,11 @@ def _fits(kind: str, found: pa.DataType) -> bool:
     return bool(pa.types.is_integer(found) or (kind == "numbers" and pa.types.is_floating(found)))
 
 
-def _list_rules(rows: pd.DataFrame) -> Iterator[tuple[str, Floats, Bools, str]]:
+def _list_rules(rows: pd.DataFrame) -> Iterator[tuple[str, Any, Bools, str]]:
     """Yield name and values of a column, whether each is sound, and what is expected."""
     for name in KEYS:
-        yield name, rows[name].to_numpy(), rows[name].notna().to_numpy(), "a value"
+        # Texts stay a dictionary, however long they are.
+        yield name, rows[name].array, rows[name].notna().to_numpy(), "a value"
     values: dict[str, Floats] = {name: rows[name].to_numpy() for name in rows.columns[len(KEYS) :]}
     expected, total = values.pop("expected"), values.pop("total", np.zeros(len(rows)))
     sound = (expected >= 0) & (expected <= _MOST)

@@ -65,10 +65,7 @@ def report_homes(models: Sequence[str], homes: Sequence[Home]) -> ResultsTable:
             opened = [open_home(home, model, told=told) for home in homes]
             again = {
                 thing: max(
-                    place.unseen
-                    for seen in opened
-                    for place in seen.where(thing)
-                    if place.seen
+                    place.unseen for seen in opened for place in seen.where(thing) if place.seen
                 )
                 for thing in SINGLE
             }

@@ -83,3 +83,30 @@ def test_an_index_that_could_be_read_in_two_ways_is_refused(said: str) -> None:
     pq.write_table(pa.table({"name": [str(number) for number in range(1_000)]}), sink)
     with pytest.raises(ValueError, match=said):
         measure_pages(change_index(sink, LIES[said]))
+
+
+WORD = pa.DictionaryArray.from_arrays(pa.array([0, 0], pa.int32()), ["a" * (17 * 2**20)])
+COSTLY = {
+    "delta encoding": (
+        pa.table({"name": ["a"]}),
+        {"use_dictionary": False, "column_encoding": {"name": "DELTA_BYTE_ARRAY"}},
+    ),
+    "values of 300 bytes": (pa.table({"name": pa.array([b"a" * 300], pa.binary(300))}), {}),
+    "more than 1,000 columns": (pa.table({f"c{number}": [0] for number in range(1_001)}), {}),
+    "bytes of dictionaries": (pa.table({"name": WORD}), {"dictionary_pagesize_limit": 2**30}),
+}
+
+
+@pytest.mark.parametrize("said", COSTLY)
+def test_what_unpacks_beyond_its_pages_is_refused(said: str) -> None:
+    table, options = COSTLY[said]
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", **options)
+    with pytest.raises(ValueError, match=said):
+        measure_pages(sink)
+
+
+def test_columns_that_are_not_read_may_be_anything() -> None:
+    sink = io.BytesIO()
+    pq.write_table(pa.table({"note": WORD, "x": [1, 2]}), sink, dictionary_pagesize_limit=2**30)
+    assert measure_pages(sink, lambda name: name == "x").size < 100

@@ -95,3 +95,10 @@ def test_an_empty_table_is_read_as_no_rows(tmp_path: Path) -> None:
     empty: pd.DataFrame = rows()[:0]
     pq.write_table(pa.Table.from_pandas(empty, schema=pa.Schema.from_pandas(rows())), path)
     assert len(read_predictions(path, most_rows=2).rows) == 0
+
+
+def test_what_pandas_made_an_index_is_a_column(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    indexed: pd.DataFrame = rows().set_index(["scene_id", "draw", "node_index"])
+    indexed.to_parquet(path)
+    assert len(read_predictions(path, most_rows=len(rows())).rows) == len(rows())
