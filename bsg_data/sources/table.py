@@ -26,6 +26,7 @@ from typing import Annotated, Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -41,7 +42,7 @@ from bsg_data.dataset.terms import LICENCE_REF, Terms
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import open_stream
-from bsg_data.inputs.bounds import MAX_LINE, MAX_OBJECT_ROWS, TABLE
+from bsg_data.inputs.bounds import MAX_CELL, MAX_LINE, MAX_OBJECT_ROWS, TABLE
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
@@ -74,6 +75,7 @@ _MISSING = {
 }
 _NO_TEXT = re.compile("[\0\udc80-\udcff]")  # a surrogate stands for a byte that is no UTF-8
 _BYTES = (pa.types.is_binary, pa.types.is_large_binary, pa.types.is_fixed_size_binary)
+_TEXTS = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)
 _CONTROL = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029]")
 
 
@@ -385,28 +387,37 @@ def _read_parquet(
         yield "", names
         chosen = _find_columns(path, [name.strip() for name in names], named)
         known = [names[at] for at in chosen.values()]
-        rows = chain.from_iterable(
-            _list_rows(b, names) for b in file.iter_batches(_ROWS, columns=known)
-        )
-        for number, row in enumerate(rows, start=1):
-            yield f"row {number}", row
+        number, size = 0, 0
+        for batch in file.iter_batches(_ROWS, columns=known):
+            columns = {name: _plain(batch.column(name)) for name in known}
+            size += sum(column.nbytes for column in columns.values())
+            longest = max(map(_longest, columns.values()), default=0)
+            if longest > MAX_CELL or size > TABLE:
+                where = f"{path}, row {number + 1}"
+                said = f"{where} and after: expected at most {MAX_CELL:,} bytes in a cell, and "
+                said += f"{TABLE:,} in all that are read; found {longest:,} and {size:,}"
+                raise SourceError(said, code="file-too-large", where=where)
+            listed = {name: column.to_pylist() for name, column in columns.items()}
+            blank = [None] * batch.num_rows
+            for row in zip(*(listed.get(name, blank) for name in names), strict=True):
+                number += 1
+                yield f"row {number}", row
 
 
-def _list_rows(batch: pa.RecordBatch, names: Sequence[str]) -> Iterator[Sequence[Any]]:
-    """Yield the rows of a batch, with a None for every column that it leaves out."""
-    columns = {name: _list_values(batch.column(name)) for name in batch.schema.names}
-    blank = [None] * batch.num_rows
-    return zip(*(columns.get(name, blank) for name in names), strict=True)
-
-
-def _list_values(column: pa.Array) -> list[Any]:
-    """Return the values of a column, text as text also where a program wrote it as bytes."""
+def _plain(column: pa.Array) -> pa.Array:
+    """Return a column without dictionaries, and as text where a program wrote that as bytes."""
     if pa.types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
     if any(is_bytes(column.type) for is_bytes in _BYTES):
         column = column.cast(pa.binary()).cast(pa.string())
-    values: list[Any] = column.to_pylist()
-    return values
+    return column
+
+
+def _longest(column: pa.Array) -> int:
+    """Return the bytes of the longest text of a column."""
+    if not any(is_text(column.type) for is_text in _TEXTS):
+        return 0
+    return pc.max(pc.binary_length(column.cast(pa.large_string()))).as_py() or 0
 
 
 def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:

@@ -24,11 +24,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.files import open_beside
-from bsg_data.inputs.bounds import DATASET_TABLE, MAX_STREAMED_ROWS
+from bsg_data.inputs.bounds import DATASET_TABLE, KIB, MAX_STREAMED_ROWS, MIB
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE
@@ -39,6 +40,7 @@ NODE = ("scene_id", "draw", "node_index")
 KEYS = (*NODE, "class")
 WRITTEN = 16  # number of the columns p0, p1, … that are written
 _TEXTS, _NUMBERS = ("scene_id", "class"), ("draw", "node_index")
+_SPARE, _ROW, _LONGEST = 16 * MIB, KIB, 1_000  # bytes of a file, of each row, and of a name
 _READ = (*KEYS, "presence", "expected", "total")  # and p0, p1, …
 _EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 _MOST_EXACTLY = 256
@@ -75,7 +77,7 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
             f"{path}: holds no file *.parquet", code="predictions-none", where=path
         )
     with ExitStack() as stack:
-        opened = [stack.enter_context(_open(file)) for file in files]
+        opened = [stack.enter_context(_open(file, most_rows)) for file in files]
         rows = sum(file.metadata.num_rows for file in opened)
         if rows > most_rows:
             raise PredictionError(
@@ -96,11 +98,11 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
     return Predictions(path, tuple(files), pd.concat(frames, keys=files), masks)
 
 
-def _open(path: Path) -> pq.ParquetFile:
+def _open(path: Path, most_rows: int) -> pq.ParquetFile:
     return open_parquet_file(
         path,
         most=MAX_STREAMED_ROWS,
-        bound=DATASET_TABLE,
+        bound=min(DATASET_TABLE, _SPARE + _ROW * most_rows),
         is_read=lambda name: name in _READ or _EXACTLY.fullmatch(name) is not None,
         dictionaries=_TEXTS,
         error=PredictionError,
@@ -113,6 +115,8 @@ def _read(path: Path, file: pq.ParquetFile) -> pd.DataFrame:
     with refusing_damage(path, error=PredictionError):
         table = file.read(names, use_threads=False).select(names)
         table.validate(full=True)
+        for name in _TEXTS:
+            _refuse_long_names(path, name, table[name])
         for place, name in enumerate(names):
             if name not in _TEXTS:
                 kind = pa.int64() if name in _NUMBERS else pa.float64()
@@ -128,6 +132,19 @@ def _read(path: Path, file: pq.ParquetFile) -> pd.DataFrame:
                 where=f"{path}: row {row}",
             )
     return rows.assign(presence=rows.presence.clip(upper=1.0))
+
+
+def _refuse_long_names(path: Path, name: str, column: pa.ChunkedArray) -> None:
+    """Refuse names that are none: pandas would make a text of each."""
+    for chunk in column.chunks:
+        words = chunk.dictionary if pa.types.is_dictionary(chunk.type) else chunk
+        longest = pc.max(pc.binary_length(words.cast(pa.large_string()))).as_py() or 0
+        if longest > _LONGEST:
+            raise PredictionError(
+                f"{path}: expected at most {_LONGEST:,} bytes in {name}, found {longest:,}",
+                code="prediction-value",
+                where=path,
+            )
 
 
 def _choose_columns(path: Path, schema: pa.Schema) -> list[str]:

@@ -542,3 +542,11 @@ def test_a_header_of_many_columns_is_noted_in_short(tmp_path: Path) -> None:
     path = write_table(tmp_path, "a,1,bed" + "," * more, header=header)
     (note,) = ObjectTable(path).find().unused
     assert note.reason.endswith("c18, c19 and 99,980 more")
+
+
+def test_a_cell_that_no_program_writes_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "t.parquet"
+    rows = {"scene": ["a"], "room": ["hall"], "category": [" " * 40_000]}
+    pq.write_table(pa.table(rows), path)
+    with refuses(SourceError, "file-too-large", f"{path}, row 1", golden=False):
+        ObjectTable(path).find()

@@ -102,3 +102,10 @@ def test_what_pandas_made_an_index_is_a_column(tmp_path: Path) -> None:
     indexed: pd.DataFrame = rows().set_index(["scene_id", "draw", "node_index"])
     indexed.to_parquet(path)
     assert len(read_predictions(path, most_rows=len(rows())).rows) == len(rows())
+
+
+def test_names_that_are_none_are_refused_before_pandas_has_them(tmp_path: Path) -> None:
+    path = tmp_path / "a.parquet"
+    rows().assign(**{"class": "a" * 2_000}).to_parquet(path)
+    with refuses(PredictionError, "prediction-value", path, golden=False):
+        read_predictions(path, most_rows=len(rows()))
