@@ -58,9 +58,23 @@ def measure_pages(file: BinaryIO, is_read: Callable[[str], bool] = bool) -> Page
     """Return the rows of an open parquet file, and what the pages of columns that are read take.
 
     Raises:
-        IndexError, KeyError, ValueError: if its index or the header of a page cannot be read, or is
-            too large.
+        ValueError: if its index or the header of a page cannot be read, or is too large.
     """
+    rows, chunks = _read_index(file, is_read)
+    size, pages, words = 0, 0, Counter[int]()
+    for chunk in chunks:
+        for kind, page in _measure_chunk(file, chunk):
+            size, pages = size + page, pages + 1
+            words[chunk.group] += page * (kind == _DICTIONARY)
+            if pages > MAX_PAGES:
+                raise ValueError(f"more than {MAX_PAGES:,} pages; write larger ones")
+    if max(words.values(), default=0) > MAX_WORDS:
+        raise ValueError(f"over {MAX_WORDS:,} bytes of dictionaries; write it without them")
+    return Pages(rows, size)
+
+
+def _read_index(file: BinaryIO, is_read: Callable[[str], bool]) -> tuple[int, list[_Chunk]]:
+    """Return the rows of a file, and where the pages of its columns are that are read."""
     tail = file.seek(-_TAIL, os.SEEK_END)
     length, mark = int.from_bytes(file.read(4), "little"), file.read(4)
     if mark != _MARK:
@@ -82,16 +96,7 @@ def measure_pages(file: BinaryIO, is_read: Callable[[str], bool] = bool) -> Page
     for before, after in pairwise([_Chunk(0, 0, 0), *sorted(chunks), _Chunk(tail, tail, 0)]):
         if after.start < before.end:
             raise ValueError(f"pages at {after.start:,} within others, or beyond its end")
-    size, pages, words = 0, 0, Counter[int]()
-    for chunk in chunks:
-        for kind, page in _measure_chunk(file, chunk):
-            size, pages = size + page, pages + 1
-            words[chunk.group] += page * (kind == _DICTIONARY)
-            if pages > MAX_PAGES:
-                raise ValueError(f"more than {MAX_PAGES:,} pages; write larger ones")
-    if words and max(words.values()) > MAX_WORDS:
-        raise ValueError(f"over {MAX_WORDS:,} bytes of dictionaries; write it without them")
-    return Pages(rows, size)
+    return rows, chunks
 
 
 def _list_leaves(schema: Sequence[_Struct]) -> list[_Leaf]:
@@ -101,6 +106,8 @@ def _list_leaves(schema: Sequence[_Struct]) -> list[_Leaf]:
     for number, element in enumerate(schema):
         while above and not above[-1][1]:
             above.pop()
+        if not above:
+            raise ValueError("more columns than its schema says")
         path, left = above.pop()
         above.append((path, left - 1))
         own = [*path, _read(element, 4, _TEXT)] if number else []  # the root has no name
@@ -161,9 +168,11 @@ def _measure_chunk(file: BinaryIO, chunk: _Chunk) -> Iterator[tuple[int, int]]:
 
 def _read(struct: _Struct, field: int, kind: int) -> Any:
     """Return the value of a field that must be there, of a kind."""
+    if field not in struct:
+        raise ValueError(f"its field {field} is missing")
     found, value = struct[field]
     if found != kind:
-        raise ValueError(f"a field of kind {found}, expected {kind}")
+        raise ValueError(f"its field {field} of kind {found}, expected {kind}")
     return value
 
 
@@ -238,6 +247,8 @@ class _Thrift:
                 raise ValueError("a number of more than 64 bits")
 
     def _read_byte(self) -> int:
+        if self.at >= len(self._data):
+            raise ValueError("a record without an end")
         byte = self._data[self.at]
         self.at += 1
         return byte

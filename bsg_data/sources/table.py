@@ -297,10 +297,8 @@ def _read_table(
     if not name.endswith(_SUFFIXES):
         expected = f"a file that ends in {', '.join(_SUFFIXES)}"
         raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
-    wanted = {_fold(name) for name in (*_FIELDS, *dict(named).values())}
-    lines = (
-        _read_parquet(path, wanted, dict(named)) if name.endswith(".parquet") else _read_csv(path)
-    )
+    is_parquet = name.endswith(".parquet")
+    lines = _read_parquet(path, dict(named)) if is_parquet else _read_csv(path)
     header = [str(column).strip() for column in next(lines, ("", []))[1]]
     columns = _find_columns(path, header, dict(named))
     notes: Counter[str] = Counter()
@@ -366,10 +364,9 @@ def _read_lines(path: Path, file: BinaryIO) -> Iterator[str]:
         yield line
 
 
-def _read_parquet(
-    path: Path, wanted: Container[str], named: Mapping[str, str]
-) -> Iterator[tuple[str, Sequence[Any]]]:
+def _read_parquet(path: Path, named: Mapping[str, str]) -> Iterator[tuple[str, Sequence[Any]]]:
     """Yield the names of the columns, then the line and the values of every row."""
+    wanted = {_fold(name) for name in (*_FIELDS, *named.values())}
 
     def is_read(name: str) -> bool:
         return _fold(name) in wanted
@@ -390,13 +387,12 @@ def _read_parquet(
         number, size = 0, 0
         for batch in file.iter_batches(_ROWS, columns=known):
             columns = {name: _plain(batch.column(name)) for name in known}
+            where = f"{path}, row {number + 1} or soon after"
+            _refuse_long_cells(where, columns)
             size += sum(column.nbytes for column in columns.values())
-            longest = max(map(_longest, columns.values()), default=0)
-            if longest > MAX_CELL or size > TABLE:
-                where = f"{path}, row {number + 1}"
-                said = f"{where} and after: expected at most {MAX_CELL:,} bytes in a cell, and "
-                said += f"{TABLE:,} in all that are read; found {longest:,} and {size:,}"
-                raise SourceError(said, code="file-too-large", where=where)
+            if size > TABLE:
+                message = f"{where}: over {TABLE:,} bytes; split it into several tables"
+                raise SourceError(message, code="file-too-large", where=where)
             listed = {name: column.to_pylist() for name, column in columns.items()}
             blank = [None] * batch.num_rows
             for row in zip(*(listed.get(name, blank) for name in names), strict=True):
@@ -413,11 +409,16 @@ def _plain(column: pa.Array) -> pa.Array:
     return column
 
 
-def _longest(column: pa.Array) -> int:
-    """Return the bytes of the longest text of a column."""
-    if not any(is_text(column.type) for is_text in _TEXTS):
-        return 0
-    return pc.max(pc.binary_length(column.cast(pa.large_string()))).as_py() or 0
+def _refuse_long_cells(where: str, columns: Mapping[str, pa.Array]) -> None:
+    """Refuse cells before they become a text for every row."""
+    for name, column in columns.items():
+        if any(is_text(column.type) for is_text in _TEXTS):
+            lengths = pc.binary_length(column.cast(pa.large_string()))
+            longest = pc.max(lengths).as_py() or 0
+            if longest > MAX_CELL:
+                place = f"{where}, column {name}"
+                message = f"{place}: expected at most {MAX_CELL:,} bytes, found {longest:,}"
+                raise SourceError(message, code="cell-too-long", where=place)
 
 
 def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:

@@ -16,10 +16,9 @@ from bsg_data.scene.things import Thing
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.nouns import Noun, NounTable
+from bsg_models.zoo.building_tilt import tilt_rooms, untilt
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
-_FEW = 1e-6  # rooms that hide something with less say nothing of a tilt
-_HALVINGS = 60  # of an interval, to the last digit
 # Share of things that are in sight: most annotators see those that are a class of their own.
 _OF_SMALL, _OF_LARGE = 0.5, 0.9
 _KINDS = 8  # kinds of rooms in a home
@@ -126,7 +125,7 @@ class ThingBelief:
     def somewhere(self, nodes: slice) -> float:
         """Return P(some rooms have at least one that was not seen), rooms being tilted."""
         rooms, whole = self.unseen[1:, None], self.unseen[:1]
-        scale = _untilt(rooms, whole.clip(rooms.max(axis=0), rooms.sum(axis=0)))
+        scale = untilt(rooms, whole.clip(rooms.max(axis=0), rooms.sum(axis=0)))
         none = 1 - scale * self.unseen[nodes]
         both = np.log(none.clip(min=_LEAST)).sum()
         every = np.log((1 - scale * rooms).clip(min=_LEAST)).sum()
@@ -156,10 +155,8 @@ def _look(
 ) -> tuple[CountDistribution, Floats]:
     """Return hidden counts after looks that missed, and P(none) of the building, `[A]`.
 
-    The building is tilted (`bsg_models.zoo.building_tilt`), by A: if its rooms were independent,
-    it would hide none with P, and P(none) = A P / Z, Z = A P + 1 − P. Then P(at least one), of the
-    building and of every room, is Z times what it is. So the Z is found for which the rooms make
-    the building. Looks change the independent rooms; the tilt stays.
+    Looks change the rooms as if they were independent; the tilt of the building stays
+    (`bsg_models.zoo.building_tilt`).
 
     Args:
         hidden: of N nodes and A classes; the row of the building is not changed.
@@ -171,38 +168,19 @@ def _look(
     missed, after = hidden.miss(rooms)[1:], hidden.missed(rooms)
     there = hidden.presence[1:]
     whole = whole.clip(there.max(axis=0, initial=0.0), there.sum(axis=0))
-    scale = _untilt(there, whole)
+    scale = untilt(there, whole)
     given = np.divide(  # P(a look misses, if there is one)
         missed - (1 - there), there, out=np.ones_like(there), where=there > 0
     ).clip(0.0, 1.0)
-    some = (scale * there).clip(max=1 - _LEAST)
-    log_none = np.log1p(-some) - np.log((1 - some + some * given).clip(min=_LEAST))
-    tilt = np.log((1 - whole).clip(min=_LEAST) * scale) - np.log1p(
-        -(scale * whole).clip(max=1 - _LEAST)
-    )
-    whole_none = log_none.sum(axis=0)
-    total = 1 + np.exp(whole_none) * np.expm1(tilt)
-    of_others = 1 + np.exp(whole_none - log_none) * np.expm1(tilt)
-    none = (np.exp(log_none) * of_others / total).clip(_LEAST, 1.0)
+    some = scale * there
+    tilt = _log_odds(1 - whole) - _log_odds(1 - scale * whole)
+    log_none = np.log((1 - some).clip(min=_LEAST) / (1 - some + some * given).clip(min=_LEAST))
+    every = log_none.sum(axis=0)
+    odds = _log_odds(np.exp(log_none)) + tilt_rooms(tilt, every, log_none)
     factor = np.zeros(chances.shape)
-    factor[1:] = np.where(there > 0, _log_odds(none) - _log_odds(1 - after.presence[1:]), 0.0)
-    return after.with_none_likelier(factor), np.exp(whole_none + tilt) / total
-
-
-def _untilt(rooms: Floats, whole: Floats) -> Floats:
-    """Return Z, `[A]`, for which 1 − Π (1 − Z p) = Z p of the building, of rooms p `[R, A]`.
-
-    The left side by Z falls from Σ p to the largest p, at Z = 1 / p. One room alone fits any Z.
-    """
-    most = 1 / rooms.max(axis=0, initial=0.0).clip(min=_LEAST)
-    low, high = np.zeros_like(whole), most * (1 - _LEAST)
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        some = -np.expm1(np.log1p(-(middle * rooms).clip(max=1 - _LEAST)).sum(axis=0))
-        more = some > middle * whole
-        low, high = np.where(more, middle, low), np.where(more, high, middle)
-    is_sure = (rooms > _FEW).sum(axis=0) > 1
-    return np.where(is_sure, (low + high) / 2, 1.0)
+    factor[1:] = np.where(there > 0, odds - _log_odds(1 - after.presence[1:]), 0.0)
+    none = 1 / (1 + np.exp(-_log_odds(np.exp(every)) - tilt))
+    return after.with_none_likelier(factor), none
 
 
 def _log_odds(probability: Floats) -> Floats:

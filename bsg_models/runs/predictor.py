@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -166,8 +166,8 @@ class Predictor:
         """Return a graph whose shares are updated by the classes that the model was taught."""
         never = np.isin(self.classes, self.untaught)
         taught = replace(seen, withheld=seen.withheld | never)
-        ask = partial(self._model.expect_rooms, are_independent=True)
-        return update_shares(graph, taught, expect_rooms=ask)
+        apart = self._model.with_independent_rooms()
+        return update_shares(graph, taught, expect_rooms=apart.expect_rooms)
 
     def _observe(self, graph: PartialGraph, withheld: Collection[int] | Bools) -> Observation:
         if graph.class_space != self.class_space:

@@ -43,7 +43,7 @@ from bsg_models.training.count_gradients import as_network
 from bsg_models.training.epochs import GradientSteps, require_same_training, train_epochs
 from bsg_models.training.learning_curve import EpochReport
 from bsg_models.training.ranks import find_device, join_ranks
-from bsg_models.zoo.building_tilt import fit_building_tilt
+from bsg_models.zoo.building_tilt import fit_building_tilt, share_to_tilt
 from bsg_models.zoo.calibration import (
     CalibratedModel,
     fit_calibration,
@@ -248,7 +248,7 @@ def calibrate(
     lines = fit_presence_calibration(recalibrated, hidden[rooms], share=share[rooms])
     model.hold(presence_calibration=lines)
     presence = model.calibrate(learned, share).presence
-    tilted = model.share_to_tilt(masked.seen)
+    tilted = share_to_tilt(masked.seen, reads_labels=model.reads_labels)
     model.hold(building_calibration=fit_building_tilt(presence, masked, tilted))
 
 

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 _SURE = 12.0  # log odds beyond which all are alike
 _BEND = 1.0  # log odds of at least one from which the bend counts
 _SURELY = 1e-12  # least P(none)
+_FEW = 1e-6  # rooms that hide something with less say nothing of a tilt
+_HALVINGS = 60  # of an interval, to the last digit
 # Weights of the prior, in log-likelihoods of buildings, of a number that is off by 1.
 _OF_SHIFT, _OF_SLOPE, _OF_LINE = 1.0, 2.0, 0.1
 
@@ -48,8 +50,10 @@ def log_none_of(presence: Array) -> Array:
     return library_of(presence).log((1 - presence).clip(min=_SURELY))
 
 
-def share_to_tilt(seen: Observation) -> Floats:
-    """Return the share of the tilt that B buildings get, `[B, 1]`: of rooms without a label."""
+def share_to_tilt(seen: Observation, *, reads_labels: bool) -> Floats:
+    """Return the share of the tilt that B buildings get, `[B, 1]`, from a model."""
+    if not reads_labels:
+        return np.ones((len(seen), 1))
     around, first = seen.surroundings, seen.starts[:-1]
     unlabelled = ~seen.is_building & (around.labels.sum(axis=1) == 0)
     rooms = np.maximum(np.diff(seen.starts) - 1, 1)
@@ -82,6 +86,25 @@ def tilt_rooms(tilts: Array, log_none: Array, others: Array) -> Array:
     """
     xp = library_of(tilts)
     return xp.log((1 + xp.exp(log_none - others) * xp.expm1(tilts)).clip(min=TINY))
+
+
+def untilt(rooms: Floats, whole: Floats) -> Floats:
+    """Return Z, `[A]`, by which a tilt divided P(at least one) of a building and of its rooms.
+
+    Z = 1 + (exp(a) − 1) P. So 1 − Π (1 − Z p) of the rooms is Z p of the building. The left side by
+    Z falls from Σ p to the largest p, at Z = 1 / p. One room alone fits any Z; it is 1.
+
+    Args:
+        rooms: `[R, A]` p of rooms.
+        whole: `[A]` p of the building: from the largest of the rooms to their sum.
+    """
+    low = np.zeros_like(whole)
+    high = (1 - _SURELY) / rooms.max(axis=0, initial=0.0).clip(min=_SURELY)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        more = -np.expm1(np.log1p(-middle * rooms).sum(axis=0)) > middle * whole
+        low, high = np.where(more, middle, low), np.where(more, high, middle)
+    return np.where((rooms > _FEW).sum(axis=0) > 1, (low + high) / 2, 1.0)
 
 
 def sum_by_building(values: Floats, building: Ints, number: int) -> Floats:

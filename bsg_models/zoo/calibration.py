@@ -15,6 +15,7 @@ At last, a tilt of what whole buildings hide makes their rooms depend on each ot
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
@@ -67,24 +68,23 @@ class CalibratedModel(BeliefModel):
         """Return the calibrated expectation; a building hides what its rooms hide."""
         share = seen.cell_share
         whole = sum_rooms(self.calibrate(self.predict_hidden_counts(seen), share), seen)
-        if self._tilts(seen):
+        tilted = self._share_to_tilt(seen)
+        if tilted.any():
             is_room, first = ~seen.is_building, seen.starts[:-1]
-            tilts, factors = self._tilt(whole.presence[is_room], seen.building[is_room], seen)
+            tilts, factors = self._tilt(
+                whole.presence[is_room], seen.building[is_room], seen, tilted
+            )
             factor = np.empty(share.shape)
             factor[first], factor[is_room] = tilts, factors
             whole = whole.with_none_likelier(np.where(share > 0, factor, 0.0))
         return from_hidden_counts(seen.inputs.astype(np.float64), whole)
 
     def predict_rooms(
-        self,
-        seen: Observation,
-        rows: Ints,
-        columns: Ints | None = None,
-        *,
-        are_independent: bool = False,
+        self, seen: Observation, rows: Ints, columns: Ints | None = None
     ) -> CountDistribution:
         """Return the hidden counts of some rooms, without computing cells that change nothing."""
-        if are_independent or not self._tilts(seen):
+        tilted = self._share_to_tilt(seen)
+        if not tilted.any():
             return self._calibrate_rooms(seen, rows, columns)
         every, of_building = _add_neighbours(seen, rows), None
         own = seen.building[every]
@@ -95,31 +95,42 @@ class CalibratedModel(BeliefModel):
                 raise ValueError("expected the same columns in all rooms of a building")
             columns = of_building[own]
         apart = self._calibrate_rooms(seen, every, columns)
-        _, factors = self._tilt(apart.presence, own, seen, columns=of_building)
+        _, factors = self._tilt(apart.presence, own, seen, tilted, columns=of_building)
         asked = np.searchsorted(every, rows)
         hides = apart.presence[asked] > 0
         return apart.take(asked).with_none_likelier(np.where(hides, factors[asked], 0.0))
 
-    def _tilts(self, seen: Observation) -> bool:
-        return bool(self.building_calibration.any() and self.share_to_tilt(seen).any())
+    def with_independent_rooms(self) -> CalibratedModel:
+        """Return it without the tilt of buildings."""
+        apart = copy.copy(self)
+        apart.building_calibration = np.zeros_like(self.building_calibration)
+        return apart
 
-    def share_to_tilt(self, seen: Observation) -> Floats:
+    def _share_to_tilt(self, seen: Observation) -> Floats:
         """Return the share of the tilt that B buildings get, `[B, 1]`."""
-        return share_to_tilt(seen) if self.reads_labels else np.ones((len(seen), 1))
+        if not self.building_calibration.any():
+            return np.zeros((len(seen), 1))
+        return share_to_tilt(seen, reads_labels=self.reads_labels)
 
     def _tilt(
-        self, presence: Floats, building: Ints, seen: Observation, *, columns: Ints | None = None
+        self,
+        presence: Floats,
+        building: Ints,
+        seen: Observation,
+        tilted: Floats,
+        *,
+        columns: Ints | None = None,
     ) -> tuple[Floats, Floats]:
         """Return tilts of buildings `[B, A]`, and log factors of none of their rooms `[M, A]`.
 
-        Columns `[B, A]` are the classes; None for all.
+        A share `[B, 1]` is tilted; columns `[B, A]` are the classes, None for all.
         """
         none, known = log_none_of(presence), seen.inputs[seen.starts[:-1]] > 0
         if columns is not None:
             known = np.take_along_axis(known, columns, axis=1)
         log_none = sum_by_building(none, building, len(seen))
         line = self.building_calibration[:, :, None if columns is None else columns]
-        tilts = tilt_buildings(log_none, known, line) * self.share_to_tilt(seen)
+        tilts = tilt_buildings(log_none, known, line) * tilted
         return tilts, tilt_rooms(tilts[building], log_none[building], none)
 
     def _calibrate_rooms(

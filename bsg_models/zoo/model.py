@@ -116,12 +116,7 @@ class BeliefModel(ABC):
         """Return the expectation of every node of an observation, of one building or many."""
 
     def expect_rooms(
-        self,
-        seen: Observation,
-        rows: Ints,
-        columns: Ints | None = None,
-        *,
-        are_independent: bool = False,
+        self, seen: Observation, rows: Ints, columns: Ints | None = None
     ) -> CountDistribution:
         """Return the hidden counts of some rooms and classes, as `expect` does, but faster.
 
@@ -129,28 +124,24 @@ class BeliefModel(ABC):
             seen: what was seen.
             rows: `[M]` nodes that are rooms.
             columns: `[M, A]` classes, the same in all rooms of a building; None for all.
-            are_independent: whether to ask faster, as if rooms did not depend on each other.
 
         Raises:
             PredictionError: naming the checkpoint, if anything is not finite.
         """
-        found = self.require_finite(
-            lambda: self.predict_rooms(seen, rows, columns, are_independent=are_independent)
-        )
+        found = self.require_finite(lambda: self.predict_rooms(seen, rows, columns))
         if self.untaught is None:
             return found
         return found.without(self.untaught if columns is None else self.untaught[columns])
 
     def predict_rooms(
-        self,
-        seen: Observation,
-        rows: Ints,
-        columns: Ints | None = None,
-        *,
-        are_independent: bool = False,
+        self, seen: Observation, rows: Ints, columns: Ints | None = None
     ) -> CountDistribution:
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
         return take_cells(self.predict(seen).hidden_counts, rows, columns)
+
+    def with_independent_rooms(self) -> BeliefModel:
+        """Return it without what makes rooms depend on each other: some are asked faster."""
+        return self
 
     def require_finite(self, ask: Callable[[], _Belief]) -> _Belief:
         """Return an answer, computed on one thread, if it is finite.

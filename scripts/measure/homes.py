@@ -16,12 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from folds import Shares, bootstrap
 from results import ResultsTable, format_estimate, write_figures
-from scipy.stats import rankdata
 
 from bsg_data.arrays import Bools, Floats
 from bsg_models import Predictor, open_graph
-from bsg_models.evaluation.bootstrap import Estimate, weigh_buildings
+from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.measurement import Fold, measure
+from bsg_models.evaluation.truth import Truth
 
 SURVEYED = (
     *("computer", "dishwasher", "lamp", "microwave", "refrigerator", "shower", "stove", "tv"),
@@ -31,9 +33,10 @@ FOUND = (
     *("bathtub", "bed", "couch", "dishwasher", "microwave", "refrigerator", "shower", "sink"),
     *("stove", "toilet", "tv", "washing machine"),
 )
+AUROC = "rooms/presence_auroc_macro/unvisited"
 COLUMNS = {
     "rooms: log loss ↓": "rooms",
-    "AUROC ↑": "auroc",
+    "AUROC ↑": AUROC,
     "first room right ↑": "first",
     "somewhere: log loss ↓": "somewhere",
     "somewhere, said": "said",
@@ -45,6 +48,7 @@ _LEAST = 1e-6
 class Home(NamedTuple):
     """A home of R rooms."""
 
+    name: str
     graph: dict[str, object]
     there: Bools  # [R, A] whether a room has an object of a class
 
@@ -64,59 +68,62 @@ def read_homes(folder: Path, classes: Sequence[str]) -> list[Home]:
         ]
         there = [[(scene, room, one) in held for one in classes] for room in own["room"]]
         graph = {"scene_id": str(scene), "building_kind": "home", "rooms": told, "objects": []}
-        homes.append(Home(graph, np.array(there)))
+        homes.append(Home(str(scene), graph, np.array(there)))
     return homes
 
 
-def measure(
+def measure_model(
     model: str, homes: Sequence[Home], classes: Sequence[str], *, resamples: int
-) -> dict[str, Floats]:
-    """Return measure → its value `[1 + resamples]`, of all homes and of every resample of them."""
+) -> Bootstrap:
+    """Return the measures of a model, and their values on resamples of the homes."""
     predictor = Predictor(Path(model) if "/" in model else model)
     columns = [predictor.classes.index(name) for name in classes]
-    said = [_expect(predictor, home)[:, columns] for home in homes]
-    sums = np.array([_score(one, home.there) for one, home in zip(said, homes, strict=True)])
-    weights = weigh_buildings(len(homes), resamples=resamples, seed=0).T
-    totals = weights @ sums  # [W, 10]
-    names = ("rooms", "first", "somewhere", "said", "true")
-    found = dict(zip(names, (totals[:, ::2] / totals[:, 1::2]).T, strict=True))
-    return {**found, "auroc": np.array([_rank(said, homes, own) for own in weights])}
+    asked = np.isin(np.arange(len(predictor.classes)), columns)
+    batches, shares = [], []
+    for home in homes:
+        expectation = predictor(open_graph(home.graph, model=predictor).graph)
+        batches.append((_tell_truth(home, columns, asked), expectation))
+        scenes = [home.name] * len(expectation.inputs)
+        shares.append((0, scenes, _tally(expectation.presence[:, columns], home.there)))
+    ranked = measure([Fold([home.name for home in homes], batches)], resamples=resamples)
+    means = bootstrap(shares, resamples=resamples)
+    return Bootstrap(
+        means.point | ranked.point, means.resampled | ranked.resampled, means.nodes | ranked.nodes
+    )
 
 
-def _expect(predictor: Predictor, home: Home) -> Floats:
-    """Return P(at least one), `[1 + R, C]`, the building first."""
-    return np.asarray(predictor(open_graph(home.graph, model=predictor).graph).presence)
+def _tell_truth(home: Home, columns: Sequence[int], asked: Bools) -> Truth:
+    """Return what is in a home of which nothing was seen, the building first."""
+    targets = np.zeros((1 + len(home.there), len(asked)))
+    targets[1:, columns] = home.there
+    targets[0] = targets[1:].sum(axis=0)
+    first = np.arange(len(targets)) == 0
+    return Truth(
+        inputs=np.zeros_like(targets),
+        targets=targets,
+        is_building=first,
+        visited=first,
+        building=np.zeros(len(targets), dtype=np.int64),
+        draw=np.zeros(len(targets), dtype=np.int64),
+        scene_ids=(home.name,),
+        nameable=np.tile(asked, (len(targets), 1)),
+    )
 
 
-def _score(said: Floats, there: Bools) -> list[float]:
-    """Return what a home adds to each sum, and to how many it adds."""
-    some, held = said[0], there.any(axis=0)
-    right = there[said[1:].argmax(axis=0), np.arange(there.shape[1])][held]
-    return [
-        *(_loss(said[1:], there).sum(), there.size),
-        *(right.sum(), len(right)),
-        *(_loss(some, held).sum(), len(held)),
-        *(some.sum(), len(held)),
-        *(held.sum(), len(held)),
-    ]
-
-
-def _loss(said: Floats, true: Bools) -> Floats:
-    return -np.log(np.where(true, said, 1 - said).clip(min=_LEAST))
-
-
-def _rank(said: Sequence[Floats], homes: Sequence[Home], weight: Floats) -> float:
-    """Return the AUROC of rooms, mean over classes, with every home so often."""
-    chosen = np.repeat(np.arange(len(homes)), weight.astype(int))
-    p = np.concatenate([said[one][1:] for one in chosen])
-    there = np.concatenate([homes[one].there for one in chosen])
-    found = []
-    for own, true in zip(p.T, there.T, strict=True):
-        ones = int(true.sum())
-        if 0 < ones < len(true):
-            area = rankdata(own)[true].sum() - ones * (ones + 1) / 2
-            found.append(area / (ones * (len(true) - ones)))
-    return float(np.mean(found))
+def _tally(said: Floats, there: Bools) -> Shares:
+    """Return what each node adds to each mean, and the number of its cells."""
+    every = np.concatenate([there.any(axis=0, keepdims=True), there])
+    loss = -np.log(np.where(every, said, 1 - said).clip(min=_LEAST))
+    whole = np.arange(len(every)) == 0
+    right = (there[said[1:].argmax(axis=0), np.arange(there.shape[1])] & every[0]).sum()
+    classes = np.full(len(every), there.shape[1])
+    return {
+        "rooms": (loss.sum(axis=1) * ~whole, classes * ~whole),
+        "first": (right * whole, every[0].sum() * whole),
+        "somewhere": (loss.sum(axis=1) * whole, classes * whole),
+        "said": (said.sum(axis=1) * whole, classes * whole),
+        "true": (every.sum(axis=1) * whole, classes * whole),
+    }
 
 
 def report_homes(options: argparse.Namespace, folder: Path) -> ResultsTable:
@@ -126,18 +133,19 @@ def report_homes(options: argparse.Namespace, folder: Path) -> ResultsTable:
     found = {}
     for model in options.models:
         print(f"measures {model} on {folder.name}", file=sys.stderr, flush=True)
-        found[model] = measure(model, homes, classes, resamples=options.resamples)
+        found[model] = measure_model(model, homes, classes, resamples=options.resamples)
     columns = {
         title: name
         for title, name in COLUMNS.items()
-        if name in ("auroc", "first") or not options.only_presence
+        if name in (AUROC, "first") or not options.only_presence
     }
     first = found[options.models[0]]
     rows = []
     for model, values in found.items():
-        cells = [_format(values[name]) for name in columns.values()]
+        cells = [format_estimate(values.estimate(name), digits=3) for name in columns.values()]
         if not options.only_presence:
-            cells.append(_format(values["rooms"] - first["rooms"], signed=True))
+            difference = values.difference(first, "rooms")
+            cells.append(format_estimate(difference, digits=3, signed=True))
         rows.append([f"`{Path(model).name}`", *cells])
     against = () if options.only_presence else (f"rooms, against `{options.models[0]}`",)
     rooms = sum(len(home.there) for home in homes)
@@ -146,11 +154,6 @@ def report_homes(options: argparse.Namespace, folder: Path) -> ResultsTable:
         "Intervals are of 95 %, over homes."
     )
     return ResultsTable(folder.name, ("model", *columns, *against), rows, reading)
-
-
-def _format(values: Floats, *, signed: bool = False) -> str:
-    low, high = np.nanpercentile(values[1:], [2.5, 97.5]).tolist()
-    return format_estimate(Estimate(float(values[0]), low, high, 0), digits=3, signed=signed)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -73,6 +73,8 @@ LIES = {
     "a field twice": lambda index: index[:-1] + b"\x06\x06\x00\x00",  # the rows, again
     "2 rows, but 1,000": lambda index: index.replace(b"\x16\xd0\x0f", b"\x16\x04", 1),
     "more than 64 bits": lambda index: index[:-1] + b"\x06\x40" + b"\xff" * 10 + b"\x00",
+    "a record without an end": lambda index: index[:-1],
+    "field 4 is missing": lambda index: index[:1] + b"\x02\x26\x02\x00",
     "a value of kind 13": lambda index: index[:-1] + b"\x0d\x40\x00\x00",
 }
 
