@@ -78,7 +78,7 @@ def merge_datasets(
             for entry in one.manifest.class_maps:
                 entry.copy_map(one.path, folder)
         graphs = heapq.merge(
-            *(read_scene_graphs(one.path, manifest=one.manifest) for one in opened),
+            *(read_scene_graphs(one.path, manifest=one.manifest, held=one.held) for one in opened),
             key=lambda graph: graph.scene_id,
         )
         files: list[FileEntry] = []

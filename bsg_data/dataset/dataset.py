@@ -8,7 +8,7 @@ then does not grow.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from bsg_data.dataset.manifest import (
     read_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import read_file, read_table
+from bsg_data.dataset.shards import Held, hold_files, read_file, read_table, refuse_replaced
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import is_nameless
@@ -59,28 +59,34 @@ class Dataset:
         path: folder of the dataset.
         manifest: its manifest.
         sha256: hash of the manifest, which identifies the whole dataset.
+        held: its files in memory; none of a dataset larger than `HELD_FILES`.
     """
 
     path: Path
     manifest: Manifest
     sha256: str
+    held: Held = field(default_factory=dict, repr=False)
 
     @classmethod
     def open(cls, path: AnyPath, *, sha256: str | None = None) -> Dataset:
         """Open a dataset; an unchanged dataset is returned from memory.
 
-        A file is compared with its hash when it is read. Give the hash of the manifest if it is
-        known not to change: it is then not read again, which takes long in large datasets.
+        Its files are kept in memory up to `HELD_FILES` bytes, so that it stays what it was if a
+        command replaces it. A file is compared with its hash when it is read. Give the hash of the
+        manifest if it is known: it is then not read again, which takes long in large datasets.
 
         Raises:
-            DatasetError: if the dataset is missing, unfinished or damaged.
+            DatasetError: if the dataset is missing, unfinished or damaged, or has another hash.
         """
         path = Path(path)
         try:
-            return _open_once(path.absolute(), sha256 or hash_manifest(path))
+            opened = _open_once(path.absolute(), sha256 or hash_manifest(path))
         except OSError:
             read_manifest(path)  # raises an error that says what is missing
             raise
+        if sha256 and opened.sha256 != sha256:
+            refuse_replaced(path)
+        return opened
 
     @cached_property
     def scene_ids(self) -> tuple[str, ...]:
@@ -96,12 +102,16 @@ class Dataset:
     @cached_property
     def _scenes(self) -> pa.Table:
         columns = ["scene_id", "building", "num_rooms", *SCENE_COLUMNS]
-        return read_table(self.path, "scenes", columns=columns, manifest=self.manifest)
+        return read_table(
+            self.path, "scenes", columns=columns, manifest=self.manifest, held=self.held
+        )
 
     @cached_property
     def splits(self) -> dict[str, tuple[str, ...]]:
         """Split or fold → ids of its scenes; empty before `bsg-data split`."""
-        return read_splits(self.path, manifest=self.manifest) if self.manifest.split else {}
+        if self.manifest.split is None:
+            return {}
+        return read_splits(self.path, manifest=self.manifest, held=self.held)
 
     def __contains__(self, scene_id: object) -> bool:
         """Say whether the dataset has a scene."""
@@ -225,7 +235,7 @@ class Dataset:
         )
         return lru_cache(maxsize=max(2, HELD_BYTES // max(weights, default=1)))(
             lambda number: _Shard(
-                self.path, self.manifest, self._files[number], self._scenes_of(number)
+                self.path, self.manifest, self.held, self._files[number], self._scenes_of(number)
             )
         )
 
@@ -237,12 +247,14 @@ class Dataset:
 @lru_cache(maxsize=8)
 def _open_once(path: Path, sha256: str) -> Dataset:
     manifest, found = read_hashed_manifest(path)
-    # another hash: replaced meanwhile
-    return Dataset(path, manifest, sha256) if found == sha256 else _open_once(path, found)
+    held = hold_files(path, manifest.files)
+    if found == sha256 == hash_manifest(path):
+        return Dataset(path, manifest, sha256, held)
+    return _open_once(path, hash_manifest(path))  # replaced meanwhile
 
 
 def read_splits(
-    dataset: AnyPath, *, manifest: Manifest | None = None
+    dataset: AnyPath, *, manifest: Manifest | None = None, held: Held | None = None
 ) -> dict[str, tuple[str, ...]]:
     """Return split → scene ids, with train, val and test first.
 
@@ -254,7 +266,7 @@ def read_splits(
     if manifest.split is None:
         message = f"{dataset}: is not split yet; run `bsg-data split {dataset}` first"
         raise DatasetError(message, code="split-missing", where=dataset)
-    table = read_table(dataset, "splits", manifest=manifest).to_pydict()
+    table = read_table(dataset, "splits", manifest=manifest, held=held).to_pydict()
     splits: dict[str, list[str]] = {}
     for scene, split in zip(table["scene_id"], table["split"], strict=True):
         if not SPLIT_NAME.fullmatch(split):  # names of files have it in them
@@ -285,6 +297,7 @@ class _Shard:
 
     dataset: Path  # folder of the dataset
     manifest: Manifest  # its manifest
+    held: Held  # its files in memory, as of `Dataset`
     files: Mapping[str, FileEntry]  # table → file of this shard
     scenes: pa.Table  # its rows of the table of scenes
 
@@ -341,6 +354,7 @@ class _Shard:
             self.dataset,
             self.files[table],
             manifest=self.manifest,
+            held=self.held,
             columns=columns,
             dictionaries=[name for name in columns if name in _WORDS],
         )

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, NoReturn, TypeAlias, TypeVar, cast
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -43,6 +43,8 @@ from bsg_data.scene.scene_graph import (
     is_scene_id,
 )
 
+HELD_FILES = 64 * 2**20  # bytes of the files of a dataset that an open one keeps
+Held: TypeAlias = Mapping[str, bytes]  # path of a file below its dataset → its bytes
 _Columns = dict[str, list[Any]]
 _Record = TypeVar("_Record")
 
@@ -70,13 +72,21 @@ def make_tables(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[
 
 
 def read_scene_graphs(
-    dataset: AnyPath, *, manifest: Manifest | None = None
+    dataset: AnyPath, *, manifest: Manifest | None = None, held: Held | None = None
 ) -> Iterator[SceneGraph]:
-    """Yield the scene graphs of a dataset, with one shard in memory at a time."""
+    """Yield the scene graphs of a dataset, with one shard in memory at a time.
+
+    Args:
+        dataset: folder of the dataset.
+        manifest: its manifest, if it was read already.
+        held: its files, if they are in memory (`Dataset.held`).
+    """
     dataset = Path(dataset)
     manifest = manifest or read_manifest(dataset)
-    for files in zip(*(manifest.files_of(name) for name in TABLES), strict=True):
-        tables = (read_file(dataset, file, manifest=manifest) for file in files)
+    parts = [*zip(*(manifest.files_of(name) for name in TABLES), strict=True)]
+    held = held or hold_files(dataset, [*chain.from_iterable(parts)])
+    for files in parts:
+        tables = (read_file(dataset, file, manifest=manifest, held=held) for file in files)
         yield from assemble_graphs(*tables)
 
 
@@ -305,6 +315,7 @@ def read_table(
     *,
     columns: list[str] | None = None,
     manifest: Manifest | None = None,
+    held: Held | None = None,
 ) -> pa.Table:
     """Read a whole table of a dataset, with rows in order.
 
@@ -313,13 +324,20 @@ def read_table(
         name: `scenes`, `rooms`, `objects`, `edges` or `splits`.
         columns: names of the columns to read, in this order; None: all.
         manifest: its manifest, if it was read already.
+        held: its files, if they are in memory.
     """
     dataset = Path(dataset)
-    return pa.concat_tables(stream_table(dataset, name, columns=columns, manifest=manifest))
+    tables = stream_table(dataset, name, columns=columns, manifest=manifest, held=held)
+    return pa.concat_tables(tables)
 
 
 def stream_table(
-    dataset: Path, name: str, *, columns: list[str] | None = None, manifest: Manifest | None = None
+    dataset: Path,
+    name: str,
+    *,
+    columns: list[str] | None = None,
+    manifest: Manifest | None = None,
+    held: Held | None = None,
 ) -> Iterator[pa.Table]:
     """Yield a table of a dataset file by file; see `read_table`."""
     manifest = manifest or read_manifest(dataset)
@@ -327,7 +345,11 @@ def stream_table(
     if not entries:
         message = f"{dataset}: has no {name}; run `bsg-data info` to see what it holds"
         raise DatasetError(message, code="table-missing", where=name)
-    return (read_file(dataset, entry, manifest=manifest, columns=columns) for entry in entries)
+    held = held or hold_files(dataset, entries)
+    return (
+        read_file(dataset, entry, manifest=manifest, held=held, columns=columns)
+        for entry in entries
+    )
 
 
 def read_file(
@@ -335,12 +357,15 @@ def read_file(
     entry: FileEntry,
     *,
     manifest: Manifest,
+    held: Held | None = None,
     columns: list[str] | None = None,
     dictionaries: Sequence[str] = (),
 ) -> pa.Table:
     """Read one parquet file of a dataset; see `open_listed`."""
     # No threads: files are small, and Arrow may abort a process that ends while it starts one.
-    with open_listed(dataset, entry, manifest=manifest, dictionaries=dictionaries) as file:
+    with open_listed(
+        dataset, entry, manifest=manifest, held=held, dictionaries=dictionaries
+    ) as file:
         table = file.read(columns=columns, use_threads=False)
         expected = schema_of(_table_of(entry), manifest.class_space)
         absent = _list_absent(file.schema_arrow, expected)
@@ -357,44 +382,76 @@ def read_file(
     return table
 
 
-def _refuse_replaced(dataset: Path, manifest: Manifest) -> None:
+def refuse_replaced(dataset: Path) -> NoReturn:
     """Refuse to go on with a dataset that another command has replaced: its old files are gone."""
-    if read_manifest(dataset) != manifest:
-        raise DatasetError(
-            f"{dataset}: another command has replaced it while it was read; run this again",
-            code="dataset-replaced",
-            where=dataset,
-        )
+    raise DatasetError(
+        f"{dataset}: another command has replaced it while it was read; run this again",
+        code="dataset-replaced",
+        where=dataset,
+    )
 
 
-@contextmanager
-def open_listed(
-    dataset: Path, entry: FileEntry, *, manifest: Manifest, dictionaries: Sequence[str] = ()
-) -> Iterator[pq.ParquetFile]:
-    """Open one parquet file of a dataset; its bytes are read once, hashed, and then trusted.
+def hold_files(dataset: Path, entries: Sequence[FileEntry]) -> Held:
+    """Read the bytes of files, so that a command that replaces the dataset takes nothing away.
 
-    Columns of words that repeat may be read as dictionaries.
+    Files that together have more than `HELD_FILES` bytes are not held, nor is a damaged one, which
+    is refused when it is read.
     """
-    path = dataset / entry.path
+    if sum(entry.bytes for entry in entries) > HELD_FILES:
+        return {}
+    read = ((entry.path, _read_whole(dataset / entry.path, entry)) for entry in entries)
+    return {path: data for path, data in read if data is not None}
+
+
+def _read_whole(path: Path, entry: FileEntry) -> bytes | None:
+    """Read a file if it is as the manifest says."""
     try:
         data = path.read_bytes() if path.stat().st_size == entry.bytes else b""
+    except OSError:
+        return None
+    return data if hashlib.sha256(data).hexdigest() == entry.sha256 else None
+
+
+def _refuse_file(dataset: Path, entry: FileEntry, manifest: Manifest) -> NoReturn:
+    """Say why a file cannot be read."""
+    if read_manifest(dataset) != manifest:
+        refuse_replaced(dataset)
+    path = dataset / entry.path
+    try:
+        with path.open("rb") as file:
+            found = os.fstat(file.fileno()).st_size
     except OSError as error:
-        _refuse_replaced(dataset, manifest)
         raise DatasetError(
             f"{path}: is in the manifest but cannot be read ({error.strerror or error}); build the "
             "dataset again",
             code="file-missing",
             where=entry.path,
         ) from error
-    if hashlib.sha256(data).hexdigest() != entry.sha256:
-        _refuse_replaced(dataset, manifest)
-        found = path.stat().st_size
-        raise DatasetError(
-            f"{path}: was changed: expected {entry.bytes:,} bytes, sha256 {entry.sha256[:12]}…, "
-            f"found {found:,} bytes; take another copy, or build the dataset again",
-            code="file-changed",
-            where=entry.path,
-        )
+    raise DatasetError(
+        f"{path}: was changed: expected {entry.bytes:,} bytes, sha256 {entry.sha256[:12]}…, "
+        f"found {found:,} bytes; take another copy, or build the dataset again",
+        code="file-changed",
+        where=entry.path,
+    )
+
+
+@contextmanager
+def open_listed(
+    dataset: Path,
+    entry: FileEntry,
+    *,
+    manifest: Manifest,
+    held: Held | None = None,
+    dictionaries: Sequence[str] = (),
+) -> Iterator[pq.ParquetFile]:
+    """Open one parquet file of a dataset; its bytes are read once, hashed, and then trusted.
+
+    Columns of words that repeat may be read as dictionaries.
+    """
+    path = dataset / entry.path
+    data = (held or {}).get(entry.path) or _read_whole(path, entry)
+    if data is None:
+        _refuse_file(dataset, entry, manifest)
     with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
         expected = schema_of(_table_of(entry), manifest.class_space)
         for field in _list_absent(file.schema_arrow, expected):

@@ -15,8 +15,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from bsg_data.dataset.manifest import Manifest, read_manifest
-from bsg_data.dataset.shards import read_table, stream_table
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.shards import stream_table
 from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.files import PLAIN_TEXT, AnyPath, write_figure
 from bsg_data.scene.class_map import ClassMap, Role
@@ -27,12 +27,16 @@ _SHOWN = 20  # left-out names
 _TITLE = 100  # characters of a line above the bars
 
 
+def _stream(data: Dataset, name: str, columns: list[str]) -> Iterator[pa.Table]:
+    return stream_table(data.path, name, columns=columns, manifest=data.manifest, held=data.held)
+
+
 def _stream_objects(
-    dataset: AnyPath, columns: list[str], class_map: ClassMap | None
+    data: Dataset, columns: list[str], class_map: ClassMap | None
 ) -> Iterator[pa.Table]:
     """Yield the objects file by file; with a map, `columns` are what it says of their names."""
     read = ["scene_id", "room_index", *(columns if class_map is None else ["raw_category"])]
-    for table in stream_table(Path(dataset), "objects", columns=read):
+    for table in _stream(data, "objects", read):
         if class_map is not None:
             names = pc.dictionary_encode(table["raw_category"].combine_chunks())
             known = [class_map.classify(name) for name in names.dictionary.to_pylist()]
@@ -58,9 +62,10 @@ def count_classes(dataset: AnyPath, class_map: ClassMap | None = None) -> list[R
         dataset: folder of the dataset.
         class_map: map to look up every object in; None: the classes that the dataset stores.
     """
-    classes = (class_map or read_manifest(dataset).class_space).classes
+    data = Dataset.open(dataset)
+    classes = (class_map or data.manifest.class_space).classes
     total = np.zeros((4, len(classes)), dtype=np.int64)
-    for objects in _stream_objects(dataset, ["class_index"], class_map):
+    for objects in _stream_objects(data, ["class_index"], class_map):
         objects = objects.filter(pc.is_valid(objects["class_index"]))
         for index, _, room, number in _count(objects, ["class_index", "scene_id", "room_index"]):
             in_room = room > 0
@@ -106,7 +111,7 @@ def measure_coverage(dataset: AnyPath, class_map: ClassMap | None = None) -> dic
         - `most_left_out`: category → objects of the most frequent left-out names
     """
     roles, left_out = Counter[str](), Counter[str]()
-    for objects in _stream_objects(dataset, ["role", "category"], class_map):
+    for objects in _stream_objects(Dataset.open(dataset), ["role", "category"], class_map):
         for role, category, times in _count(objects, ["role", "category"]):
             roles[role] += times
             left_out[category] += times * (role == "left-out")
@@ -123,7 +128,7 @@ def measure_coverage(dataset: AnyPath, class_map: ClassMap | None = None) -> dic
     }
 
 
-def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> list[Row]:
+def count_sources(dataset: AnyPath) -> list[Row]:
     """Return one row per source, most buildings first.
 
     Each has:
@@ -136,10 +141,9 @@ def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> list
     - `connections`: pairs of adjacent rooms
     - `share`: objects with a class, divided by all objects that are not structure
     """
-    dataset = Path(dataset)
-    manifest = manifest or read_manifest(dataset)
+    data = Dataset.open(dataset)
     columns = ["scene_id", "source", "num_rooms", "num_objects", "has_geometry"]
-    scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest)
+    scenes = pa.concat_tables(_stream(data, "scenes", columns))
     ids, names = scenes["scene_id"].combine_chunks(), scenes["source"].combine_chunks()
     found: dict[str, Counter[str]] = {}
     for scene in scenes.to_pylist():
@@ -151,13 +155,13 @@ def count_sources(dataset: AnyPath, *, manifest: Manifest | None = None) -> list
             placed=int(scene["has_geometry"]),
         )
     classes = {source: set[int]() for source in found}
-    for objects in _stream_objects(dataset, ["role", "class_index"], None):
+    for objects in _stream_objects(data, ["role", "class_index"], None):
         sources = names.take(pc.index_in(objects["scene_id"].combine_chunks(), value_set=ids))
         objects = objects.append_column("source", sources)
         for source, role, index, times in _count(objects, ["source", "role", "class_index"]):
             found[source][role] += times
             classes[source] |= {index} - {None}
-    for table in stream_table(dataset, "edges", columns=["scene_id", "kind"], manifest=manifest):
+    for table in _stream(data, "edges", ["scene_id", "kind"]):
         adjacent = table.filter(pc.equal(table["kind"], "adjacent"))["scene_id"].combine_chunks()
         for source in names.take(pc.index_in(adjacent, value_set=ids)).to_pylist():
             found[source]["connections"] += 1

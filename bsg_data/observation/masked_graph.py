@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -53,7 +52,7 @@ def mask_dataset(
     """
     data = Dataset.open(dataset)
     space = data.manifest.class_space
-    for graph in read_scene_graphs(Path(dataset)):
+    for graph in read_scene_graphs(data.path, manifest=data.manifest, held=data.held):
         if graph.scene_id in scenes:
             nameable = data.nameable(graph.scene_id)
             yield _mask(graph, recipe, draw=draw, class_space=space, nameable=nameable)

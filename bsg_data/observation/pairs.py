@@ -147,7 +147,7 @@ def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:
 
 def _read_groups(data: Dataset, entry: FileEntry) -> Iterator[pa.Table]:
     """Yield the row groups of a file, each with what of its first building the last one held."""
-    with open_listed(data.path, entry, manifest=data.manifest) as file:
+    with open_listed(data.path, entry, manifest=data.manifest, held=data.held) as file:
         rest: pa.Table | None = None
         for number in range(file.num_row_groups):
             table = file.read_row_group(number, use_threads=False)

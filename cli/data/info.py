@@ -28,18 +28,18 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
     Example:
       bsg-data info dataset --figure classes.png
     """
-    manifest = bsg_data.read_manifest(dataset)
+    data = bsg_data.Dataset.open(dataset)
+    manifest = data.manifest
     if figure is not None:
         extend.refuse_file(figure, force=force)
     classes = extend.count_frequencies(dataset)
-    sizes = bsg_data.read_splits(dataset, manifest=manifest) if manifest.split else {}
-    splits = {name: len(ids) for name, ids in sizes.items()}
-    hashes = extend.hash_splits(bsg_data.Dataset.open(dataset)) if manifest.pairs else {}
+    splits = {name: len(ids) for name, ids in data.splits.items()}
+    hashes = extend.hash_splits(data) if manifest.pairs else {}
     if figure is not None:
         extend.plot_frequencies(classes, figure, title=format_totals(manifest))
     if as_json:
         summary = manifest.model_dump(mode="json", exclude={"files"})
-        sources = extend.count_sources(dataset, manifest=manifest)
+        sources = extend.count_sources(dataset)
         more = {"splits": splits, "by_source": sources, "masks_sha256": hashes, "classes": classes}
         print_json(summary | more)
         return

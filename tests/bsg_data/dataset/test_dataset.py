@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from one_building import same_surroundings
 from refusals import refuses
 
 from bsg_data.build import build_dataset
-from bsg_data.dataset.dataset import Dataset, read_cells
+from bsg_data.dataset.dataset import Dataset, _open_once, read_cells
 from bsg_data.dataset.histograms import NO_CATEGORY, choose_vocabulary
 from bsg_data.dataset.manifest import hash_manifest, read_manifest
 from bsg_data.dataset.shards import read_file, read_scene_graphs
@@ -196,7 +197,29 @@ def test_a_changed_dataset_is_opened_again(dataset: Path, monkeypatch: pytest.Mo
     assert first.splits == before  # what was open stays what it was
 
 
-def test_a_dataset_that_another_command_replaces_is_not_called_damaged(dataset: Path) -> None:
+def test_who_opened_a_dataset_reads_it_as_it_was(dataset: Path) -> None:
+    kept = Dataset.open(dataset)
+    graphs = [*read_scene_graphs(dataset)]
+    reading = read_scene_graphs(dataset)
+    first = next(reading)
+    for name in ("scenes", "rooms", "objects", "edges", "splits"):  # as a command that rebuilds it
+        shutil.rmtree(dataset / name)
+    assert [first, *reading] == graphs
+    assert sum(map(len, kept.splits.values())) == len(kept.scene_ids) == len(read_cells(dataset))
+
+
+def test_another_dataset_than_the_one_asked_for_is_refused(dataset: Path) -> None:
+    asked = Dataset.open(dataset).sha256
+    split_dataset(dataset, SplitRecipe(seed=1), force=True)
+    _open_once.cache_clear()  # as in another process
+    with refuses(DatasetError, "dataset-replaced", dataset):
+        Dataset.open(dataset, sha256=asked)
+
+
+def test_a_large_dataset_that_another_command_replaces_is_not_called_damaged(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_data.dataset.shards.HELD_FILES", 100)
     opened = Dataset.open(dataset)
     split_dataset(dataset, SplitRecipe(seed=1), force=True)
     with refuses(DatasetError, "dataset-replaced", dataset):
