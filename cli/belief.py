@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 import bsg_data
 import bsg_models
@@ -23,6 +22,7 @@ from bsg_cli.options import (
     mask_options,
     model_option,
     number_option,
+    refuse_unused,
     search_options,
     split_option,
 )
@@ -105,15 +105,17 @@ def main(
       bsg-belief dataset --split val --model run --out beliefs.tables
     """
     dataset = _find_dataset(paths)
-    _refuse_unused(_OF_GRAPH if dataset else _OF_DATASET, "a DATASET" if dataset else "a GRAPH")
+    refuse_unused(_OF_GRAPH if dataset else _OF_DATASET, "a DATASET" if dataset else "a GRAPH")
     if not find:
-        _refuse_unused(_OF_SEARCH, "a question without --find")
+        refuse_unused(_OF_SEARCH, "a question without --find")
     if find and len(paths) > 1:
         raise click.UsageError(f"--find: expected one GRAPH, found {' '.join(map(str, paths))}")
     if find and not options["out"]:
-        _refuse_unused(("mode", "top"), "--find without --out")
+        refuse_unused(("mode", "top"), "--find without --out")
+    if not options["out"]:
+        refuse_unused(("force",), "a command without --out")
     if robots:
-        _refuse_unused(("here", "out"), "a search by several robots")
+        refuse_unused(("here", "out"), "a search by several robots")
     _require_formats(options["out"])
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
@@ -166,15 +168,6 @@ def _find_dataset(paths: Sequence[Path]) -> Path | None:
             f"folder without {_MANIFEST}"
         )
     return folders[0]
-
-
-def _refuse_unused(names: Sequence[str], what: str) -> None:
-    """Refuse options on the command line that would change nothing."""
-    context = click.get_current_context()
-    for option in context.command.params:
-        source = context.get_parameter_source(str(option.name))
-        if option.name in names and source is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"{what} does not use {option.opts[0]}; leave one of them out")
 
 
 def _describe_file(path: Path, shows: bool) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 import bsg_data
 from bsg_cli.choices import MASKS, complete_class_map, complete_model
@@ -187,3 +188,12 @@ def split_names(text: str | None, *, option: str) -> tuple[str, ...] | None:
     if not names:
         raise click.UsageError(f"{option} names nothing; expected names with commas between them")
     return names
+
+
+def refuse_unused(names: Sequence[str], what: str) -> None:
+    """Refuse options on the command line that would change nothing."""
+    context = click.get_current_context()
+    for option in context.command.params:
+        source = context.get_parameter_source(str(option.name))
+        if option.name in names and source is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{what} does not use {option.opts[0]}; leave one of them out")

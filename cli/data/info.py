@@ -10,7 +10,7 @@ import click
 
 import bsg_data
 from bsg_cli.data.totals import format_hashes, format_losses, format_sources, format_totals
-from bsg_cli.options import PATH, dataset_argument, json_option
+from bsg_cli.options import PATH, dataset_argument, json_option, refuse_unused
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data import extend
 from bsg_data.tables import format_text
@@ -30,7 +30,9 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
     """
     data = bsg_data.Dataset.open(dataset)
     manifest = data.manifest
-    if figure is not None:
+    if figure is None:
+        refuse_unused(("force",), "info without --figure")
+    else:
         extend.refuse_file(figure, force=force)
     classes = extend.count_frequencies(dataset)
     splits = {name: len(ids) for name, ids in data.splits.items()}

@@ -71,6 +71,7 @@ def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
         (("--find", "bed", "--chance", "1.5"), "1.5"),
         (("--chance", "0.5"), "without --find does not use --chance"),
         (("--from", "kitchen"), "without --find does not use --from"),
+        (("--force",), "without --out does not use --force"),
     ],
 )
 def test_options_of_a_search_are_checked(words: tuple[str, ...], said: str) -> None:
