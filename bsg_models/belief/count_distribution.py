@@ -319,9 +319,9 @@ def _positive_poisson_rate(given: Floats) -> Floats:
 
 
 def blend(
-    distributions: Sequence[CountDistribution], weights: Sequence[float] | Floats
+    distributions: Sequence[CountDistribution], weights: Sequence[float]
 ) -> CountDistribution:
-    """Return the mixture of M distributions of the same N nodes; weights `[M]` or `[M, N, 1]`."""
+    """Return the mixture of distributions of the same nodes."""
     scaled = [
         replace(one, weights=np.broadcast_to(one.weights * weight, one.means.shape))
         for one, weight in zip(distributions, weights, strict=True)

@@ -172,33 +172,6 @@ class Neighbours(Arrays):
         return mean
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Rows(Arrays):
-    """The nodes of B buildings as rows of L places, the nodes of the largest building."""
-
-    node: Array  # [B, L] the node at each place, N for none
-    place: Array  # [N] place of each node in the rows, one after another
-    absent: Array  # [B, L] whether there is no node
-
-    @classmethod
-    def of(cls, seen: Observation) -> Rows:
-        """Return the places of an observation's nodes."""
-        sizes = np.diff(seen.starts)
-        places = np.arange(sizes.max(initial=1))
-        absent = places >= sizes[:, None]
-        node = np.where(absent, len(seen.inputs), seen.starts[:-1, None] + places)
-        return cls(node=node, place=np.flatnonzero(~absent), absent=absent)
-
-    def spread(self, h: Array) -> Array:
-        """Return nodes `[N, W]` in their places, `[B, L, W]`; 0 where there is none."""
-        more = library_of(h).concatenate([h, 0 * h[:1]])
-        return more[self.node]
-
-    def gather(self, rows: Array) -> Array:
-        """Return what stands in the places of the nodes: the inverse of `spread`."""
-        return rows.reshape(-1, rows.shape[-1])[self.place]
-
-
 def sum_buildings(values: Array, nodes: Nodes | Neighbours, *, exactly: bool = False) -> Array:
     """Return the sum over the nodes of each building, `[B, W]` of `[N, W]`.
 

