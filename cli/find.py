@@ -130,6 +130,8 @@ def _print_places(
     print_text(format_text(rows, header=order, numeric=numbers))
     if len(places) > _MOST_ROWS:
         print_note(f"… and {len(places) - _MOST_ROWS:,} less likely rooms; --json prints all")
+    if places and places[0].pieces:
+        print_text(_describe_pieces(places[0]))
     model = seen.asked(meaning.word)
     if meaning.thing is not None:
         print_text(f"somewhere in the building: {_percent(anywhere)}, by the table {model}")
@@ -141,6 +143,12 @@ def _print_places(
             f"noted: annotators write one down in {_percent(anywhere)} of such buildings, by the "
             f"table of nouns and the model {model}"
         )
+
+
+def _describe_pieces(place: bsg_models.Place) -> str:
+    """Return the likeliest pieces of furniture of a room, if an unseen thing is there."""
+    pieces = (f"{piece.name} {_percent(piece.if_there)}" for piece in place.pieces)
+    return f"{_name(place)}: {', '.join(pieces)}"
 
 
 def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: str | None) -> None:

@@ -119,6 +119,7 @@ class SeenObject:
         position: metres, Z up; None if unknown.
         score: P(it is there now), of a detector or of what has happened since; None if nobody
             doubts it.
+        on: id of the object on or in which it lies; None if unknown.
     """
 
     name: Annotated[Id, Field(alias="id")]
@@ -128,6 +129,7 @@ class SeenObject:
     class_index: int | None
     position: Position | None = None
     score: Score | None = None
+    on: Id | None = None
 
     @property
     def probability(self) -> float:
@@ -190,17 +192,19 @@ _Report = TypeVar("_Report", KnownRoom, SeenObject)
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A search of a room for one thing, which did not find it.
+    """A search of a room, or of one object in it, for one thing, which did not find it.
 
     Attributes:
         room_index: the room, 1..R.
         thing: what was looked for, in the robot's word.
         chance: P(the look would have found it, if one is there).
+        at: id of the object that was searched, such as a table; None for the whole room.
     """
 
     room_index: int
     thing: Text
     chance: Score
+    at: Id | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +226,7 @@ class PartialGraph:
             outside the classes. Absence of any other class says nothing, in searched rooms too.
             None: it knows every class.
         looks: searches for single things that did not find them, the last one at the end; one for
-            each room and thing, with the chance of all of them together.
+            each place and thing, with the chance of all of them together.
         more_rooms: number of rooms that are not found yet; True for as many as homes have; None if
             nobody says: then none are expected.
         stays: hours after which half of the things are elsewhere; None if unknown.

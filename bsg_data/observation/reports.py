@@ -151,13 +151,13 @@ def describe(
 def look(graph: PartialGraph, seen: Look) -> PartialGraph:
     """Return the partial graph after a look that did not find a thing.
 
-    Looks for the same thing in the same room become one, whose chance is that of all. Only a look
+    Looks for the same thing at the same place become one, whose chance is that of all. Only a look
     that misses nothing leaves nothing possible.
     """
-    same = (seen.room_index, normalise_name(seen.thing))
+    same = (seen.room_index, seen.at, normalise_name(seen.thing))
     missed, looks = 1 - seen.chance, []
     for one in graph.looks:
-        if (one.room_index, normalise_name(one.thing)) == same:
+        if (one.room_index, one.at, normalise_name(one.thing)) == same:
             missed *= 1 - one.chance
             seen = replace(seen, chance=max(seen.chance, one.chance))
         else:
@@ -187,6 +187,22 @@ def find_all(graph: PartialGraph, room_index: int, names: Collection[str]) -> Pa
     looks = tuple(one for one in graph.looks if one.room_index != room_index)
     graph = replace(graph, objects=objects, looks=looks)
     return enter(graph, room_index, hidden_share=ShareBelief(0.0))
+
+
+def let_go(graph: PartialGraph) -> PartialGraph:
+    """Return the graph without what names an object that is no longer in its room.
+
+    What lay on a piece of furniture that is gone lies somewhere in the room; a look at it says
+    nothing any more.
+    """
+    room_of = {obj.name: obj.room_index for obj in graph.objects}
+    loose = [obj for obj in graph.objects if obj.on and room_of.get(obj.on) != obj.room_index]
+    looks = tuple(o for o in graph.looks if o.at is None or room_of.get(o.at) == o.room_index)
+    if not loose and len(looks) == len(graph.looks):
+        return graph
+    freed = {obj.name for obj in loose}
+    objects = tuple(replace(obj, on=None) if obj.name in freed else obj for obj in graph.objects)
+    return replace(graph, objects=objects, looks=looks)
 
 
 def lose(graph: PartialGraph, names: Collection[str]) -> PartialGraph:

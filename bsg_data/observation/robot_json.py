@@ -9,7 +9,8 @@
          "room_type": {"kitchen": 0.7, "dining room": 0.3}},
         {"id": "hall", "visited": false, "room_type": "corridor"}
       ],
-      "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null}],
+      "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null},
+                  {"id": "8", "room": "kitchen", "category": "milk", "on": "7"}],
       "adjacency": [["kitchen", "hall"]],
       "detector": ["fridge", "chair", "cup"],
       "looks": [{"room": "kitchen", "thing": "cup", "chance": 0.8}], "more_rooms": 3
@@ -106,8 +107,14 @@ _WORDS = {  # of JSON, where pydantic's are of Python's types
 # Keys of other formats, and which of ours is meant.
 _MEANT = {
     "rooms": {"name": "id", "room_id": "id", "type": "room_type", "kind": "room_type"},
-    "objects": {"name": "id", "object_id": "id", "class_name": "category", "type": "category"},
-    "looks": {"object": "thing", "category": "thing"},
+    "objects": {
+        "name": "id",
+        "object_id": "id",
+        "class_name": "category",
+        "type": "category",
+        **dict.fromkeys(("parent", "parentreceptacles", "receptacle", "in", "at"), "on"),
+    },
+    "looks": {"object": "thing", "category": "thing", "on": "at"},
     "": {"name": "scene_id", "kind": "building_kind"},
 }
 _MAP_HINT = 'a map of rooms is written without the key `rooms`: {"kitchen": ["sink"], "hall": []}'
@@ -117,7 +124,7 @@ _FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WOR
 _LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
 # What a robot may say of its rooms, its objects and the building, in any file format.
 ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
-OBJECT_WORDS = ("id", "category", "position", "score", "age", "stays")
+OBJECT_WORDS = ("id", "category", "position", "score", "age", "stays", "on")
 _GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_rooms", "stays")
 GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks")
 _FACTS_OF_MAPS = ("more_rooms", "building_kind")
@@ -165,12 +172,14 @@ class _Object(Record):
     score: Score | None = None
     age: Hours | None = None
     stays: Stay | None = None
+    on: Id | None = None
 
 
 class _Look(Record):
     room: Id
     thing: Annotated[Text, Field(min_length=1)]
     chance: Score = LOOK_CHANCE
+    at: Id | None = None
 
 
 def _list_words(said: Any) -> Any:
@@ -203,7 +212,7 @@ class _Graph(Record):
     stays: Stay | None = None
 
 
-_ID_KEYS = {"rooms": ("id",), "objects": ("id", "room"), "looks": ("room",)}
+_ID_KEYS = {"rooms": ("id",), "objects": ("id", "room", "on"), "looks": ("room", "at")}
 _SIMPLEST = TypeAdapter(
     Annotated[dict[Id, Annotated[tuple[Text, ...], FailFast()]], Field(max_length=MAX_ROBOT_ROOMS)]
 )
@@ -366,17 +375,17 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
     rooms: tuple[KnownRoom, ...] = document.rooms
     index = _number([room.name for room in rooms], "room")
     _number([obj.id for obj in document.objects], "object")
+    room_of = {obj.id: obj.room for obj in document.objects}
+    _require_support({obj.id: obj.on for obj in document.objects if obj.on is not None}, room_of)
     objects = []
     for obj in document.objects:
         called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
         room = _find(obj.room, index, called) if obj.room is not None else 0
         found = _classify(obj.category, obj.corrected, obj.class_name, by)
         score = say_score(called, obj.score, age=obj.age, stays=obj.stays or document.stays)
-        objects.append(SeenObject(obj.id, room, obj.category, *found, obj.position, score))
-    looks = tuple(
-        Look(_find(one.room, index, f"look for {one.thing[:SHOWN]!r}"), one.thing, one.chance)
-        for one in document.looks
-    )
+        facts = (obj.id, room, obj.category, *found, obj.position, score)
+        objects.append(SeenObject(*facts, on=obj.on))
+    looks = tuple(_read_look(one, index, room_of) for one in document.looks)
     shown = {obj.room_index for obj in objects if obj.is_evidence}
     rooms = tuple(
         replace(room, hidden_share=_MOST_HIDDEN)
@@ -408,6 +417,46 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
             for word, stated in document.detector.items()
         ),
     )
+
+
+def _read_look(said: _Look, index: Mapping[str, int], room_of: Mapping[str, str | None]) -> Look:
+    where = f"look for {said.thing[:SHOWN]!r}"
+    if said.at is not None:
+        _require_beside(where, "at", said.at, said.room, room_of)
+    return Look(_find(said.room, index, where), said.thing, said.chance, said.at)
+
+
+def _require_support(on: Mapping[str, str], room_of: Mapping[str, str | None]) -> None:
+    """Refuse an object on one that is not in its room, or on itself by any way."""
+    for name, piece in on.items():
+        _require_beside(f"object {name[:SHOWN]!r}", "on", piece, room_of[name], room_of)
+    sound: set[str] = set()
+    for name in on:
+        path: dict[str, None] = {}
+        while name in on and name not in sound:
+            if name in path:
+                raise RecipeError(
+                    f"object {name[:SHOWN]!r}: on: lies on itself, by {on[name][:SHOWN]!r}; say "
+                    "what is below"
+                )
+            path[name] = None
+            name = on[name]
+        sound.update(path)
+
+
+def _require_beside(
+    where: str, key: str, piece: str, room: str | None, room_of: Mapping[str, str | None]
+) -> None:
+    if piece not in room_of:
+        hint = ask_if_meant(piece, room_of) or "add it to `objects`"
+        raise RecipeError(f"{where}: {key}: there is no object {piece[:SHOWN]!r}; {hint}")
+    if room_of[piece] != room:
+        there, here = (
+            "no room" if one is None else f"room {one[:SHOWN]!r}" for one in (room_of[piece], room)
+        )
+        raise RecipeError(
+            f"{where}: {key}: {piece[:SHOWN]!r} is in {there}; expected an object of {here}"
+        )
 
 
 def _classify(
@@ -504,6 +553,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
                 "class": None if obj.class_index is None else classes[obj.class_index],
                 "position": obj.position,
                 "score": obj.score,
+                **({} if obj.on is None else {"on": obj.on}),
             }
             for obj in graph.objects
         ],
@@ -512,6 +562,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
     if graph.looks:
         said["looks"] = [
             {"room": names[one.room_index - 1], "thing": one.thing, "chance": one.chance}
+            | ({} if one.at is None else {"at": one.at})
             for one in graph.looks
         ]
     if graph.detector is not None:

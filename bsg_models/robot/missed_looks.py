@@ -59,9 +59,9 @@ class Looked:
 
 
 def sum_looks(looks: Sequence[MissedLook], sought: Meaning, *, nodes: int) -> Looked:
-    """Return what some looks, the last one at the end, have missed of a thing."""
+    """Return what looks into whole rooms, the last one at the end, have missed of a thing."""
     missed, again = np.ones(nodes), np.zeros(nodes, dtype=bool)
-    covering = [one.look for one in looks if one.covers(sought)]
+    covering = [one.look for one in looks if one.look.at is None and one.covers(sought)]
     for one in covering:
         missed[one.room_index] *= 1 - one.chance
     if covering:
@@ -82,14 +82,15 @@ def doubt_objects(
         looks: that missed.
         names: meaning → whether a robot's word for an object names such a thing.
     """
-    sought: dict[int, list[tuple[Callable[[str], bool], float]]] = {}
+    sought: dict[tuple[int, str | None], list[tuple[Callable[[str], bool], float]]] = {}
     for one in looks:
-        room = sought.setdefault(one.look.room_index, [])
+        room = sought.setdefault((one.look.room_index, one.look.at), [])
         room.append((names(one.meaning), 1 - one.look.chance))
     objects = []
     for obj in graph.objects:
         missed = 1.0
-        for is_sought, each in sought.get(obj.room_index, ()):
+        at_it = sought.get((obj.room_index, obj.on), ()) if obj.on is not None else ()
+        for is_sought, each in (*sought.get((obj.room_index, None), ()), *at_it):
             missed *= each if is_sought(obj.raw_category) else 1.0
         if missed < 1:
             before = _TRUSTED if obj.probability == 1 else obj.probability

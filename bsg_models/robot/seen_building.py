@@ -9,14 +9,14 @@ All names are the robot's own: ids or labels of its rooms, and any word for a th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, wraps
 from itertools import count, pairwise
 from pathlib import Path
 from threading import RLock
 from types import MappingProxyType
-from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar, overload
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from bsg_data.scene.class_map import (
     load_class_map,
     normalise_name,
 )
+from bsg_data.scene.receptacles import find_receptacle
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
@@ -59,9 +60,11 @@ from bsg_models.robot.decision import (
     order_rooms,
     weigh,
 )
+from bsg_models.robot.destinations import Spot, choose_spot
 from bsg_models.robot.looks import AnyLook, cost_looks
 from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks
 from bsg_models.robot.notes import note_graph
+from bsg_models.robot.pieces import TIDY, Furniture, furnish
 from bsg_models.robot.thing_belief import (
     ThingBelief,
     after_looks,
@@ -94,6 +97,25 @@ _OTHERS = {1: (WIDE_MODEL, WIDE_MAP), 2: (DEFAULT_MODEL, DEFAULT_CLASS_MAP)}
 
 
 @dataclass(frozen=True, slots=True)
+class Piece:
+    """A piece of furniture on or in which a thing may be."""
+
+    piece: str | None  # its id; None for pieces that were not seen yet
+    name: str  # its category; `NOT_SEEN`
+    probability: float  # P(at least one is there); 1 if one was seen on it, and nobody doubts it
+    if_there: float  # P(an unseen one is there, if the room has one)
+    seen: tuple[str, ...]  # ids of those that were seen on it
+
+
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """Where a robot looks next."""
+
+    room: str  # its id, or `EXPLORE`
+    piece: str | None  # id of a piece of furniture; None for the rest of the room
+
+
+@dataclass(frozen=True, slots=True)
 class Place:
     """A room where a thing may be."""
 
@@ -105,6 +127,7 @@ class Place:
     expected: float  # number of unseen ones
     seen: tuple[str, ...]  # ids of those that were seen there
     cost: float | None  # of the way to the room; None if unknown
+    pieces: tuple[Piece, ...] = ()  # the likeliest three, if furniture was seen there
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,9 +154,11 @@ class Step:
 
 _Now: TypeAlias = tuple[PartialGraph, Expectation]  # a graph as a model reads it, and the belief
 NOT_FOUND = "rooms not found yet"
+NOT_SEEN = "a piece not seen yet"
 THINGS = "things-v1"  # the table of everyday things, where it answers
 _MOST_HOURS = 1e9
 _LISTED = 8  # objects in an error
+_SHOWN_PIECES = 3  # of each room
 _MOST_MEANINGS = 1000  # words that are remembered
 _LEAST = 1e-12  # a smaller number is not divided by
 
@@ -285,6 +310,7 @@ class SeenBuilding:
         stays: float | None = None,
         within: float = 0.5,
         besides: Collection[str] = (),
+        on: str | None = None,
     ) -> str:
         """Report one object in a room, and return its id; the room may hold more.
 
@@ -299,6 +325,7 @@ class SeenBuilding:
             within: without an id, a known object of the same class in the room that is this near,
                 in metres, is the same object. 0 keeps all apart; ∞ takes any in the room.
             besides: ids of objects that it is not, such as others that were seen with it.
+            on: id of the object on or in which it lies, or its word if the room has one such.
 
         Raises:
             RecipeError: for a room, a word or a number that cannot be.
@@ -320,7 +347,8 @@ class SeenBuilding:
         score = say_score(where, score, age=age, stays=hours)
         known = self._models[0].class_map.classify(thing)
         facts = (index, thing, known.category, known.class_index, position, score)
-        seen = check_report(SeenObject(object_id or self._name_object(), *facts))
+        piece = None if on is None else self._find_piece(on, index, not_=object_id)
+        seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
         if object_id is None:
             near = reports.find_near(self._graph, seen, within=within, besides=besides)
             if near is not None:
@@ -364,7 +392,9 @@ class SeenBuilding:
         self._change(reports.lose(self._graph, [object_id]))
 
     @_alone
-    def looked(self, room: str, thing: str, *, chance: float = LOOK_CHANCE) -> None:
+    def looked(
+        self, room: str, thing: str, *, chance: float = LOOK_CHANCE, at: str | None = None
+    ) -> None:
         """Report a look for one thing in a room that did not find it.
 
         The room becomes less likely to have one, by Bayes' rule, but not impossible; two looks
@@ -374,14 +404,37 @@ class SeenBuilding:
             room: id or label.
             thing: any word.
             chance: P(the look would have found it, if one is there).
+            at: id of the piece of furniture that was searched, or its word if the room has one
+                such; None for the whole room.
 
         Raises:
             RecipeError: for a room, a word or a chance that cannot be.
         """
         index = find_room(self._graph, room)
         self.understand(thing)
+        piece = None if at is None else self._find_piece(at, index)
         chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
-        self._change(reports.look(self._graph, Look(index, thing, chance)))
+        self._change(reports.look(self._graph, Look(index, thing, chance, piece)))
+
+    def _find_piece(self, said: str, index: int, *, not_: str | None = None) -> str:
+        """Return the id of an object of a room, by its id or its word."""
+        known = [obj for obj in self._graph.objects if obj.room_index == index]
+        if said == not_:
+            known = []
+        if said in [obj.name for obj in known]:
+            return said
+        spoken = normalise_name(str(said))
+        same = [obj.name for obj in known if normalise_name(obj.raw_category) == spoken]
+        if len(same) == 1:
+            return same[0]
+        shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
+        found = f"{len(same)} such objects" if same else "no such object"
+        raise RecipeError(
+            f"{str(said)[:SHOWN]!r}: expected the id of another object of the room, found {found}; "
+            f"known are {shown or 'none'}",
+            code="piece-unknown",
+            where=str(said)[:SHOWN],
+        )
 
     @_alone
     def entered(
@@ -564,6 +617,7 @@ class SeenBuilding:
                 code="room-named-explore",
                 where=EXPLORE,
             )
+        graph = reports.let_go(graph)
         understood = ((one, self._understand_or_none(one.thing)) for one in graph.looks)
         looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
         whole = add_unfound(doubt_objects(graph, looks, names=self._names))
@@ -579,17 +633,143 @@ class SeenBuilding:
 
     # Questions of the robot
 
-    @_alone
+    def _list_pieces(
+        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float = TIDY
+    ) -> tuple[Piece, ...]:
+        return tuple(
+            sorted(
+                (
+                    Piece(
+                        piece=spot.name,
+                        name=spot.piece.raw_category if spot.piece else NOT_SEEN,
+                        probability=1
+                        - (1 - spot.sure) * (1 - spot.share * float(belief.unseen[node])),
+                        if_there=spot.share,
+                        seen=_lying_on(spot.piece, belief.seen[node]),
+                    )
+                    for spot in self._list_spots(belief, meaning, node, tidy)
+                ),
+                key=lambda one: (one.piece is None, -one.probability),
+            )
+        )
+
+    def _list_spots(
+        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float = TIDY
+    ) -> list[Spot]:
+        """Return the pieces of a room where a thing may be, then the rest of the room.
+
+        There are none in a room for what stands by itself, and none known in one not found yet.
+        """
+        furniture = self._furnish(meaning, node, tidy)
+        if furniture is None:
+            return []
+        missed = self._missed_at(meaning, node)
+        covering = [one.look for one in self._looks if one.covers(meaning)]
+        last = covering[-1] if covering and covering[-1].room_index == node else None
+        spots = []
+        for piece, share in zip(
+            (*furniture.pieces, None), furniture.shares(missed).tolist(), strict=True
+        ):
+            name, known = None if piece is None else piece.name, furniture.names
+            lying = (o for o in belief.seen[node] if (o.on if o.on in known else None) == name)
+            spots.append(
+                Spot(
+                    node,
+                    piece,
+                    share,
+                    _there(lying),
+                    missed.get(name, 1.0),
+                    last is not None and last.at == name,
+                )
+            )
+        return spots
+
+    def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
+        belief = self._believe(self._judge)[1]
+        return furnish(
+            meaning.word if meaning.thing is None else meaning.thing.name,
+            self._whole.rooms[node - 1],
+            [obj for obj in self._whole.objects if obj.room_index == node],
+            classes=self._model(self._judge).classes,
+            unseen=belief.presence[node],
+            tidy=tidy,
+        )
+
+    def _missed_at(self, meaning: Meaning, node: int) -> dict[str | None, float]:
+        """Return P(all looks miss it) of each piece of a room with a look; None for the whole."""
+        missed: dict[str | None, float] = {}
+        for one in self._looks:
+            if one.look.room_index == node and one.covers(meaning):
+                at = one.look.at
+                missed[at] = missed.get(at, 1.0) * (1 - one.look.chance)
+        return missed
+
+    def _sum_looks(self, meaning: Meaning, *, nodes: int) -> Floats:
+        """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
+        missed = sum_looks(self._looks, meaning, nodes=nodes).missed
+        for node in {one.look.room_index for one in self._looks if one.look.at is not None}:
+            furniture = self._furnish(meaning, node)
+            if furniture is not None:
+                missed[node] *= furniture.overlooked(self._missed_at(meaning, node))
+        return missed
+
+    @overload
     def where(
-        self, thing: str, *, here: str | None = None, costs: Costs | None = None
-    ) -> tuple[Place, ...]:
-        """Return the rooms by the probability that a thing is there, the likeliest first.
+        self,
+        thing: str,
+        *,
+        here: str | None = None,
+        costs: Costs | None = None,
+        within: None = None,
+        tidy: float = TIDY,
+    ) -> tuple[Place, ...]: ...
+
+    @overload
+    def where(
+        self,
+        thing: str,
+        *,
+        here: str | None = None,
+        costs: Costs | None = None,
+        within: str,
+        tidy: float = TIDY,
+    ) -> tuple[Piece, ...]: ...
+
+    def where(
+        self,
+        thing: str,
+        *,
+        here: str | None = None,
+        costs: Costs | None = None,
+        within: str | None = None,
+        tidy: float = TIDY,
+    ) -> tuple[Place, ...] | tuple[Piece, ...]:
+        """Return where a thing is, the likeliest first: rooms, or pieces of furniture of one room.
+
+        Rooms have their three likeliest pieces. Of a room, the last is any piece that was not seen
+        yet; there are none for what stands by itself, such as a wardrobe. The formulas are in
+        `bsg_models.robot.pieces`.
 
         Args:
             thing: any word; `understand` says which class answers it.
             here: the robot's room, from which costs are measured.
             costs: (room, room) → cost, replacing what the graph measures; ∞ closes a way.
+            within: id or label of a room, to ask for its pieces of furniture.
+            tidy: share of things that lie where they belong, 0 to 1; the others lie as in an untidy
+                home.
         """
+        tidy = read_number("tidy", tidy, most=1.0)
+        with self._lock:
+            if within is None:
+                return self._list_rooms(thing, here, costs, tidy)
+            node = find_room(self._graph, within)
+            return self._list_pieces(self._look_up(thing), self.understand(thing), node, tidy)
+
+    def _list_rooms(
+        self, thing: str, here: str | None, costs: Costs | None, tidy: float
+    ) -> tuple[Place, ...]:
+        furnished = {o.room_index for o in self._whole.objects if find_receptacle(o.raw_category)}
+        meaning = self.understand(thing)
         belief = self._look_up(thing)
         known_costs = {} if here is None else self._known_costs(here, costs)
         number = len(self._graph.rooms)
@@ -604,6 +784,9 @@ class SeenBuilding:
                 expected=float(belief.expected[node]),
                 seen=tuple(obj.name for obj in belief.seen[node]),
                 cost=known_costs.get(node),
+                pieces=self._list_pieces(belief, meaning, node, tidy)[:_SHOWN_PIECES]
+                if node in furnished
+                else (),
             )
             for node, room in enumerate(self._graph.rooms, 1)
         ]
@@ -705,6 +888,62 @@ class SeenBuilding:
         return None if node is None else self._name(node)
 
     @_alone
+    def next_place(
+        self,
+        thing: str,
+        *,
+        here: str,
+        at: str | None = None,
+        costs: Costs | None = None,
+        look: AnyLook | None = None,
+        chance: float = LOOK_CHANCE,
+    ) -> Destination | None:
+        """Return the piece of furniture to look at next, to find a thing at the least cost.
+
+        All pieces that were seen, in any room, and the rest of each room are weighed at once, by
+        what going and looking cost. Report a look that missed by `looked(room, thing, at=piece)`.
+
+        Args:
+            thing: any word.
+            here: the robot's room.
+            at: id of the piece where the robot is; None for the middle of the room.
+            costs: as for `next_room`, and so below.
+            look: cost of a look in a whole room; a piece has its part of it.
+            chance: P(a look finds a thing that is there).
+
+        Returns:
+            A room, and a piece there or None for the rest of it; None if nothing is left to search.
+
+        Raises:
+            RecipeError: as `next_room`, and if there is no such piece.
+        """
+        start, meaning = find_room(self._graph, here), self.understand(thing)
+        piece = None if at is None else self._find_piece(at, start)
+        ways, costs_of_looks = self._cost(costs, look)
+        decision, (belief,) = self._weigh(thing, [start], ways, chance, "single")
+        nodes = range(1, 1 + len(self._whole.rooms))
+        spots = [
+            spot
+            for node in nodes
+            for spot in self._list_spots(belief, meaning, node)
+            or [Spot(node, None, 1.0, _there(belief.seen[node]))]
+        ]
+        chosen = choose_spot(
+            decision,
+            spots,
+            self._graph,
+            ways,
+            costs_of_looks,
+            belief.finds_unseen(chance),
+            here=start,
+            at=piece,
+            chance=chance,
+        )
+        if chosen is None:
+            return None
+        return Destination(self._name(chosen.node), chosen.name)
+
+    @_alone
     def next_rooms(
         self,
         robots: Mapping[str, str],
@@ -804,10 +1043,9 @@ class SeenBuilding:
         """
         belief, rooms = self._believe(0)[1], np.arange(1 + len(self._graph.rooms))
         chances = np.zeros(belief.inputs.shape)
-        for one in self._looks:
-            if one.meaning.model == 0 and one.meaning.is_class:
-                cell = one.look.room_index, one.meaning.class_index
-                chances[cell] = 1 - (1 - chances[cell]) * (1 - one.look.chance)
+        for meaning in {m.word: m for m in (one.meaning for one in self._looks)}.values():
+            if meaning.model == 0 and meaning.is_class:
+                chances[:, meaning.class_index] = 1 - self._sum_looks(meaning, nodes=len(chances))
         if chances.any():
             belief = replace(belief, hidden_counts=after_looks(belief.hidden_counts, chances))
         # A doubted object is no evidence, and is one of those that were seen all the same.
@@ -997,7 +1235,7 @@ class SeenBuilding:
         for obj in found:
             seen[obj.room_index].append(obj)
         held = ThingBelief(tuple(map(tuple, seen)), hidden, none, list_searched(graph))
-        return held.after(1 - sum_looks(self._looks, meaning, nodes=len(seen)).missed)
+        return held.after(1 - self._sum_looks(meaning, nodes=len(seen)))
 
     def _model(self, model: int) -> Predictor:
         if model not in self._models:
@@ -1015,6 +1253,15 @@ class SeenBuilding:
         if model not in self._expectations:
             self._expectations[model] = self._model(model)(graph)
         return graph, self._expectations[model]
+
+
+def _there(objects: Iterable[SeenObject]) -> float:
+    """Return P(any of some objects is there)."""
+    return 1 - math.prod(1 - obj.probability for obj in objects)
+
+
+def _lying_on(piece: SeenObject | None, objects: Sequence[SeenObject]) -> tuple[str, ...]:
+    return tuple(obj.name for obj in objects if piece is not None and obj.on == piece.name)
 
 
 def _list_words(things: str | Sequence[str]) -> list[str]:

@@ -114,13 +114,17 @@ class ThingBelief:
             chance: P(a look finds an object that is there).
             unsure: whether only those count of which it is not sure that they are there.
         """
-        same = np.full((len(self.seen), 1), chance)
-        missed = np.where(self.searched, 1.0, self.hidden.miss(same)[:, 0])
+        missed = 1 - self.finds_unseen(chance)
         for node, objects in enumerate(self.seen):
             counted = [obj for obj in objects if not unsure or obj.probability < 1]
             missed[node] *= _miss(counted, chance)
         missed[0] = 1.0
         return np.asarray(1 - missed)
+
+    def finds_unseen(self, chance: float) -> Floats:
+        """Return P(a look finds at least one that was not seen), `[N]`."""
+        same = np.full((len(self.seen), 1), chance)
+        return np.asarray(1 - np.where(self.searched, 1.0, self.hidden.miss(same)[:, 0]))
 
     def somewhere(self, nodes: slice) -> float:
         """Return P(some rooms have at least one that was not seen), rooms being tilted."""

@@ -101,7 +101,7 @@ def list_lost(graph: PartialGraph) -> set[int]:
     lost = {
         node
         for node, room in enumerate(graph.rooms, 1)
-        if node not in joined and _place_of(room) is None
+        if node not in joined and place_of(room) is None
     }
     return lost if len(lost) < len(graph.rooms) else set()
 
@@ -109,13 +109,14 @@ def list_lost(graph: PartialGraph) -> set[int]:
 def _straight_lines(graph: PartialGraph) -> Floats:
     """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
     nowhere = (np.nan, np.nan, np.nan)
-    places = np.array([nowhere, *(_place_of(room) or nowhere for room in graph.rooms)])
+    places = np.array([nowhere, *(place_of(room) or nowhere for room in graph.rooms)])
     squares = [(one[:, None] - one) ** 2 for one in places.T]
     lines = np.sqrt(sum(squares))
     return np.where(np.isnan(lines), np.inf, lines)
 
 
-def _place_of(room: KnownRoom) -> tuple[float, ...] | None:
+def place_of(room: KnownRoom) -> tuple[float, ...] | None:
+    """Return the position of a room, or the middle of its box; None if neither is known."""
     if room.position is not None or room.box is None:
         return room.position
     return tuple((np.add(room.box.minimum, room.box.maximum) / 2).tolist())

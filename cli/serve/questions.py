@@ -138,7 +138,8 @@ class Thing(Record):
             description="Rooms, the likeliest first: `probability` of at least one, `if_there` the "
             "same if the building has one, `unseen` of at least one that was not seen, `expected` "
             "number of these, `seen` ids, `cost` of the way, null if unknown. `room` is null for "
-            "things that were seen in no room, and `explore` for rooms that are not found yet."
+            "things that were seen in no room, and `explore` for rooms that are not found yet. "
+            "`pieces` has the likeliest pieces of furniture, if some were seen there."
         ),
     ]
 

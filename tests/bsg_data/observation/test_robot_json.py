@@ -436,3 +436,65 @@ def test_a_building_that_is_said_to_be_another_is_not_guessed() -> None:
     graph = parse_robot_graph(said, path=Path("x"))
     assert graph.building_kind == "other"
     assert encode_robot_graph(graph)["building_kind"] == "other"
+
+
+KITCHEN: dict[str, Any] = {
+    "scene_id": "home",
+    "rooms": [{"id": "kitchen"}, {"id": "hall"}],
+    "objects": [
+        {"id": "table", "room": "kitchen", "category": "table"},
+        {"id": "tray", "room": "kitchen", "category": "tray", "on": "table"},
+        {"id": "cup", "room": "kitchen", "category": "cup", "on": "tray"},
+        {"id": "bench", "room": "hall", "category": "bench"},
+    ],
+    "looks": [{"room": "kitchen", "thing": "key", "at": "table"}],
+}
+
+
+def test_what_lies_on_what_is_read_and_written() -> None:
+    graph = parse_robot_graph(KITCHEN, path=Path("x"))
+    assert [obj.on for obj in graph.objects] == [None, "table", "tray", None]
+    assert [one.at for one in graph.looks] == ["table"]
+    assert parse_robot_graph(encode_robot_graph(graph), path=Path("x")) == graph
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"on": "tble"}, "object 'cup': on: there is no object 'tble'; did you mean"),
+        (
+            {"on": "bench"},
+            "object 'cup': on: 'bench' is in room 'hall'; expected an object of room",
+        ),
+        ({"on": "cup"}, "object 'cup': on: lies on itself, by 'cup'; say what is below"),
+        (
+            {"parentReceptacles": "tray"},
+            "object 'cup': 'parentReceptacles' is no key; did you mean on",
+        ),
+    ],
+)
+def test_a_thing_on_what_cannot_hold_it_is_refused(changed: dict[str, Any], said: str) -> None:
+    objects = [*KITCHEN["objects"]]
+    objects[2] = {"id": "cup", "room": "kitchen", "category": "cup"} | changed
+    with refuses(RobotGraphError, "graph-malformed", where="x") as caught:
+        parse_robot_graph(KITCHEN | {"objects": objects}, path=Path("x"))
+    assert str(caught.value).startswith(f"x: {said}")
+
+
+def test_circles_of_any_length_and_long_piles_are_read_in_one_pass() -> None:
+    pile = [
+        {"id": str(n), "room": "kitchen", "category": "book", "on": str(n + 1)} for n in range(5000)
+    ]
+    bottom = {"id": "5000", "room": "kitchen", "category": "table"}
+    graph = parse_robot_graph(KITCHEN | {"objects": [*pile, bottom], "looks": []}, path=Path("x"))
+    assert graph.objects[0].on == "1"
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
+        circle = [*pile, bottom | {"on": "0"}]
+        parse_robot_graph(KITCHEN | {"objects": circle, "looks": []}, path=Path("x"))
+
+
+def test_a_look_is_at_a_piece_of_its_room() -> None:
+    looks = [{"room": "hall", "thing": "key", "at": "table"}]
+    with refuses(RobotGraphError, "graph-malformed", where="x") as caught:
+        parse_robot_graph(KITCHEN | {"looks": looks}, path=Path("x"))
+    assert str(caught.value).startswith("x: look for 'key': at: 'table' is in room 'kitchen'")

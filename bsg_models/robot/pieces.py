@@ -1,0 +1,160 @@
+"""Say on or in which piece of furniture of a room a thing is.
+
+A piece of kind k in a room of kind r holds a thing at the rate
+
+    (t · belongs + (1 − t) · untidy) · √(w + 3) · (c + (1 − c) · h)
+
+    belongs, untidy   shares of people who say that things belong there, or lie there in an untidy
+                      home (`bsg_data.scene.receptacles`); t is `tidy`
+    w                 where a person would look for such a thing, by hand, per cent
+    c                 share of the piece that is not seen until it is opened
+    h                 hidden share of the room: the thing was not in sight in the rest
+
+Several pieces of a kind share its rate: people were asked about kinds. A piece that is not listed
+has the mean rate of those that it is like. Pieces that are expected and not seen yet have the rates
+of their classes. Given that the thing is in the room, P(it is at a piece) is the piece's share of
+all rates. Looks at a piece change it by Bayes' rule.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from bsg_data.arrays import Floats
+from bsg_data.observation.partial_graph import KnownRoom, SeenObject
+from bsg_data.scene.receptacles import (
+    Receptacle,
+    find_keeping,
+    find_receptacle,
+    read_shares,
+)
+
+TIDY = 0.5  # half of what is sought lies where it belongs
+_EVERYWHERE = 3.0  # weight of every piece besides those where a person would look, per cent
+# Kinds of rooms of which people were not asked, by one that is furnished alike.
+_FURNISHED_LIKE: Mapping[str, str] = {
+    **dict.fromkeys(("toilet", "spa"), "bathroom"),
+    **dict.fromkeys(("bar", "conference hall", "meeting room", "restaurant"), "dining room"),
+    **dict.fromkeys(("break room",), "kitchen"),
+    **dict.fromkeys(("lounge",), "living room"),
+    **dict.fromkeys(("infirmary",), "bedroom"),
+    **dict.fromkeys(("game room",), "playroom"),
+    **dict.fromkeys(("laundry room",), "utility room"),
+    **dict.fromkeys(("lobby",), "entrance"),
+    **dict.fromkeys(("staircase",), "corridor"),
+    **dict.fromkeys(("locker room",), "closet"),
+    **dict.fromkeys(("shop",), "storage room"),
+    **dict.fromkeys(
+        ("classroom", "computer room", "copy room", "laboratory", "library", "phone room"), "office"
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Furniture:
+    """The pieces of a room where one thing may be.
+
+    Attributes:
+        pieces: the n that were seen.
+        rates: `[n + 1]` of holding the thing; the last is that of all pieces not seen yet.
+    """
+
+    pieces: tuple[SeenObject, ...]
+    rates: Floats
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Ids of the pieces."""
+        return frozenset(piece.name for piece in self.pieces)
+
+    def shares(self, missed: Mapping[str | None, float]) -> Floats:
+        """Return P(at each piece, if it is in the room), `[n + 1]`, after looks.
+
+        `missed` has, of the pieces with a look, P(all looks miss it, if it is there).
+        """
+        rates = self._after(missed)
+        total = float(rates.sum())
+        return rates / total if total else np.eye(len(rates))[-1]
+
+    def overlooked(self, missed: Mapping[str | None, float]) -> float:
+        """Return P(the looks miss it, if it is in the room)."""
+        before = float(self.rates.sum())
+        return float(self._after(missed).sum()) / before if before else 1.0
+
+    def _after(self, missed: Mapping[str | None, float]) -> Floats:
+        factors = [*(missed.get(piece.name, 1.0) for piece in self.pieces), 1.0]
+        return np.asarray(self.rates * factors)
+
+
+def furnish(
+    thing: str,
+    room: KnownRoom,
+    objects: Sequence[SeenObject],
+    *,
+    classes: tuple[str, ...],
+    unseen: Floats,
+    tidy: float = TIDY,
+) -> Furniture | None:
+    """Return where in a room a thing may be; None if it stands by itself, as a wardrobe does.
+
+    Args:
+        thing: any word.
+        room: where it may be.
+        objects: that were seen in the room, the pieces of furniture among them.
+        classes: C names.
+        unseen: `[C]` P(the room has an unseen object of each class).
+        tidy: share of things that lie where they belong, 0 to 1.
+    """
+    kinds = _rate(thing, tidy)
+    if kinds is None:
+        return None
+    listed = _weigh_labels(room) @ kinds
+    stood = [(obj, find_receptacle(obj.raw_category)) for obj in objects if obj.is_evidence]
+    known = [(obj, kind) for obj, kind in stood if kind]
+    times = Counter(kind for _, kind in known)
+    rates = [_rate_of(kind, listed, room.hidden_share) / times[kind] for _, kind in known]
+    more = [
+        float(unseen[row]) * _rate_of(kind, listed, 1.0) / (1 + times[kind])
+        for row, kind in _furniture_of(classes)
+    ]
+    return Furniture(tuple(obj for obj, _ in known), np.array([*rates, sum(more)]))
+
+
+def _rate_of(kind: Receptacle, listed: Floats, hidden: float) -> float:
+    """Return the rate of all pieces of a kind together: of that people were asked."""
+    in_sight = kind.closed + (1 - kind.closed) * hidden
+    return float(listed[[*kind.like]].mean()) * in_sight
+
+
+@lru_cache(maxsize=1000)
+def _rate(thing: str, tidy: float) -> Floats | None:
+    """Return the rates of the listed pieces in each kind of room, `[K, P]`."""
+    said, weights = read_shares(), find_keeping(thing)
+    if weights is not None and not weights.any():
+        return None
+    people = tidy * said.belongs + (1 - tidy) * said.untidy
+    return people if weights is None else people * np.sqrt(weights + _EVERYWHERE)
+
+
+def _weigh_labels(room: KnownRoom) -> Floats:
+    """Return P(the kinds of rooms that people were asked about), `[K]`; all alike if unknown."""
+    labels, said = read_shares().rooms, room.room_type
+    weights = np.zeros(len(labels))
+    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said or {})).items():
+        alike = label if label in labels else _FURNISHED_LIKE.get(label)
+        if alike is not None:
+            weights[labels.index(alike)] += likely
+    total = weights.sum()
+    return weights / total if total else np.full(len(labels), 1 / len(labels))
+
+
+@lru_cache(maxsize=16)
+def _furniture_of(classes: tuple[str, ...]) -> tuple[tuple[int, Receptacle], ...]:
+    """Return the classes that are furniture, by their numbers."""
+    found = ((row, find_receptacle(name)) for row, name in enumerate(classes))
+    return tuple((row, kind) for row, kind in found if kind)

@@ -1,0 +1,161 @@
+"""Pieces of furniture: by hand, after looks, and as a person would look."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from refusals import refuses
+
+from bsg_data.errors import RecipeError
+from bsg_data.observation.partial_graph import KnownRoom, SeenObject
+from bsg_data.scene.receptacles import find_keeping, find_receptacle, read_shares
+from bsg_models.robot.pieces import furnish
+from bsg_models.robot.seen_building import NOT_SEEN, Destination, Piece, SeenBuilding, open_graph
+
+FLAT: dict[str, Any] = {
+    "scene_id": "flat",
+    "building_kind": "home",
+    "rooms": [
+        {"id": "kitchen", "floor_in_view": 0.9, "position": [0, 0, 0]},
+        {"id": "living room", "floor_in_view": 0.8, "position": [5, 0, 0]},
+        {"id": "bedroom", "floor_in_view": 0.7, "position": [5, 5, 0]},
+        {"id": "bathroom", "visited": False, "position": [0, 5, 0]},
+    ],
+    "objects": [
+        {"id": "counter", "room": "kitchen", "category": "counter", "position": [-1, 0, 0]},
+        {"id": "fridge", "room": "kitchen", "category": "refrigerator", "position": [1, 1, 0]},
+        {"id": "upper", "room": "kitchen", "category": "upper cabinet", "position": [-1, 1, 0]},
+        {"id": "lower", "room": "kitchen", "category": "lower cabinet", "position": [-1, 1, 0]},
+        {"id": "table", "room": "kitchen", "category": "dining table", "position": [0, -1, 0]},
+        {"id": "cup", "room": "kitchen", "category": "mug", "on": "counter"},
+        {"id": "sofa", "room": "living room", "category": "sofa", "position": [6, 0, 0]},
+        {"id": "low", "room": "living room", "category": "coffee table", "position": [5, 1, 0]},
+        {"id": "books", "room": "living room", "category": "bookshelf", "position": [4, -1, 0]},
+        {"id": "bed", "room": "bedroom", "category": "bed", "position": [6, 6, 0]},
+        {"id": "stand", "room": "bedroom", "category": "nightstand", "position": [5, 6, 0]},
+        {"id": "wardrobe", "room": "bedroom", "category": "wardrobe", "position": [4, 6, 0]},
+    ],
+    "adjacency": [["kitchen", "living room"], ["living room", "bedroom"], ["kitchen", "bathroom"]],
+}
+
+
+def flat() -> SeenBuilding:
+    return open_graph(FLAT)
+
+
+def first_piece(thing: str, room: str) -> str | None:
+    return flat().where(thing, within=room)[0].piece
+
+
+@pytest.mark.parametrize(
+    ("thing", "room", "piece"),
+    [
+        ("milk", "kitchen", "fridge"),
+        ("banana", "kitchen", "fridge"),  # the surfaces of the kitchen were in view
+        ("plate", "kitchen", "upper"),
+        ("frying pan", "kitchen", "lower"),
+        ("mug", "kitchen", "counter"),  # where one was seen
+        ("remote control", "living room", "low"),
+        ("cushion", "living room", "sofa"),
+        ("book", "living room", "books"),
+        ("pillow", "bedroom", "bed"),
+        ("socks", "bedroom", "wardrobe"),
+    ],
+)
+def test_a_person_would_look_there_first(thing: str, room: str, piece: str) -> None:
+    assert first_piece(thing, room) == piece
+
+
+def test_the_rates_by_hand() -> None:
+    """Two pieces that were seen, one class that is expected, half of the room hidden."""
+    room = KnownRoom("k", hidden_share=0.5, room_type="kitchen")
+    objects = [SeenObject(w, 1, w, None, None) for w in ("counter", "refrigerator", "spoon")]
+    found = furnish("milk", room, objects, classes=("couch", "sink"), unseen=np.array([0, 0.4]))
+    shares, kept = read_shares(), find_keeping("milk")
+    assert found is not None
+    assert kept is not None
+    people = 0.5 * (shares.belongs + shares.untidy)[shares.rooms.index("kitchen")]
+    rates = people * np.sqrt(kept + 3)
+    counter, fridge, sink = (
+        rates[one.like[0]] for w in ("counter", "fridge", "sink") if (one := find_receptacle(w))
+    )
+    expected = np.array([counter * 0.5, fridge, sink * 0.4])
+    np.testing.assert_allclose(found.rates, expected)
+    np.testing.assert_allclose(found.shares({}), expected / expected.sum())
+    after = expected * [1, 0.2, 1]
+    np.testing.assert_allclose(found.shares({"refrigerator": 0.2}), after / after.sum())
+    assert found.overlooked({"refrigerator": 0.2}) == pytest.approx(after.sum() / expected.sum())
+
+
+def test_shares_of_a_room_add_up_and_what_was_seen_is_there() -> None:
+    pieces = flat().where("mug", within="kitchen")
+    assert sum(one.if_there for one in pieces) == pytest.approx(1)
+    assert pieces[0] == Piece("counter", "counter", 1.0, pieces[0].if_there, ("cup",))
+    assert pieces[-1].name == NOT_SEEN
+    assert pieces[-1].piece is None
+    assert flat().where("wardrobe", within="bedroom") == ()
+    best = {place.room: place.pieces for place in flat().where("milk")}
+    assert best["kitchen"][0].piece == "fridge"
+    assert best["bathroom"] == ()
+
+
+def test_a_look_at_a_piece_moves_the_belief_to_the_others_by_bayes_rule() -> None:
+    seen = flat()
+    before = {one.piece: one.if_there for one in seen.where("milk", within="kitchen")}
+    room = seen.where("milk")[0].unseen
+    seen.looked("kitchen", "milk", at="fridge", chance=0.9)
+    after = {one.piece: one.if_there for one in seen.where("milk", within="kitchen")}
+    missed = 1 - 0.9 * before["fridge"]
+    assert after["fridge"] == pytest.approx(0.1 * before["fridge"] / missed)
+    assert after["upper"] == pytest.approx(before["upper"] / missed)
+    assert seen.where("milk")[0].unseen < room
+    assert {one.piece: one.if_there for one in seen.where("cheese", within="kitchen")}[
+        "fridge"
+    ] == pytest.approx(before["fridge"])
+
+
+def test_tidy_and_untidy_homes_differ() -> None:
+    tidy, untidy = (flat().where("book", within="living room", tidy=t) for t in (1.0, 0.0))
+    assert tidy != untidy
+    with pytest.raises(RecipeError):
+        flat().where("book", within="living room", tidy=1.5)
+
+
+def test_the_search_goes_from_piece_to_piece() -> None:
+    seen, here, at, stops = flat(), "living room", None, list[Destination]()
+    for _ in range(4):
+        go = seen.next_place("milk", here=here, at=at)
+        assert go is not None
+        stops.append(go)
+        here, at = go.room, go.piece
+        seen.looked(here, "milk", at=at)
+    assert stops[0] == Destination("kitchen", "fridge")
+    assert len(set(stops)) == len(stops)
+    assert seen.anywhere("milk") < flat().anywhere("milk")
+
+
+def test_what_was_seen_is_looked_for_where_it_was_seen() -> None:
+    assert flat().next_place("mug", here="bedroom") == Destination("kitchen", "counter")
+    assert flat().next_place("toothbrush", here="bedroom") == Destination("bathroom", None)
+    assert flat().next_place("wardrobe", here="kitchen") == Destination("bedroom", None)
+
+
+def test_a_piece_that_is_gone_holds_nothing_and_was_not_searched() -> None:
+    seen = flat()
+    seen.looked("kitchen", "milk", at="counter")
+    spoon = seen.saw("kitchen", "spoon", on="counter")
+    seen.gone("counter")
+    assert seen.graph.looks == ()
+    assert {obj.name: obj.on for obj in seen.graph.objects}[spoon] is None
+
+
+def test_a_piece_is_named_by_its_id_or_its_word() -> None:
+    seen = flat()
+    seen.looked("kitchen", "milk", at="refrigerator")
+    assert [one.at for one in seen.graph.looks] == ["fridge"]
+    with refuses(RecipeError, "piece-unknown", where="sofa"):
+        seen.looked("kitchen", "milk", at="sofa")
+    with refuses(RecipeError, "piece-unknown", where="cup"):
+        seen.saw("kitchen", "mug", object_id="cup", on="cup")
