@@ -2,18 +2,20 @@
 
 A piece of kind k in a room of kind r holds a thing at the rate
 
-    (t · belongs + (1 − t) · untidy) · √(w + 3) · (c + (1 − c) · h)
+    (t · belongs + (1 − t) · untidy) · (w + 3)^0.8 · (1 − (1 − c) · (1 − h) / 2)
 
     belongs, untidy   shares of people who say that things belong there, or lie there in an untidy
                       home (`bsg_data.scene.receptacles`); t is `tidy`
     w                 where a person would look for such a thing, by hand, per cent
     c                 share of the piece that is not seen until it is opened
-    h                 hidden share of the room: the thing was not in sight in the rest
+    h                 hidden share of the room: in the rest, half of all things would have been in
+                      sight, where they are not in closed furniture
 
 Several pieces of a kind share its rate: people were asked about kinds. A piece that is not listed
 has the mean rate of those that it is like. Pieces that are expected and not seen yet have the rates
-of their classes. Given that the thing is in the room, P(it is at a piece) is the piece's share of
-all rates. Looks at a piece change it by Bayes' rule.
+of their classes, or a fifth, once a robot was inside and saw furniture. Given that the thing is in
+the room, P(it is at a piece) is the piece's share of all rates. Looks at a piece change it by
+Bayes' rule.
 """
 
 from __future__ import annotations
@@ -35,6 +37,9 @@ from bsg_data.scene.receptacles import (
 )
 
 TIDY = 0.5  # half of what is sought lies where it belongs
+_IN_SIGHT = 0.5  # share of things on open furniture that a robot sees as it looks about
+_OVERLOOKED = 0.2  # of the furniture that models expect, once a robot was inside: it is large
+_KEEPING = 0.8  # how far the table of keeping is trusted
 _EVERYWHERE = 3.0  # weight of every piece besides those where a person would look, per cent
 # Kinds of rooms of which people were not asked, by one that is furnished alike.
 _FURNISHED_LIKE: Mapping[str, str] = {
@@ -122,13 +127,14 @@ def furnish(
         float(unseen[row]) * _rate_of(kind, listed, 1.0) / (1 + times[kind])
         for row, kind in _furniture_of(classes)
     ]
-    return Furniture(tuple(obj for obj, _ in known), np.array([*rates, sum(more)]))
+    left = _OVERLOOKED if room.visited and known else 1.0
+    return Furniture(tuple(obj for obj, _ in known), np.array([*rates, left * sum(more)]))
 
 
 def _rate_of(kind: Receptacle, listed: Floats, hidden: float) -> float:
     """Return the rate of all pieces of a kind together: of that people were asked."""
-    in_sight = kind.closed + (1 - kind.closed) * hidden
-    return float(listed[[*kind.like]].mean()) * in_sight
+    missed = 1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden)
+    return float(listed[[*kind.like]].mean()) * missed
 
 
 @lru_cache(maxsize=1000)
@@ -138,7 +144,7 @@ def _rate(thing: str, tidy: float) -> Floats | None:
     if weights is not None and not weights.any():
         return None
     people = tidy * said.belongs + (1 - tidy) * said.untidy
-    return people if weights is None else people * np.sqrt(weights + _EVERYWHERE)
+    return people if weights is None else people * (weights + _EVERYWHERE) ** _KEEPING
 
 
 def _weigh_labels(room: KnownRoom) -> Floats:

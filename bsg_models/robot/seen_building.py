@@ -60,7 +60,7 @@ from bsg_models.robot.decision import (
     order_rooms,
     weigh,
 )
-from bsg_models.robot.destinations import Spot, choose_spot
+from bsg_models.robot.destinations import LOOK_AT, Spot, choose_spot, leave_rest
 from bsg_models.robot.looks import AnyLook, cost_looks
 from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks
 from bsg_models.robot.notes import note_graph
@@ -895,7 +895,7 @@ class SeenBuilding:
         here: str,
         at: str | None = None,
         costs: Costs | None = None,
-        look: AnyLook | None = None,
+        look: float | None = None,
         chance: float = LOOK_CHANCE,
     ) -> Destination | None:
         """Return the piece of furniture to look at next, to find a thing at the least cost.
@@ -907,26 +907,29 @@ class SeenBuilding:
             thing: any word.
             here: the robot's room.
             at: id of the piece where the robot is; None for the middle of the room.
-            costs: as for `next_room`, and so below.
-            look: cost of a look in a whole room; a piece has its part of it.
+            costs: as for `next_room`.
+            look: cost of a look at a piece, in the unit of the ways; None for 2.5 m.
             chance: P(a look finds a thing that is there).
 
         Returns:
-            A room, and a piece there or None for the rest of it; None if nothing is left to search.
+            A room, and a piece there; without a piece, enter the room, or look about in it for more
+            furniture. None if nothing is left to search.
 
         Raises:
             RecipeError: as `next_room`, and if there is no such piece.
         """
         start, meaning = find_room(self._graph, here), self.understand(thing)
         piece = None if at is None else self._find_piece(at, start)
-        ways, costs_of_looks = self._cost(costs, look)
+        ways, costs_of_looks = self._cost(costs, None)
+        look_at = LOOK_AT * ways.metre if look is None else read_number("look", look, most=1e9)
         decision, (belief,) = self._weigh(thing, [start], ways, chance, "single")
-        nodes = range(1, 1 + len(self._whole.rooms))
         spots = [
             spot
-            for node in nodes
-            for spot in self._list_spots(belief, meaning, node)
-            or [Spot(node, None, 1.0, _there(belief.seen[node]))]
+            for node in range(1, 1 + len(self._whole.rooms))
+            for spot in leave_rest(
+                self._list_spots(belief, meaning, node)
+                or [Spot(node, None, 1.0, _there(belief.seen[node]))]
+            )
         ]
         chosen = choose_spot(
             decision,
@@ -938,6 +941,7 @@ class SeenBuilding:
             here=start,
             at=piece,
             chance=chance,
+            look_at=look_at,
         )
         if chosen is None:
             return None
