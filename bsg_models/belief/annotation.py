@@ -165,7 +165,9 @@ def _describe_blind(node: BlindNode, name: str, room: Document) -> Document:
     own: Any = list(_COLOUR.values())[:3]
     if isinstance(colour, dict):  # the file's own notation
         own = {key: value for key, value in _COLOUR.items() if key != "a" or key in colour}
-    believed = {"class": name, "expected": node.expected, "presence": node.presence}
+    believed: Document = {"class": name, "expected": node.expected, "presence": node.presence}
+    if node.on is not None:
+        believed["on"] = node.on
     return {
         **BARE_OBJECT,
         **BARE_NODE,

@@ -7,7 +7,9 @@ adds one for each of the likeliest classes of which the room shows none.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -15,9 +17,10 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
-from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.partial_graph import PartialGraph, SeenObject
 from bsg_data.spelling import show_value
 from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.pieces import furnish
 
 Mode = Literal["complete", "unseen"]
 LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
@@ -31,6 +34,7 @@ class BlindNode:
     class_index: int
     expected: float  # number of hidden objects of its class in the room
     presence: float  # P(at least one of them)
+    on: str | None = None  # id of the seen piece of furniture where it probably is
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +115,40 @@ def believe(
             np.bincount(row, minlength=hidden.shape[1]) for row in rank_unseen(expectation, top)[1:]
         ]
     )
+    pieces = _find_pieces(graph, presence)
     blind = [
-        BlindNode(room, int(c), float(hidden[room, c]), float(presence[room, c]))
+        BlindNode(
+            room, int(c), float(hidden[room, c]), float(presence[room, c]), pieces(room, int(c))
+        )
         for room, numbers in enumerate(chosen, start=1)
         for c in sorted(np.flatnonzero(numbers), key=lambda c: (-presence[room, c], c))
         for _ in range(numbers[c])
     ]
     return BeliefGraph(graph, expectation.expected, presence, tuple(blind), mode, model)
+
+
+def _find_pieces(graph: PartialGraph, presence: Floats) -> Callable[[int, int], str | None]:
+    """Return room, class → the piece where such a thing is likelier than at any not seen yet."""
+    classes = graph.class_space.classes
+    objects: dict[int, list[SeenObject]] = {}
+    for obj in graph.objects:
+        objects.setdefault(obj.room_index, []).append(obj)
+
+    @cache
+    def find(room: int, index: int) -> str | None:
+        known = furnish(
+            classes[index],
+            graph.rooms[room - 1],
+            objects.get(room, ()),
+            classes=classes,
+            unseen=presence[room],
+        )
+        if known is None or not known.pieces:
+            return None
+        best = int(known.rates[:-1].argmax())
+        return known.pieces[best].name if known.rates[best] >= known.rates[-1] else None
+
+    return find
 
 
 def complete(hidden: Floats) -> npt.NDArray[np.int64]:

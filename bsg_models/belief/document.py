@@ -16,6 +16,7 @@ from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
 from bsg_data.recipes import Record, name_fault
 from bsg_data.scene.class_space import ClassSpace
+from bsg_data.spelling import SHOWN
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
 from bsg_models.belief.formats import FormatRow
 from bsg_models.errors import BeliefFileError
@@ -33,6 +34,7 @@ class _Blind(Record):
     class_name: str = Field(alias="class")
     expected: _Count
     presence: _Probability
+    on: str | None = None
 
 
 class _Document(Record):
@@ -56,6 +58,7 @@ def encode_belief(belief: BeliefGraph) -> dict[str, Any]:
             "class": space.classes[node.class_index],
             "expected": node.expected,
             "presence": node.presence,
+            **({} if node.on is None else {"on": node.on}),
         }
         for node in belief.blind
     ]
@@ -94,11 +97,14 @@ def _assemble(said: _Document, partial: PartialGraph) -> BeliefGraph:
     expected, presence = np.array(said.expected), np.array(said.presence)
     if (expected < seen).any():
         raise ValueError("fewer objects are expected than were seen")
+    room_of = {obj.name: obj.room_index for obj in partial.objects}
     for node in said.blind:
         if node.room >= len(seen) or node.class_name not in classes:
             raise ValueError(f"a blind node of {node.class_name!r} in room {node.room}")
+        if node.on is not None and room_of.get(node.on) != node.room:
+            raise ValueError(f"a blind node on {node.on[:SHOWN]!r}, which is not in its room")
     blind = (
-        BlindNode(node.room, classes.index(node.class_name), node.expected, node.presence)
+        BlindNode(node.room, classes.index(node.class_name), node.expected, node.presence, node.on)
         for node in said.blind
     )
     return BeliefGraph(partial, expected, presence, tuple(blind), said.mode, said.model)
@@ -122,10 +128,17 @@ def list_nodes(document: dict[str, Any]) -> Iterator[tuple[int | None, dict[str,
 
 
 def list_edges(document: dict[str, Any]) -> Iterator[tuple[int, int, str]]:
-    """Yield the edges (source, target, kind) of a document; adjacency in both directions."""
-    for number, (parent, node) in enumerate(list_nodes(document)):
+    """Yield the edges (source, target, kind) of a document; adjacency in both directions.
+
+    What lies on an object, seen or expected, has an edge `on` to it.
+    """
+    nodes = [*list_nodes(document)]
+    pieces = {node["id"]: n for n, (_, node) in enumerate(nodes) if node["kind"] == "object"}
+    for number, (parent, node) in enumerate(nodes):
         if parent is not None:
             yield parent, number, "expects" if node["kind"] == "blind" else "contains"
+        if node.get("on") is not None:
+            yield number, pieces[node["on"]], "on"
     rooms = {room["id"]: number for number, room in enumerate(document["partial"]["rooms"], 1)}
     for a, b in document["partial"]["adjacency"]:
         yield rooms[a], rooms[b], "adjacent"

@@ -33,7 +33,7 @@ _SCHEMAS = {
         {
             "scene_id": _TEXT,
             "node": _WHOLE,
-            **dict.fromkeys(("kind", "id", "room", "category", "corrected", "class"), _TEXT),
+            **dict.fromkeys(("kind", "id", "room", "category", "corrected", "class", "on"), _TEXT),
             **dict.fromkeys(("expected", "presence"), _NUMBER),
             "visited": pa.bool_(),
             **dict.fromkeys(("hidden_share", "hidden_share_sd"), _NUMBER),

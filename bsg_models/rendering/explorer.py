@@ -24,7 +24,13 @@ from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 from bsg_models.rendering.pages import render_page
-from bsg_models.rendering.plan import KnownOutline, draw_plan, number_alike, outline_room
+from bsg_models.rendering.plan import (
+    KnownOutline,
+    draw_plan,
+    number_alike,
+    outline_room,
+    place_beside,
+)
 
 MOST_ROOMS = 200  # of a building
 MOST_OBJECTS = 2_500  # of a building; also the limit of its blind nodes
@@ -147,6 +153,7 @@ def _encode_dots(
     ids = [{name for spot in one["places"] for name in spot["seen"]} for one in things]
     names = belief.partial.class_space.classes
     every = belief.partial.objects
+    places = {obj.name: obj.position for obj in every}
     objects = _take_evenly([obj.room_index for obj in every], list(place))
     blind = _take_evenly([node.room_index for node in belief.blind], list(place))
     return {
@@ -166,9 +173,10 @@ def _encode_dots(
                 "class": node.class_index,
                 "expected": round(node.expected, _DIGITS),
                 "presence": round(node.presence, _DIGITS),
+                "at": place_beside(places.get(node.on or ""), number),
                 **_note_asked(one["class"] == names[node.class_index] for one in things),
             }
-            for node in (belief.blind[number] for number in blind)
+            for number, node in ((number, belief.blind[number]) for number in blind)
         ],
     }
 

@@ -18,6 +18,7 @@ _GAP = 0.6  # metres between storeys
 _CAPTION = 0.9  # metres above a storey if there are several
 _LETTERS = 0.3  # metres from the top of a room to its name, roughly
 _DIGITS = 2
+_APART = 0.4  # metres from a piece of furniture to what is expected on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,3 +207,12 @@ def _round(x: float, y: float) -> Spot:
 
 def _square(a: float, b: float, c: float, d: float) -> Outline:
     return (a, b), (c, b), (c, d), (a, d)
+
+
+def place_beside(place: Point | None, number: int) -> list[float] | None:
+    """Return a place around a piece of furniture, another one for each number; None without it."""
+    if place is None:
+        return None
+    angle = number * math.pi * (3 - math.sqrt(5))  # the golden angle: neighbours are far apart
+    x, y, z = place
+    return [round(x + _APART * math.cos(angle), 2), round(y + _APART * math.sin(angle), 2), z]

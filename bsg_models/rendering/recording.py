@@ -22,7 +22,7 @@ from bsg_data.observation.partial_graph import KnownRoom
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
-from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
+from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room, place_beside
 from bsg_models.rendering.replay import Replay
 
 _STOREY, _HEIGHT, _GAP = 3.0, 2.5, 2.4  # metres, where nobody says them
@@ -163,10 +163,14 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
         radii=[_OBJECT] * len(ids),
     )
     spots = _spread([one.room_index for one in blind], boxes, level=1.0)
+    places = {obj.name: obj.position for obj in objects}
     ids = [one.class_index for one in blind]
     recording.show_classes(
         *("Ellipsoids3D", "blind", ids),
-        centers=spots,
+        centers=[
+            place_beside(places.get(one.on or ""), number) or spot
+            for number, (one, spot) in enumerate(zip(blind, spots, strict=True))
+        ],
         labels=names,
         show_labels=[len(ids) <= _NAMED] * len(ids),
         class_ids=ids,

@@ -2,7 +2,7 @@
 
 The pieces that were seen, in all rooms, and the rest of every room are places of one search, as
 rooms are those of `bsg_models.robot.decision`. A piece finds a thing with P(the room has it) times
-the piece's share of the room (`bsg_models.robot.pieces`).
+the piece's share of the room (`bsg_models.belief.pieces`).
 """
 
 from __future__ import annotations

@@ -53,6 +53,7 @@ from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, be
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
+from bsg_models.belief.pieces import TIDY, Furniture, furnish
 from bsg_models.robot.decision import (
     Decision,
     choose_room,
@@ -64,7 +65,6 @@ from bsg_models.robot.destinations import LOOK_AT, Spot, choose_spot, leave_rest
 from bsg_models.robot.looks import AnyLook, cost_looks
 from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks
 from bsg_models.robot.notes import note_graph
-from bsg_models.robot.pieces import TIDY, Furniture, furnish
 from bsg_models.robot.thing_belief import (
     ThingBelief,
     after_looks,
@@ -748,7 +748,7 @@ class SeenBuilding:
 
         Rooms have their three likeliest pieces. Of a room, the last is any piece that was not seen
         yet; there are none for what stands by itself, such as a wardrobe. The formulas are in
-        `bsg_models.robot.pieces`.
+        `bsg_models.belief.pieces`.
 
         Args:
             thing: any word; `understand` says which class answers it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,10 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
 from bsg_data.scene.receptacles import find_keeping, find_receptacle, read_shares
-from bsg_models.robot.pieces import furnish
+from bsg_models.belief.document import decode_belief, encode_belief, to_networkx
+from bsg_models.belief.formats import read_belief, write_belief
+from bsg_models.belief.pieces import furnish
+from bsg_models.errors import BeliefFileError
 from bsg_models.robot.seen_building import NOT_SEEN, Destination, Piece, SeenBuilding, open_graph
 
 FLAT: dict[str, Any] = {
@@ -159,3 +163,26 @@ def test_a_piece_is_named_by_its_id_or_its_word() -> None:
         seen.looked("kitchen", "milk", at="sofa")
     with refuses(RecipeError, "piece-unknown", where="cup"):
         seen.saw("kitchen", "mug", object_id="cup", on="cup")
+
+
+def test_blind_nodes_are_on_their_likeliest_piece_and_are_written_and_read(tmp_path: Path) -> None:
+    belief = flat().belief()
+    classes = belief.partial.class_space.classes
+    on = {(classes[node.class_index], node.room_index): node.on for node in belief.blind}
+    assert on["pillow", 3] == "bed"
+    assert on.get(("bed", 3)) is None, "it stands by itself"
+    assert all(node.on is None for node in belief.blind if node.room_index == 4), "nobody was there"
+    write_belief(belief, tmp_path / "belief.json")
+    assert read_belief(tmp_path / "belief.json") == belief
+    graph = to_networkx(belief)
+    lying = {
+        (graph.nodes[a].get("id", graph.nodes[a].get("class")), graph.nodes[b]["id"])
+        for a, b, kind in graph.edges(data="kind")
+        if kind == "on"
+    }
+    assert ("cup", "counter") in lying
+    assert ("pillow", "bed") in lying
+    document = encode_belief(belief)
+    document["blind"][0]["on"] = "sofa" if document["blind"][0]["room"] != 2 else "bed"
+    with pytest.raises(BeliefFileError, match="which is not in its room"):
+        decode_belief(document, path=Path("x"))
