@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import io
+import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -19,7 +20,7 @@ PACKED = ".gz"
 Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class of `BSGError`
 _DAMAGE = (OSError, EOFError, zlib.error)
 # A RuntimeError of an encrypted member, a ValueError of a name that is no text.
-_ZIP_DAMAGE = (*_DAMAGE, zipfile.BadZipFile, RuntimeError, ValueError)
+ZIP_DAMAGE = (*_DAMAGE, zipfile.BadZipFile, struct.error, RuntimeError, ValueError)
 UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
 
 
@@ -35,7 +36,7 @@ def read_bytes(path: Path, bound: int, *, error: Refusal = SourceError) -> bytes
 
 def read_member(path: Path, name: str, bound: int) -> bytes:
     """Read the one member of a zip that has a name, in whatever folder; nothing goes to disk."""
-    with _refusing(path, SourceError, _ZIP_DAMAGE):
+    with _refusing(path, SourceError, ZIP_DAMAGE):
         if not path.is_file() and path.exists():
             raise OSError("it is no file")  # a device may have no end
         if path.stat().st_size > bound:

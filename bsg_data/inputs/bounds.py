@@ -31,8 +31,14 @@ MAX_CORNERS = 256  # of a floor or a footprint
 COBIE = 256 * MIB  # a spreadsheet, `.xlsx`
 MAX_SHEET_ROWS = 1_000_000  # of a sheet of a spreadsheet
 MAX_SHEET_COLUMNS = 64
+MAX_SHEET_ROOMS = 20_000  # spaces of a building; a large hospital has 8,000
 MAX_CELLS = 1_000_000  # of the sheets that are read, that are not empty
 MAX_CELL = 32_767  # letters of a cell; no program writes more
+MAX_LETTERS = 32_000_000  # of all these cells, and of the texts that cells share
+MAX_MEMBERS = 10_000  # files in the spreadsheet, which is a zip
+SHEET_LIST = 16 * MIB  # of these, unpacked, the lists of sheets and of files
+MAX_ELEMENTS = 6_000_000  # of the XML that is read; a cell has two or three
+MAX_TAG = MIB  # bytes of a tag of XML
 S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
 TABLE = 512 * MIB  # of objects, CSV, or parquet as it unpacks
 MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects

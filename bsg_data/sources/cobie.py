@@ -9,20 +9,18 @@ National BIM Standard – United States, version 3, chapter 4.2.
 from __future__ import annotations
 
 import hashlib
-import io
 import math
 import re
-import warnings
-import zipfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import COBIE, MAX_CELL, MAX_CELLS, MAX_SHEET_COLUMNS, MAX_SHEET_ROWS
+from bsg_data.inputs.bounds import COBIE, MAX_SHEET_ROOMS
+from bsg_data.inputs.spreadsheet import read_sheets
 from bsg_data.scene.class_map import UNKNOWN, ClassMap
 from bsg_data.scene.room_label import is_understood, label_of
 from bsg_data.scene.scene_graph import AnnotatedObject, Room
@@ -99,6 +97,13 @@ class CobieSheets:
                 code="sheet-missing",
                 where=path,
             )
+        if len(sheets["space"]) > MAX_SHEET_ROOMS:
+            raise SourceError(
+                f"{path}: expected at most {MAX_SHEET_ROOMS:,} rows of the sheet Space, found "
+                f"{len(sheets['space']):,}; split it into buildings",
+                code="sheet-too-large",
+                where=path,
+            )
         notes: Counter[str] = Counter()
         rooms = _list_rooms(sheets, notes)
         regions = {name: number for number, name in enumerate(_index(sheets["space"]))}
@@ -124,75 +129,30 @@ def _report(notes: Mapping[str, int], ref: SceneRef) -> Iterator[SkippedScene]:
 
 
 def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
-    """Return the rows of each sheet that is read; a sheet that is not there has none."""
-    import openpyxl  # Imported here because few read a spreadsheet.
+    """Return the rows of each sheet that is read; a sheet that is not there has none.
 
+    The first row of a sheet that is not empty names its columns.
+    """
     sheets: dict[str, list[_Row]] = {name: [] for name in _SHEETS}
+    headers: dict[str, dict[int, str]] = {}
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            unpacked = sum(member.file_size for member in archive.infolist())
-            if unpacked > COBIE:
-                raise ValueError(f"it unpacks to {unpacked:,} bytes; at most {COBIE:,} are read")
-            for name in archive.namelist():
-                _require_plain_xml(name, archive.read(name))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of what cells look like
-            book = openpyxl.load_workbook(
-                io.BytesIO(data), read_only=True, data_only=True, keep_links=False
-            )
-            counted: Counter[str] = Counter()
-            for sheet in book.worksheets:
-                if (name := _key(sheet.title)) in sheets:
-                    sheets[name] += _read_rows(sheet, counted)
-    except Exception as error:  # openpyxl raises whatever its parsers do
+        for title, row in read_sheets(data, lambda title: _key(title) in sheets):
+            if title not in headers:
+                headers[title] = {column: _key(name) for column, name in row.items()}
+                continue
+            header = headers[title]
+            said = {
+                header[column]: text
+                for column, text in row.items()
+                if header.get(column) and not _is_silent(text)
+            }
+            if said:
+                sheets[_key(title)].append(said)
+    except ValueError as error:
         raise SourceError(
             f"{path}: no readable spreadsheet ({error})", code="spreadsheet-malformed", where=path
         ) from error
     return sheets
-
-
-def _require_plain_xml(name: str, data: bytes) -> None:
-    """Refuse a document type, which no spreadsheet has: its entities multiply what is read."""
-    if b"<!DOCTYPE" in data.replace(b"\0", b""):  # in UTF-16, too
-        raise ValueError(f"{name} has a document type; save it again from a spreadsheet program")
-
-
-def _read_rows(sheet: Any, counted: Counter[str]) -> Iterator[_Row]:
-    """Yield the rows below the header, which is the first that is not empty, which say anything."""
-    header: list[str] = []
-    bounds = {"max_row": MAX_SHEET_ROWS + 1, "max_col": MAX_SHEET_COLUMNS + 1}
-    for number, values in enumerate(sheet.iter_rows(values_only=True, **bounds)):
-        row = ["" if value is None else _text(value) for value in values]
-        counted["cells"] += sum(map(bool, row))
-        counted["letters"] += sum(map(len, row))  # many cells may name one text of the file
-        is_over = counted["cells"] > MAX_CELLS or counted["letters"] > COBIE
-        if is_over or max(map(len, row), default=0) > MAX_CELL:
-            raise ValueError(
-                f"sheet {sheet.title}: more than {MAX_CELLS:,} cells, {COBIE:,} letters, or "
-                f"{MAX_CELL:,} letters in one cell"
-            )
-        if number == MAX_SHEET_ROWS or any(row[MAX_SHEET_COLUMNS:]):
-            raise ValueError(
-                f"sheet {sheet.title}: more than {MAX_SHEET_ROWS:,} rows or "
-                f"{MAX_SHEET_COLUMNS} columns"
-            )
-        if not header:
-            header = [_key(name) for name in row] if any(row) else []
-            continue
-        said = {
-            column: text
-            for column, text in zip(header, row, strict=True)
-            if column and not _is_silent(text)
-        }
-        if said:
-            yield said
-
-
-def _text(value: object) -> str:
-    """Return a cell as text: a room 101 may be a number."""
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
-    return " ".join(str(value).split())
 
 
 def _is_silent(text: str) -> bool:

@@ -10,6 +10,7 @@ import gzip
 import json
 import math
 import resource
+import struct
 import subprocess
 import sys
 import zipfile
@@ -17,13 +18,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from book_files import BOOK, SHARED, SHEET, make_book
+from book_files import pack as pack_book
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
 SECONDS, BYTES = 20, 2 * 2**30
+Make = Callable[[Path], None]
 READ = """
 import resource, sys
 from pathlib import Path
@@ -123,27 +126,38 @@ def _as_varint(number: int) -> bytes:
     return bytes([*digits[:-1], digits[-1] & 127])
 
 
-def make_entities(path: Path) -> None:
-    """Write a spreadsheet whose one text is an entity of entities."""
-    levels = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(7))
-    declared = f'<?xml version="1.0"?><!DOCTYPE sst [<!ENTITY e0 "aaaaaaaaaa">{levels}]>'
-    book = openpyxl.Workbook()
-    book.active.title = "Space"
-    book.active.append(["Name"])
-    book.save(path)
-    with zipfile.ZipFile(path) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    members["xl/sharedStrings.xml"] = f"{declared}<sst><si><t>&e7;</t></si></sst>".encode()
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in members.items():
-            archive.writestr(name, data)
+LEVELS = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(7))
+ENTITIES = f'<!DOCTYPE sst [<!ENTITY e0 "aaaaaaaaaa">{LEVELS}]><sst><si><t>&e7;</t></si></sst>'
 
 
-def pack(what: str) -> Callable[[Path], None]:
+def fill_book(member: str, begin: str, repeated: str, times: int, end: str) -> Make:
+    """Make a spreadsheet in which one file is a text that is repeated."""
+
+    def make(path: Path) -> None:
+        members = make_book()
+        assert member in members
+        filled = b"".join((begin.encode(), repeated.encode() * times, end.encode()))
+        path.write_bytes(pack_book({**members, member: filled}))
+
+    return make
+
+
+def make_members(path: Path) -> None:
+    """Write a zip without a member whose list names 4 million."""
+    entry = struct.pack("<4s4B4HL2L5H2L", b"PK\1\2", *(20, 0) * 2, *[0] * 7, 4, *[0] * 6)
+    listed = (entry + b"name") * 4_000_000
+    size, ones = len(listed), 2**32 - 1
+    many = struct.pack("<4sQHHLLQQQQ", b"PK\6\6", 44, 45, 45, 0, 0, 4 * 10**6, 4 * 10**6, size, 0)
+    place = struct.pack("<4sLQL", b"PK\6\7", 0, size, 1)
+    last = struct.pack("<4s4H2LH", b"PK\5\6", 0, 0, 2**16 - 1, 2**16 - 1, ones, ones, 0)
+    path.write_bytes(b"".join((listed, many, place, last)))
+
+
+def pack(what: str) -> Make:
     return lambda path: path.write_bytes(gzip.compress(what.encode())) and None
 
 
-def text(what: str) -> Callable[[Path], None]:
+def text(what: str) -> Make:
     return lambda path: path.write_text(what, "utf-8") and None
 
 
@@ -172,7 +186,20 @@ BOMBS = {
     "a row of 50 million rooms": (make_long_list, "a.parquet", TABLE),
     "20,000 long words": (make_long_words, "a.parquet", TABLE),
     "an index that lies": (make_lie, "a.parquet", TABLE),
-    "a spreadsheet of entities": (make_entities, "a.xlsx", SHEETS),
+    **{
+        f"a spreadsheet of {what}": (fill_book(*file), "a.xlsx", SHEETS)
+        for what, file in {
+            "entities": (SHARED, ENTITIES, "", 0, ""),
+            "48 million texts": (SHARED, "<sst>", "<si/>", 48_000_000, "</sst>"),
+            "60 million references": (SHARED, "<sst><si><t>", "&lt;", 60_000_000, ""),
+            "long texts": (SHARED, "<sst>", f"<si><t>{'a' * 30_000}😀</t></si>", 8_000, "</sst>"),
+            "a long comment": (SHARED, "<!--", "a", 200_000_000, "--><sst/>"),
+            "60 million cells in a row": (SHEET, "<worksheet><row>", "<c/>", 60_000_000, ""),
+            "20 million levels": (SHEET, "", "<a>", 20_000_000, ""),
+            "a million sheets": (BOOK, "<a>", '<sheet name="Space"/>', 10**6, "</a>"),
+        }.items()
+    },
+    "a spreadsheet of 4 million files": (make_members, "a.xlsx", SHEETS),
     "annotation of 5,000,000 lines": (
         text("HM3D Semantic Annotations\n" * 5_000_000),
         "a",

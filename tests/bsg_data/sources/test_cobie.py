@@ -12,7 +12,7 @@ from conftest import SHARED
 from refusals import refuses
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import COBIE
+from bsg_data.inputs.bounds import COBIE, MAX_SHEET_ROOMS
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.cobie import CobieSheets
 from bsg_data.sources.source import Reading
@@ -226,6 +226,24 @@ def test_a_sheet_that_no_program_writes_is_refused(
         replace_in_archive(path, b"zzqx", space[1][0].encode())
     with refuses(SourceError, "spreadsheet-malformed", golden=False):
         read(path)
+
+
+def test_an_empty_cell_in_the_last_row_says_nothing(tmp_path: Path) -> None:
+    """Programs write one where somebody formatted a whole column."""
+    book = openpyxl.Workbook()
+    book.active.title = "Space"
+    book.active.append(["Name"])
+    book.active.append(["1"])
+    book.active["C1048576"].number_format = "0.00"
+    book.active["XFD1048576"].number_format = "0.00"
+    book.save(tmp_path / "b.xlsx")
+    assert [room.source_label for room in read(tmp_path / "b.xlsx").graph.rooms] == ["1"]
+
+
+def test_a_building_of_too_many_rooms_is_refused(tmp_path: Path) -> None:
+    rows = [["Name"], *([number] for number in range(MAX_SHEET_ROOMS + 1))]
+    with refuses(SourceError, "sheet-too-large"):
+        read(write_book(tmp_path / "b.xlsx", {"Space": rows}))
 
 
 def replace_in_archive(path: Path, old: bytes, new: bytes) -> None:
