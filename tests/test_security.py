@@ -54,7 +54,16 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_LETTERS:,} in all",
             f"{bounds.MAX_SHEET_ROOMS:,} spaces",
         ],
-        "a house of Matterport3D": [size(bounds.HOUSE)],
+        "a house of Matterport3D": [
+            size(bounds.HOUSE),
+            f"{bounds.MAX_HOUSE_LINES:,} lines of {size(bounds.MAX_LINE)}",
+            f"{bounds.MAX_HOUSE_ROOMS:,} rooms",
+            f"{bounds.MAX_HOUSE_PARTS:,} each",
+        ],
+        "a building with places of its rooms": [
+            f"{bounds.MAX_HOUSE_ROOMS:,} rooms",
+            f"{bounds.MAX_REACHED:,} corners",
+        ],
         "lists of S3DIS and of BEHAVIOR-1K": [size(bounds.S3DIS), size(bounds.BEHAVIOR)],
         "labels of rooms, room layouts, label spaces": [
             size(bounds.LABEL_TABLE),

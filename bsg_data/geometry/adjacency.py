@@ -8,13 +8,17 @@ one without.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from bsg_data.arrays import Bools, Floats
+from bsg_data.errors import SourceError
 from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
 from bsg_data.geometry.placement import STAIRS
+from bsg_data.inputs.bounds import MAX_HOUSE_ROOMS, MAX_REACHED
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
 _DOORS = (  # corrected categories
@@ -30,6 +34,7 @@ _DOORS = (  # corrected categories
 )
 _DOOR_REACH = 0.35  # metres from a door to the room behind it: a wall, and the frame
 _DOOR_HEIGHT = 1.0  # metres of height that both must share with it: more than a hatch
+_ROUNDED = 1e-3  # metres; boxes and footprints of rooms are rounded apart
 _STAIRS_REACH = 0.5  # metres from the stairs to a room at their end
 _LANDING = 0.7  # metres between an end of the stairs and the floor of the room there
 _SURE = 0.6  # of a pair without a door, in a building that shows doors
@@ -42,10 +47,18 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     distance of the rooms' centroids. Rooms without geometry stay unconnected.
     """
     placed = [room for room in graph.rooms if room.box is not None]
-    floors = [room.floor_z or 0.0 for room in placed]
-    seen = dict.fromkeys(_by_stairs(placed, floors, graph.objects), "stairs")
-    seen |= dict.fromkeys(_by_doors(placed, graph.objects), "door")
+    if len(placed) > MAX_HOUSE_ROOMS:
+        raise SourceError(
+            f"{graph.scene_id}: expected at most {MAX_HOUSE_ROOMS:,} rooms with a place, found "
+            f"{len(placed):,}; split it into buildings",
+            code="building-too-large",
+            where=graph.scene_id,
+        )
     boxes = np.array([[r.box.minimum, r.box.maximum] for r in placed if r.box]).reshape(-1, 2, 3)
+    floors = np.array([room.floor_z or 0.0 for room in placed])
+    ways = _Ways(graph.scene_id, placed, boxes.copy(), floors)
+    seen = dict.fromkeys(ways.by_stairs(graph.objects), "stairs")
+    seen |= dict.fromkeys(ways.by_doors(graph.objects), "door")
     boxes[:, 0, 2] = np.minimum(floors, boxes[:, 1, 2])
     pairs, probability = score_pairs(boxes)
     threshold = _SURE if "door" in seen.values() else THRESHOLD
@@ -71,59 +84,72 @@ def measure_distance(one: Room, other: Room) -> float | None:
     return float(np.linalg.norm(np.subtract(one.centroid, other.centroid)))
 
 
-def _by_doors(rooms: Sequence[Room], objects: Sequence[SceneObject]) -> Iterator[tuple[int, int]]:
-    """Yield the pairs, ascending places in `rooms`, that a door stands between."""
-    place = {room.room_index: number for number, room in enumerate(rooms)}
-    for door in objects:
-        if door.category not in _DOORS or door.part_box is None or door.room_index not in place:
-            continue
-        shared = [_share_height(door.part_box, room.box) if room.box else 0.0 for room in rooms]
-        high = [number for number, height in enumerate(shared) if height >= _DOOR_HEIGHT]
-        yield from _reach(door.part_box, rooms, place[door.room_index], high, _DOOR_REACH)
+class _Ways:
+    """Finds the rooms behind the doors and at the ends of the stairs of a building."""
 
+    def __init__(self, scene_id: str, rooms: Sequence[Room], boxes: Floats, floors: Floats) -> None:
+        self._scene_id, self._boxes, self._floors = scene_id, boxes, floors
+        self._place = {room.room_index: number for number, room in enumerate(rooms)}
+        self._corners = np.array([len(room.footprint or ()) for room in rooms])
+        self._footprints = [room.footprint for room in rooms]
+        self._shapes: Any = None
+        self._left = MAX_REACHED
 
-def _by_stairs(
-    rooms: Sequence[Room], floors: Sequence[float], objects: Sequence[SceneObject]
-) -> Iterator[tuple[int, int]]:
-    """Yield the pairs that the stairs of a room lead from and to."""
-    for here, room in enumerate(rooms):
-        steps = [
-            obj.part_box
-            for obj in objects
-            if obj.room_index == room.room_index and obj.category in STAIRS and obj.part_box
-        ]
-        if not steps:
-            continue
-        flight = _surround(steps)
-        for end in (flight.minimum[2], flight.maximum[2]):
-            level = [number for number, floor in enumerate(floors) if abs(floor - end) <= _LANDING]
-            if here not in level:  # else this end is in the room itself
-                yield from _reach(flight, rooms, here, level, _STAIRS_REACH)
+    def by_doors(self, objects: Iterable[SceneObject]) -> Iterator[tuple[int, int]]:
+        """Yield the pairs, ascending places in the rooms, that a door stands between."""
+        for door in objects:
+            box, here = door.part_box, self._place.get(door.room_index)
+            if door.category not in _DOORS or box is None or here is None:
+                continue
+            top = np.minimum(box.maximum[2], self._boxes[:, 1, 2])
+            shared = top - np.maximum(box.minimum[2], self._boxes[:, 0, 2])
+            yield from self._reach(box, here, shared >= _DOOR_HEIGHT, _DOOR_REACH)
 
+    def by_stairs(self, objects: Iterable[SceneObject]) -> Iterator[tuple[int, int]]:
+        """Yield the pairs that the stairs of a room lead from and to."""
+        steps: dict[int, list[Box]] = {}
+        for step in objects:
+            here = self._place.get(step.room_index)
+            if step.category in STAIRS and step.part_box and here is not None:
+                steps.setdefault(here, []).append(step.part_box)
+        for here in sorted(steps):
+            flight = _surround(steps[here])
+            for end in (flight.minimum[2], flight.maximum[2]):
+                is_level = np.abs(self._floors - end) <= _LANDING
+                if not is_level[here]:  # else this end is in the room itself
+                    yield from self._reach(flight, here, is_level, _STAIRS_REACH)
 
-def _reach(
-    box: Box, rooms: Sequence[Room], here: int, others: Sequence[int], reach: float
-) -> Iterator[tuple[int, int]]:
-    """Yield a room and that of the others which is nearest to a box, if one is within reach."""
-    gaps = [(_gap(box, rooms[number]), number) for number in others if number != here]
-    gap, there = min(gaps, default=(np.inf, here))
-    if gap <= reach:
-        yield min(here, there), max(here, there)
+    def _reach(self, box: Box, here: int, others: Bools, reach: float) -> Iterator[tuple[int, int]]:
+        """Yield a room and that of the others which is nearest to a box, if one is within reach.
+
+        Nearest from above: 0 where a box meets a footprint; the first of several.
+        """
+        import shapely  # Imported here because importing Shapely is slow.
+
+        (a, b, _), (c, d, _) = box.minimum, box.maximum
+        low, high = self._boxes[:, 0, :2] - (c, d), (a, b) - self._boxes[:, 1, :2]
+        others = others & (np.maximum(low, high) <= reach + _ROUNDED).all(axis=1)
+        others[here] = False
+        near = np.flatnonzero(others)
+        if not len(near):
+            return
+        self._left -= int(self._corners[near].sum())
+        if self._left < 0:
+            raise SourceError(
+                f"{self._scene_id}: its doors and stairs are within reach of more than "
+                f"{MAX_REACHED:,} corners of rooms; split it into buildings",
+                code="building-too-large",
+                where=self._scene_id,
+            )
+        if self._shapes is None:
+            self._shapes = np.array([shapely.Polygon(corners) for corners in self._footprints])
+        gaps = shapely.distance(shapely.box(a, b, c, d), self._shapes[near])
+        there = int(near[gaps.argmin()])
+        if gaps.min() <= reach:
+            yield min(here, there), max(here, there)
 
 
 def _surround(boxes: Sequence[Box]) -> Box:
     low = np.min([box.minimum for box in boxes], axis=0)
     high = np.max([box.maximum for box in boxes], axis=0)
     return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))
-
-
-def _share_height(one: Box, other: Box) -> float:
-    return min(one.maximum[2], other.maximum[2]) - max(one.minimum[2], other.minimum[2])
-
-
-def _gap(box: Box, room: Room) -> float:
-    """Return the metres from above between a box and the footprint of a room, 0 where they meet."""
-    import shapely  # Imported here because importing Shapely is slow.
-
-    (a, b, _), (c, d, _) = box.minimum, box.maximum
-    return float(shapely.distance(shapely.box(a, b, c, d), shapely.Polygon(room.footprint)))

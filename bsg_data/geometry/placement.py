@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -61,7 +61,13 @@ def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
     starts = np.searchsorted(room_of[order], [room.room_index for room in graph.rooms])
     _, *held = np.split(cells[order], starts)
     rooms = [_place_room(room, some) for room, some in zip(graph.rooms, held, strict=True)]
-    rooms = [replace(room, floor_z=_find_floor(room, objects)) for room in rooms]
+    floors: dict[int, list[SceneObject]] = {}
+    for obj in objects:
+        if obj.category == FLOOR and obj.centroid is not None:
+            floors.setdefault(obj.room_index, []).append(obj)
+    rooms = [
+        replace(room, floor_z=_find_floor(room, floors.get(room.room_index, ()))) for room in rooms
+    ]
     return replace(graph, objects=objects, rooms=find_storeys(rooms), up_axis=up_axis)
 
 
@@ -76,12 +82,16 @@ def find_up_axis(graph: SceneGraph, survey: MeshSurvey) -> str:
     The median over the rooms that show both decides, or the whole building if no room does. Where
     nothing does, `y` is assumed, as the standard says.
     """
+    levels: dict[int, list[int]] = {}  # room → places of its floors and ceilings
+    for place, obj in enumerate(graph.objects):
+        if obj.category in (FLOOR, CEILING):
+            levels.setdefault(obj.room_index, []).append(place)
     steps = [
         step
         for index in range(1, len(graph.rooms) + 1)
-        if (step := _floor_to_ceiling(graph, survey, {index})) is not None
+        if (step := _floor_to_ceiling(graph, survey, levels.get(index, ()))) is not None
     ]
-    whole = _floor_to_ceiling(graph, survey, None)
+    whole = _floor_to_ceiling(graph, survey, sorted(chain.from_iterable(levels.values())))
     if not steps and whole is None:
         return _ASSUMED
     step = np.median(steps, axis=0) if steps else np.asarray(whole)
@@ -90,16 +100,12 @@ def find_up_axis(graph: SceneGraph, survey: MeshSurvey) -> str:
 
 
 def _floor_to_ceiling(
-    graph: SceneGraph, survey: MeshSurvey, rooms: set[int] | None
+    graph: SceneGraph, survey: MeshSurvey, places: Sequence[int]
 ) -> Floats | None:
     """Return the way from the middle of the floors to that of the ceilings `[3]`."""
     middles = []
     for category in (FLOOR, CEILING):
-        chosen = [
-            place
-            for place, obj in enumerate(graph.objects)
-            if obj.category == category and (rooms is None or obj.room_index in rooms)
-        ]
+        chosen = [place for place in places if graph.objects[place].category == category]
         weights = survey.area[chosen]
         if not weights.sum() > 0:
             return None
@@ -151,13 +157,17 @@ def surround(points: Floats) -> tuple[tuple[float, float], ...]:
 
 def _straighten(corners: Floats) -> Floats:
     """Leave corners out that stand less than a millimetre off the line of their neighbours."""
-    kept = list(range(len(corners)))
-    for number in range(len(corners)):
-        place = kept.index(number)
-        (ax, ay), (bx, by), (cx, cy) = (corners[kept[(place + k) % len(kept)]] for k in (-1, 0, 1))
+    kept: list[int] = []
+    last = left = len(corners)
+    for number in range(last):
+        before = kept[-1] if kept else last - 1
+        after = number + 1 if number + 1 < last else kept[0]
+        (ax, ay), (bx, by), (cx, cy) = (corners[one] for one in (before, number, after))
         off = abs((cx - ax) * (by - ay) - (cy - ay) * (bx - ax))
-        if len(kept) > 3 and off < _STRAIGHT * np.hypot(cx - ax, cy - ay):
-            kept.remove(number)
+        if left > 3 and off < _STRAIGHT * np.hypot(cx - ax, cy - ay):
+            left -= 1
+        else:
+            kept.append(number)
     return corners[kept]
 
 
@@ -176,13 +186,9 @@ def find_storeys(rooms: Sequence[Room]) -> tuple[Room, ...]:
     )
 
 
-def _find_floor(room: Room, objects: Sequence[SceneObject]) -> float | None:
+def _find_floor(room: Room, floors: Sequence[SceneObject]) -> float | None:
     """Return the height of a room's floor: of the surfaces so named, else of its lowest point."""
-    named = [
-        (obj.area, obj.centroid[2])
-        for obj in objects
-        if obj.room_index == room.room_index and obj.category == FLOOR and obj.centroid is not None
-    ]
+    named = [(obj.area, obj.centroid[2]) for obj in floors if obj.centroid is not None]
     if room.box is None:
         return None
     if named:

@@ -24,9 +24,12 @@ LAYOUT = MIB  # of rooms, YAML
 LABEL_SPACE = 4 * MIB  # YAML or CSV
 LABEL_TABLE = 16 * MIB  # of labels of rooms, CSV
 HOUSE = 256 * MIB  # of Matterport3D, `.house`
+MAX_HOUSE_LINES = 1_000_000  # of it; real ones have 30,000
+MAX_HOUSE_PARTS = 50_000  # lines of a kind that is read: objects, corners, surfaces, portals, names
 PROCTHOR, PROCTHOR_LINES = 512 * MIB, 16 * GIB  # houses of ProcTHOR: a JSON array, JSON lines
 MAX_HOUSE = 4 * MIB  # of ProcTHOR; the largest of 150 real houses has 84 kB
-MAX_HOUSE_ROOMS = 1_000
+MAX_HOUSE_ROOMS = 1_000  # and of any building whose rooms are connected by their boxes
+MAX_REACHED = 10_000_000  # corners of rooms that doors and stairs are measured to
 MAX_CORNERS = 256  # of a floor or a footprint
 COBIE = 256 * MIB  # a spreadsheet, `.xlsx`
 MAX_SHEET_ROWS = 1_000_000  # of a sheet of a spreadsheet
@@ -42,7 +45,7 @@ MAX_TAG = MIB  # bytes of a tag of XML
 S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
 TABLE = 512 * MIB  # of objects, CSV, or parquet as it unpacks
 MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects
-MAX_LINE = MIB  # characters of a line of CSV
+MAX_LINE = MIB  # characters of a line of CSV or of a house
 
 # robots
 ROBOT = 64 * MIB  # a robot's graph, JSON

@@ -11,6 +11,7 @@ earlier lines. Metres; z points up.
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import re
 from collections import Counter
@@ -26,14 +27,21 @@ from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.dataset.terms import Terms
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
-from bsg_data.inputs.bounds import HOUSE
+from bsg_data.inputs.bounds import (
+    HOUSE,
+    MAX_HOUSE_LINES,
+    MAX_HOUSE_PARTS,
+    MAX_HOUSE_ROOMS,
+    MAX_LINE,
+)
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
-from bsg_data.sources.annotation_files import decode, find_files, malformed, read_listed
+from bsg_data.sources.annotation_files import find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect, place_room
 from bsg_data.sources.foreign_record import MAX_METRES
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.spelling import SHOWN
 
 # The letters of regions, in the words of the format's description.
 REGION_LABELS = {
@@ -77,6 +85,7 @@ _PORTAL_FIELDS = 15  # with its label as the fifth; a panorama has 13, a region 
 _LONGEST_AXIS = 1.01  # of a unit vector that was rounded
 # What H counts, in its order, and the letter of the lines that it counts; E is named #segments.
 _COUNTED = ("I", "panorama", "V", "S", "E", "O", "C", "R", "portal", "L")
+_READ = frozenset({*"LRSVCO", "portal"})
 _REQUIRED = frozenset("OCRL")  # a file with other numbers of these is another house
 # What a file may lack, and what is done then.
 _FLOORS = "the floors of rooms are those of their boxes, without an area"
@@ -107,7 +116,7 @@ class MatterportHouses:
         """
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, HOUSE, expected=ref.fingerprint)
-        house = parse_house(decode(data, path=path), path=path)
+        house = parse_house(data, path=path)
         rooms = [_room(r, n) for n, r in enumerate(house.regions) if r.label != _JUNK]
         graph = assemble(
             _list_objects(house),
@@ -154,6 +163,9 @@ class House:
         Raises:
             ValueError: that says what was expected.
         """
+        most = MAX_HOUSE_ROOMS if kind in ("L", "R") else MAX_HOUSE_PARTS
+        if kind in _READ and self.counted[kind] >= most:
+            raise ValueError(f"at most {most:,} lines of {kind}")
         if kind in set("LRSCO") and _whole(line, 1, "its index") != self.counted[kind]:
             raise ValueError(f"the next index, {self.counted[kind]}")
         if kind == "L":
@@ -187,24 +199,25 @@ class House:
         self.counted[kind] += 1
 
 
-def parse_house(text: str, *, path: Path) -> House:
+def parse_house(data: bytes, *, path: Path) -> House:
     """Parse a `.house` file; the error names the first malformed line."""
-    lines = text.split("\n")
-    if lines[0].strip() != _HEADER:
-        raise malformed(path, 1, lines[0], expected=repr(_HEADER))
+    lines = _read_lines(data, path)
+    first = found = next(lines, (1, ""))[1]
+    if first.strip() != _HEADER:
+        raise malformed(path, 1, first, expected=repr(_HEADER))
     house, header = House(), 1
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in lines:
         if fields := line.split():
-            header = number if fields[0] == "H" else header
+            if fields[0] == "H":
+                header, found = number, line
             try:
                 house.add(_kind_of(fields), fields)
             except (ValueError, IndexError) as error:
                 expected = "more fields" if isinstance(error, IndexError) else str(error)
                 raise malformed(path, number, line, expected=expected) from error
-    found = lines[header - 1]
     if house.counted["H"] != 1:
         raise malformed(path, header, found, expected="one header in all, a line of H")
-    told = (*found.split(), *("" for _ in _COUNTED))
+    told = (*(word[:SHOWN] for word in found.split()), *("" for _ in _COUNTED))
     for column, kind in enumerate(_COUNTED, start=3):
         there = str(house.counted[kind])
         if kind in _REQUIRED and told[column] != there:
@@ -217,6 +230,22 @@ def parse_house(text: str, *, path: Path) -> House:
                 for region in house.regions:
                     region.polygons.clear()
     return house
+
+
+def _read_lines(data: bytes, path: Path) -> Iterator[tuple[int, str]]:
+    """Yield the lines of a file with their numbers, which begin at 1."""
+    file = io.BytesIO(data)
+    for number, line in enumerate(iter(lambda: file.readline(MAX_LINE + 1), b""), start=1):
+        expected = "UTF-8 text"
+        try:
+            if len(line) > MAX_LINE or number > MAX_HOUSE_LINES:
+                expected = f"at most {MAX_HOUSE_LINES:,} lines of {MAX_LINE:,} bytes"
+                raise ValueError(expected)
+            text = line.decode("utf-8-sig" if number == 1 else "utf-8")
+        except ValueError as error:
+            shown = line.decode("utf-8", "backslashreplace").rstrip("\n")
+            raise malformed(path, number, shown, expected=expected) from error
+        yield number, text.rstrip("\n")
 
 
 def _kind_of(line: Sequence[str]) -> str:

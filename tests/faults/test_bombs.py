@@ -56,6 +56,12 @@ SHEETS = (
 LAYOUT = ("bsg_data.sources.layout_files", "read_layout", "read_layout(path)")
 LABELS = ("bsg_data.sources.spark_dsg", "load_label_space", "load_label_space(str(path))")
 ZIP = ("bsg_data.sources.hm3d_stats", "read_scene_lines", "read_scene_lines(path)")
+HOUSE = (
+    "bsg_data.sources.mp3d",
+    "MatterportHouses",
+    "from bsg_data.scene.class_map import load_class_map as load; "
+    "source = MatterportHouses(path); source.read(source.find().scenes[0], load())",
+)
 TABLE = ("bsg_data.sources.table", "ObjectTable", "ObjectTable(path).find()")
 PROCTHOR = ("bsg_data.sources.procthor", "ProcTHORHouses", "ProcTHORHouses(path).find()")
 CLASS_MAP = ("bsg_data.scene.class_map", "read_own_map", "read_own_map(path)")
@@ -165,6 +171,32 @@ def endless(path: Path) -> None:
     path.symlink_to("/dev/zero")
 
 
+HEADER = "ASCII 1.1\nH - - 0 0 {V} {S} 0 {O} {C} {R} 0 {L}\n"
+LINES_OF_HOUSES = {
+    "L": "L {n} 0 - 4 2 0 0 0 0 8 4 3\n",
+    "R": "R {n} 0 0 0 k 1 1 0 {x} {y} 0 {x}.9 {y}.9 2.5\n",
+    "S": "S {n} {r}\n",
+    "V": "V {n} {n} F {x} {y} 0\n",
+    "C": "C {n} 0 thing#{n}\n",
+    "O": "O {n} {r} {n} {x} {y} 1 1 0 0 0 1 0 1 1 1\n",
+    "E": "E 0 0 1 0.5 1 1 0.5 0.5 0.75 0 1.5 1.25 0.5 0 0 0 0 0\n",
+}
+
+
+def house(**numbers: int) -> str:
+    """Return a house with so many lines of each kind, in 1,000 rooms if it has these."""
+    counted = {**dict.fromkeys("VSOCRL", 0), **numbers}
+    return HEADER.format(**counted) + "".join(
+        line.format(n=n, r=n % 1_000, x=n % 30, y=n % 1_000 // 30)
+        for kind, line in LINES_OF_HOUSES.items()
+        for n in range(numbers.get(kind, 0))
+    )
+
+
+def make_house(**numbers: int) -> Make:
+    return lambda path: path.write_text(house(**numbers), "utf-8") and None
+
+
 LISTS = "[" + "[]," * 20_000_000 + "[]]"
 CORNERS = [[n % 7, n * n % 11] for n in range(3_000)]
 FOOTPRINT = json.dumps({"scene_id": "a", "rooms": [{"id": "b", "footprint": CORNERS}]})
@@ -205,6 +237,22 @@ BOMBS = {
         "a",
         ANNOTATION,
     ),
+    **{
+        f"a house of {what}": (
+            text(HEADER.format(**dict.fromkeys("VSOCRL", 0)) + said),
+            "a.house",
+            HOUSE,
+        )
+        for what, said in {
+            "250 million line feeds": "\n" * 250_000_000,
+            "100 million words": "a " * 100_000_000,
+            "100 million segments": "E\n" * 100_000_000,
+            "a long line": "Q" * 2_000_000,
+        }.items()
+    },
+    "a house of 20,000 rooms": (make_house(L=1, R=20_000), "a.house", HOUSE),
+    "a house of 2 million corners": (make_house(L=1, R=1, S=1, V=2_000_000), "a.house", HOUSE),
+    "a house of 500,000 objects": (make_house(L=1, R=1_000, C=1, O=500_000), "a.house", HOUSE),
     "JSON of half a character": (text('{"scene_id": "\\ud800", "rooms": []}'), "a.json", ROBOT),
     "JSON without an end": (endless, "a.json", ROBOT),
     "240 million rows": (make_rows, "a.parquet", TABLE),
@@ -226,15 +274,26 @@ LINES = (f'{one},{one:06X},"thing {one}",{one % 5_000}\n' for one in range(1, 49
 KITCHEN = "{label: kitchen, centroid: {x: 1.0, y: 1.25, z: -2.0}, dims: {x: 2, y: 2.5, z: 4}}"
 GRAPH = ("bsg_models.belief.graph_file", "read_graph", "read_graph(path)")
 LARGEST = {
-    "robot's graph": (json.dumps({"scene_id": "a", "rooms": ROOMS, "objects": OBJECTS}), ROBOT),
-    "footprints": (
-        json.dumps({"scene_id": "a", "rooms": [{**one, "footprint": ROUND} for one in ROOMS]}),
+    "robot's graph": (
+        text(json.dumps({"scene_id": "a", "rooms": ROOMS, "objects": OBJECTS})),
+        "a.json",
         ROBOT,
     ),
-    "simplest map": (json.dumps(SIMPLE), GRAPH),
-    "annotation": ("".join(("HM3D Semantic Annotations\n", *LINES)), ANNOTATION),
+    "footprints": (
+        text(json.dumps({"scene_id": "a", "rooms": [{**r, "footprint": ROUND} for r in ROOMS]})),
+        "a.json",
+        ROBOT,
+    ),
+    "simplest map": (text(json.dumps(SIMPLE)), "a.json", GRAPH),
+    "annotation": (text("".join(("HM3D Semantic Annotations\n", *LINES))), "a.txt", ANNOTATION),
+    "house": (
+        make_house(L=1, R=1_000, S=50_000, V=50_000, C=50_000, O=50_000, E=790_000),
+        "a.house",
+        HOUSE,
+    ),
     "layout": (
-        "rooms:\n" + "".join(f"  room_{one}: {KITCHEN}\n" for one in range(1, 10_000)),
+        text("rooms:\n" + "".join(f"  room_{one}: {KITCHEN}\n" for one in range(1, 10_000))),
+        "a.yaml",
         LAYOUT,
     ),
 }
@@ -253,9 +312,9 @@ def test_a_bomb_is_refused_in_little_memory_and_time(name: str, tmp_path: Path, 
 def test_the_largest_file_within_the_bounds_is_read(name: str, tmp_path: Path, full: bool) -> None:
     if not full and name != "robot's graph":
         pytest.skip("`make faults` tries the others")
-    said, reader = LARGEST[name]
-    (tmp_path / "a.json").write_text(said, "utf-8")
-    assert read_within_limits(tmp_path / "a.json", reader, 10**9) == "answered"
+    make, file, reader = LARGEST[name]
+    make(tmp_path / file)
+    assert read_within_limits(tmp_path / file, reader, 10**9) == "answered"
 
 
 def read_within_limits(path: Path, reader: tuple[str, str, str], most: int) -> str:

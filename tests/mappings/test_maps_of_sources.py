@@ -15,7 +15,6 @@ from conftest import REPOSITORY
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import HOUSE as HOUSE_BOUND
 from bsg_data.scene.class_map import ClassMap, load_class_map, published_maps
-from bsg_data.sources.annotation_files import decode
 from bsg_data.sources.behavior import BehaviorRooms
 from bsg_data.sources.mp3d import parse_house
 from bsg_data.sources.procthor import ProcTHORHouses, name_asset
@@ -166,7 +165,7 @@ def test_coverage_of_real_samples() -> None:
     assert count_roles(rooms, BEHAVIOR) == counts
     counts = {"classified": 9_529, "left-out": 5_521, "structure": 226}
     assert count_roles(houses, PROCTHOR) == counts
-    house = parse_house(decode(read_bytes(HOUSE, HOUSE_BOUND), path=HOUSE), path=HOUSE)
+    house = parse_house(read_bytes(HOUSE, HOUSE_BOUND), path=HOUSE)
     with files("bsg_mappings").joinpath("mp3d45-v1.csv").open(encoding="utf-8") as file:
         listed = [row["raw_category"] for row in csv.DictReader(file)]
     assert sorted(house.categories) == listed

@@ -12,6 +12,7 @@ from house_files import HOUSE, change
 from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.inputs.bounds import MAX_HOUSE_LINES, MAX_HOUSE_PARTS, MAX_HOUSE_ROOMS, MAX_LINE
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
 from bsg_data.sources.catalogue import SOURCES
@@ -107,7 +108,7 @@ def test_a_damaged_file_or_none_is_refused(
 
 
 def test_oriented_boxes_are_surrounded() -> None:
-    house = parse_house(HOUSE, path=PATH)
+    house = parse_house(HOUSE.encode(), path=PATH)
     turned = house.objects[1][2]  # a square of 2 m turned by 45 degrees is 2 √2 m wide
     assert turned is not None
     assert turned.minimum == pytest.approx((6 - 2**0.5, 2 - 2**0.5, 0), abs=1e-6)
@@ -117,9 +118,9 @@ def test_oriented_boxes_are_surrounded() -> None:
 
 def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> None:
     text = change("P  0 0 1", "R  0 1 0  D  4 1 0  4.1 2 2  0 0 0 0")
-    assert parse_house(text, path=PATH).portals == {(0, 1)}
+    assert parse_house(text.encode(), path=PATH).portals == {(0, 1)}
     empty = "R  2 -1  0 0  -  0 0 0  1e+30 1e+30 1e+30  -1e+30 -1e+30 -1e+30  0  0 0 0 0"
-    house = parse_house(change("R  2", empty), path=PATH)
+    house = parse_house(change("R  2", empty).encode(), path=PATH)
     assert (house.regions[2].box, house.regions[2].level) == (None, -1)
 
 
@@ -142,7 +143,42 @@ def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> Non
 )
 def test_a_malformed_line_is_named(line: str, other: str) -> None:
     with refuses(AnnotationError, "line-malformed"):
-        parse_house(change(line, other), path=PATH)
+        parse_house(change(line, other).encode(), path=PATH)
+
+
+@pytest.mark.parametrize(
+    ("kind", "most"),
+    [
+        ("L", MAX_HOUSE_ROOMS),
+        ("R", MAX_HOUSE_ROOMS),
+        ("C", MAX_HOUSE_PARTS),
+        ("P", MAX_HOUSE_PARTS),
+    ],
+)
+def test_more_lines_than_a_house_has_are_refused(kind: str, most: int) -> None:
+    first = {
+        "L": "L  {n}  0  -  4 2 0  0 0 0  8 4 3  0 0 0 0 0",
+        "R": "R  {n} -1  0 0  k  1 1 0  0 0 0  4 4 2.5  2.5  0 0 0 0",
+        "C": "C  {n}  1 wall  1 wall  0 0 0 0 0",
+        "P": "P  0 -1 -1  D  4 1 0  4.1 2 2  0 0 0 0",
+    }[kind]
+    lines = "\n".join(first.format(n=number) for number in range(most + 1))
+    with refuses(AnnotationError, "line-malformed", f"{PATH}, line {most + 2}"):
+        parse_house(f"ASCII 1.1\n{lines}".encode(), path=PATH)
+
+
+@pytest.mark.parametrize("line", ["9" * (MAX_LINE + 1), "\n" * MAX_HOUSE_LINES])
+def test_long_lines_and_too_many_are_refused(line: str) -> None:
+    with refuses(AnnotationError, "line-malformed"):
+        parse_house(f"ASCII 1.1\n{line}".encode(), path=PATH)
+
+
+def test_a_long_number_of_the_header_is_cut() -> None:
+    header = HOUSE.split("\n")[1].split()
+    header[5] = "9" * 100_000
+    (said,) = parse_house(change("H", " ".join(header)).encode(), path=PATH).lacking
+    assert said.startswith("H counts 999")
+    assert len(said) < 200
 
 
 def without(*kinds: str) -> str:
@@ -167,7 +203,7 @@ def test_another_number_of_what_makes_a_house_is_refused(place: int) -> None:
     header = HOUSE.split("\n")[1].split()
     header[place] = "7"
     with refuses(AnnotationError, "line-malformed", f"{PATH}, line 2"):
-        parse_house(change("H", " ".join(header)), path=PATH)
+        parse_house(change("H", " ".join(header)).encode(), path=PATH)
 
 
 @pytest.mark.parametrize(
