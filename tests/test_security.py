@@ -24,7 +24,7 @@ def list_expected() -> dict[str, list[str]]:
     packed = [f"{bounds.MAX_RATIO} times", size(bounded_file.UNSUSPICIOUS)]
     return {
         "JSON": [f"{bounds.MAX_CONTAINERS:,} lists", f"{bounds.MAX_VALUES:,} values"],
-        "YAML, TOML": [f"{bounds.MAX_NESTING} deep"],
+        "YAML, TOML": [f"{bounds.MAX_NESTING} deep", f"{bounds.MAX_TOML_LINE:,} characters"],
         "packed files": packed,
         "a robot's graph": [
             size(bounds.ROBOT),

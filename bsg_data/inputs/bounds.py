@@ -62,6 +62,7 @@ MAX_ROWS = 10_000_000  # of a parquet file
 MAX_STREAMED_ROWS = 100_000_000  # of a parquet file that is read by row groups
 MAX_SHARDS = 100_000  # of a dataset; the names of the files number no more
 CONFIG = 64 * KIB  # TOML
+MAX_TOML_LINE = 4_096  # characters; the parser takes the square of the parts of a key
 CHECKPOINT, CHECKPOINT_HEADER = 4 * GIB, 16 * MIB  # safetensors
 PRIOR = 16 * MIB  # a prior table, JSON
 RESULTS = 256 * MIB  # of an evaluation or a search, JSON

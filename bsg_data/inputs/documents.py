@@ -17,7 +17,8 @@ from pydantic_core import from_json
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
-from bsg_data.inputs.bounds import MAX_CONTAINERS, MAX_NESTING, MAX_VALUES
+from bsg_data.inputs.bounds import MAX_CONTAINERS, MAX_NESTING, MAX_TOML_LINE, MAX_VALUES
+from bsg_data.spelling import SHOWN
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -84,22 +85,34 @@ def parse_yaml(data: bytes) -> Any:
 
 
 def parse_toml(text: bytes | str) -> dict[str, Any]:
-    """Parse TOML."""
+    """Parse TOML, whose lines are short and whose whole numbers have 64 bits."""
+    said = decode(text)
+    for number, line in enumerate(said.split("\n"), start=1):
+        if len(line) > MAX_TOML_LINE:
+            raise ValueError(
+                f"line {number}: expected at most {MAX_TOML_LINE:,} characters, "
+                f"found {len(line):,}; write a list on several lines"
+            )
+    too_deep, too_wide = f"nested more than {MAX_NESTING} deep", "a whole number beyond 64 bits"
     try:
-        parsed = tomllib.loads(decode(text))
+        parsed = tomllib.loads(said)
     except RecursionError:
-        parsed = None
-    if parsed is None or not _is_shallow(parsed):
-        raise ValueError(f"nested more than {MAX_NESTING} deep")
-    return parsed
-
-
-def _is_shallow(values: Any) -> bool:
-    level = [values]
+        raise ValueError(too_deep) from None
+    except tomllib.TOMLDecodeError as error:
+        why = str(error)
+        cut = why if len(why) < 3 * SHOWN else f"{why[:SHOWN]}...{why[-SHOWN:]}"
+        raise ValueError(cut) from error
+    except ValueError:  # of digits that Python refuses to read
+        raise ValueError(too_wide) from None
+    level: list[Any] = [parsed]
     for _ in range(MAX_NESTING):
-        inner = [one.values() if isinstance(one, dict) else one for one in level]
-        level = [two for one in inner for two in one if isinstance(two, dict | list)]
-    return not level
+        inner = [two for one in level for two in (one.values() if isinstance(one, dict) else one)]
+        if any(isinstance(one, int) and not -(2**63) <= one < 2**63 for one in inner):
+            raise ValueError(too_wide)
+        level = [one for one in inner if isinstance(one, dict | list)]
+    if level:
+        raise ValueError(too_deep)
+    return parsed
 
 
 def decode(data: bytes | str) -> str:

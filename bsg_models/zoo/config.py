@@ -27,10 +27,12 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import CONFIG, MAX_NESTING
 from bsg_data.inputs.documents import parse_toml
 from bsg_data.recipes import Exploration, MaskRecipe, Record
-from bsg_data.spelling import ask_if_meant
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
+
+_MOST_FAULTS = 20  # that an error names
 
 
 class RunConfig(Record):
@@ -47,7 +49,7 @@ class RunConfig(Record):
     @classmethod
     def _name_is_printable(cls, value: str) -> str:
         if not value.isprintable():
-            raise ValueError(f"expected printable characters, found {value!r}")
+            raise ValueError(f"expected printable characters, found {show_value(value)}")
         return value
 
     @field_validator("model", mode="before")
@@ -58,8 +60,8 @@ class RunConfig(Record):
         family = value.get("family") if isinstance(value, Mapping) else value
         if not isinstance(family, str) or family not in ZOO:
             raise ValueError(
-                f"model.family must be one of {', '.join(ZOO)}; found {family!r}; if it is from "
-                "another package, install that"
+                f"model.family must be one of {', '.join(ZOO)}; found {show_value(family)}; if it "
+                "is from another package, install that"
             )
         # Strict reading takes a tuple for a list in JSON only, and converts nothing else.
         return type(ZOO[family].config).model_validate_json(json.dumps(value), strict=True)  # noqa: TID251
@@ -111,12 +113,16 @@ def override(tables: Mapping[str, Any], settings: Sequence[str]) -> dict[str, An
         path, equals, value = setting.partition("=")
         keys = path.strip().split(".")
         if not equals or not all(keys) or len(keys) > MAX_NESTING:
-            raise ConfigError(f"--set {setting}: expected path=value, as in training.epochs=50")
+            raise ConfigError(
+                f"--set {setting[:SHOWN]}: expected path=value, as in training.epochs=50"
+            )
         table = result
         for key in keys[:-1]:
             table = table.setdefault(key, {})
             if not isinstance(table, dict):
-                raise ConfigError(f"--set {setting}: {key} is a value and has no keys")
+                raise ConfigError(
+                    f"--set {setting[:SHOWN]}: {key[:SHOWN]} is a value and has no keys"
+                )
         table[keys[-1]] = _parse_value(value.strip())
     return result
 
@@ -125,7 +131,7 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
     """Return tables as a configuration.
 
     Raises:
-        ConfigError: naming every fault with its path, the valid values, and the nearest key.
+        ConfigError: naming the first 20 faults: the path, the valid values, and the nearest key.
     """
     try:
         # Strict reading takes a tuple for a list in JSON only, and converts nothing else.
@@ -133,6 +139,8 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
     except ValidationError as error:
         family = _family_of(tables)
         faults = [line for fault in error.errors() for line in _explain(fault, family=family)]
+        if more := faults[_MOST_FAULTS:]:
+            faults = [*faults[:_MOST_FAULTS], f"and {len(more):,} more"]
         raise ConfigError(f"{source}: " + "; ".join(faults)) from error
 
 
@@ -158,7 +166,7 @@ def _explain(
         for inner in cause.errors():
             yield from _explain(inner, family=family, above=path)
         return
-    where = ".".join(str(part) for part in path) or "the configuration"
+    where = ".".join(str(part)[:SHOWN] for part in path) or "the configuration"
     if fault["type"] == "extra_forbidden":
         tables = {**_TABLES, "model": family}
         known = tuple(tables.get(str(path[-2]) if path[1:] else "", RunConfig).model_fields)
@@ -168,7 +176,7 @@ def _explain(
         words = str(cause)
         yield words if words.startswith(f"{where}.") else f"{where}: {words}"
     else:
-        yield f"{where}: {fault['msg'].lower()}, found {fault['input']!r}"
+        yield f"{where}: {fault['msg'].lower()}, found {show_value(fault['input'])}"
 
 
 _TABLES: Mapping[str, type[Record]] = {

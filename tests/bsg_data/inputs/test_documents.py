@@ -102,3 +102,22 @@ def test_what_is_no_toml_is_a_value_error(text: str | bytes) -> None:
     assert parse_toml(b"[a]\nb = [1, 2]") == {"a": {"b": [1, 2]}}
     with pytest.raises(ValueError, match=r"."):
         parse_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a" + ".a" * 30_000 + " = 1", "line 1: expected at most 4,096 characters, found 60,005"),
+        ("\n".join(f"a{n}" + ".a" * 2_000 + " = 1" for n in range(15)), "nested more than 100"),
+        (f"a = {'9' * 4_000}\nb = {'9' * 4_000}", "a whole number beyond 64 bits"),
+        (f"a = [0, [0x{'f' * 4_000}]]", "a whole number beyond 64 bits"),
+        (
+            f"x = {{{'q' * 2_000} = 1, {'q' * 2_000} = 1}}",
+            r"q\.\.\.q+' \(at line 1, column 4016\)$",
+        ),
+    ],
+)
+def test_toml_that_takes_memory_or_a_page_is_a_short_error(text: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said) as caught:
+        parse_toml(text)
+    assert len(str(caught.value)) < 250
