@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 SHOWN = 80  # characters of a wrong name that are compared, and shown in errors
 _LEAST_LIKENESS = (
@@ -53,6 +53,16 @@ def ask_if_meant(name: str, known: Iterable[str], *, most: int = 1) -> str:
     """Return the question whether a similar name was meant; empty if none is similar."""
     near = meant_names(name, known, most=most)
     return f"did you mean {', '.join(near)}?" if near else ""
+
+
+def list_some(names: Sequence[str], most: int) -> str:
+    """Return the first names, cut, and how many more there are.
+
+    >>> list_some(["a", "", "c"], 2)
+    'a, (no name) and 1 more'
+    """
+    shown = ", ".join(name[:SHOWN] or "(no name)" for name in names[:most])
+    return shown if len(names) <= most else f"{shown} and {len(names) - most:,} more"
 
 
 def show_value(value: object) -> str:

@@ -24,7 +24,11 @@ def list_expected() -> dict[str, list[str]]:
     packed = [f"{bounds.MAX_RATIO} times", size(bounded_file.UNSUSPICIOUS)]
     return {
         "JSON": [f"{bounds.MAX_CONTAINERS:,} lists", f"{bounds.MAX_VALUES:,} values"],
-        "YAML, TOML": [f"{bounds.MAX_NESTING} deep", f"{bounds.MAX_TOML_LINE:,} characters"],
+        "YAML, TOML": [
+            f"{bounds.MAX_NESTING} deep",
+            f"{bounds.MAX_NODES:,} texts",
+            f"{bounds.MAX_TOML_LINE:,} characters",
+        ],
         "packed files": packed,
         "a robot's graph": [
             size(bounds.ROBOT),
@@ -69,6 +73,9 @@ def list_expected() -> dict[str, list[str]]:
             size(bounds.LABEL_TABLE),
             size(bounds.LAYOUT),
             size(bounds.LABEL_SPACE),
+            f"{bounds.MAX_LABEL_ROWS:,} rows",
+            f"{bounds.MAX_LABEL_COLUMNS:,} columns",
+            f"a line {size(bounds.MAX_LINE)}",
         ],
         "parquet": [
             size(parquet_pages.MAX_PAGE),
@@ -78,6 +85,7 @@ def list_expected() -> dict[str, list[str]]:
         ],
         "a class map, a configuration, a prior table": [
             size(bounds.CLASS_MAP),
+            f"{bounds.MAX_MAP_ROWS:,} rows",
             size(bounds.CONFIG),
             size(bounds.PRIOR),
         ],

@@ -15,6 +15,7 @@ from typing import BinaryIO, cast
 
 from bsg_data.errors import BSGError, SourceError
 from bsg_data.inputs.bounds import DATASET_TABLE, MAX_RATIO, MIB
+from bsg_data.spelling import list_some
 
 PACKED = ".gz"
 Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class of `BSGError`
@@ -47,7 +48,7 @@ def read_member(path: Path, name: str, bound: int) -> bytes:
             if len(found) != 1:
                 raise SourceError(
                     f"{path}: expected {name} inside once, found it {len(found)} times among "
-                    f"{', '.join(names[:5]) or 'nothing'}",
+                    f"{list_some(names, 5) or 'nothing'}",
                     code="zip-member-missing",
                     where=path,
                 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 KIB, MIB, GIB = 2**10, 2**20, 2**30
 
 MAX_NESTING = 100  # of lists and mappings in YAML; JSON ends at 200
+MAX_NODES = 500_000  # texts, lists and mappings in YAML: each takes kilobytes while it is parsed
 # In JSON, before it is parsed: text of two bytes becomes an object of two hundred. Both bounds are
 # twice what the largest graphs of ours have; commas and brackets in strings count, too.
 MAX_CONTAINERS = 1_500_000  # objects and lists
@@ -23,6 +24,8 @@ SYNTHETIC = 64 * KIB  # the mark of synthetic buildings, `synthetic.json`
 LAYOUT = MIB  # of rooms, YAML
 LABEL_SPACE = 4 * MIB  # YAML or CSV
 LABEL_TABLE = 16 * MIB  # of labels of rooms, CSV
+MAX_LABEL_ROWS = 500_000  # of this table, and of a label space; HM3D has 4,000 rooms
+MAX_LABEL_COLUMNS = 1_000  # of these, and of a class map
 HOUSE = 256 * MIB  # of Matterport3D, `.house`
 MAX_HOUSE_LINES = 1_000_000  # of it; real ones have 30,000
 MAX_HOUSE_PARTS = 50_000  # lines of a kind that is read: objects, corners, surfaces, portals, names
@@ -45,7 +48,7 @@ MAX_TAG = MIB  # bytes of a tag of XML
 S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
 TABLE = 512 * MIB  # of objects, CSV, or parquet as it unpacks
 MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects
-MAX_LINE = MIB  # characters of a line of CSV or of a house
+MAX_LINE = MIB  # characters of a line of CSV, bytes of one of a house
 
 # robots
 ROBOT = 64 * MIB  # a robot's graph, JSON
@@ -55,7 +58,8 @@ MAX_ROBOT_ROOMS = 10_000  # a model takes about 100 kB for each where their shar
 MAX_ROBOT_OBJECTS = 100_000  # each takes a kilobyte while a graph is read
 
 # our own files
-CLASS_MAP = 16 * MIB  # each of its CSV files
+CLASS_MAP = 2 * MIB  # each of its CSV files; a word of it takes kilobytes, for typos
+MAX_MAP_ROWS = 50_000  # of these; the published maps have 2,600
 MANIFEST_FILE = 64 * MIB  # the manifest, the plan or a report of a dataset, JSON
 DATASET_TABLE = 4 * GIB  # a parquet file of a dataset, of beliefs or of predictions
 MAX_ROWS = 10_000_000  # of a parquet file

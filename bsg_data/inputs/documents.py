@@ -5,10 +5,12 @@ Any fault is one ValueError, with the line if the parser knows it.
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import sys
 from collections import Counter
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,16 @@ from pydantic_core import from_json
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
-from bsg_data.inputs.bounds import MAX_CONTAINERS, MAX_NESTING, MAX_TOML_LINE, MAX_VALUES
-from bsg_data.spelling import SHOWN
+from bsg_data.inputs.bounds import (
+    MAX_CONTAINERS,
+    MAX_LABEL_COLUMNS,
+    MAX_LINE,
+    MAX_NESTING,
+    MAX_NODES,
+    MAX_TOML_LINE,
+    MAX_VALUES,
+)
+from bsg_data.spelling import SHOWN, show_value
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -70,11 +80,14 @@ def _require_bounded(text: bytes) -> None:
 
 def parse_yaml(data: bytes) -> Any:
     """Parse YAML as text, lists and mappings alone."""
-    depth = 0
+    depth = nodes = 0
     try:
         for event in yaml.parse(data, Loader=_PARSER):  # aliases multiply what is read
             if isinstance(event, yaml.AliasEvent):
-                raise ValueError(f"an alias, {event.anchor!r}")
+                raise ValueError(f"an alias, {show_value(event.anchor)}")
+            nodes += isinstance(event, yaml.NodeEvent)
+            if nodes > MAX_NODES:
+                raise ValueError(f"more than {MAX_NODES:,} texts, lists and mappings")
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_NESTING:
@@ -115,6 +128,34 @@ def parse_toml(text: bytes | str) -> dict[str, Any]:
     return parsed
 
 
+def parse_csv(
+    data: bytes, *, most_rows: int, separator: str = ","
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows of a table of text, each with the number of its last line."""
+    reader = csv.reader(_read_lines(decode(data)), strict=True, delimiter=separator)
+    try:
+        for number, row in enumerate(reader):
+            if number == most_rows:
+                raise ValueError(f"line {reader.line_num}: expected at most {most_rows:,} rows")
+            if len(row) > MAX_LABEL_COLUMNS:
+                raise ValueError(
+                    f"line {reader.line_num}: expected at most {MAX_LABEL_COLUMNS:,} columns, "
+                    f"found {len(row):,}"
+                )
+            yield reader.line_num, row
+    except csv.Error as error:
+        why = "a quote is not closed" if "end of data" in str(error) else error
+        raise ValueError(f"line {reader.line_num}: {why}") from error
+
+
+def _read_lines(text: str) -> Iterator[str]:
+    lines = io.StringIO(text, newline="")
+    for number, line in enumerate(iter(lambda: lines.readline(MAX_LINE + 1), ""), start=1):
+        if len(line) > MAX_LINE:
+            raise ValueError(f"line {number}: expected at most {MAX_LINE:,} characters")
+        yield line
+
+
 def decode(data: bytes | str) -> str:
     """Return UTF-8 text, without a byte order mark."""
     if isinstance(data, str):
@@ -130,7 +171,7 @@ def _require_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
         (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise ValueError(f"the key {twice[:80]!r} twice")
+        raise ValueError(f"the key {show_value(twice)} twice")
     return table
 
 
@@ -141,6 +182,10 @@ class _PlainLoader(_PARSER):  # type: ignore[misc,valid-type]
         keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
         if len(keys) < len(node.value):
             (twice, times), *_ = keys.most_common(1) or [("", 0)]
-            said = f"the key {twice!r} twice" if times > 1 else "a list or a mapping as a key"
+            said = (
+                f"the key {show_value(twice)} twice"
+                if times > 1
+                else "a list or a mapping as a key"
+            )
             raise ValueError(said)
         return dict(super().construct_mapping(node, deep=deep))

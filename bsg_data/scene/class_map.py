@@ -41,7 +41,7 @@ from bsg_data.scene.name_rules import (
     take_apart,
 )
 from bsg_data.scene.vocabularies import VOCABULARIES, list_meanings
-from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names
+from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names, show_value
 
 DEFAULT_CLASS_MAP = "hm3d45-v2"
 UNKNOWN = "unknown"  # the category of a nameless object
@@ -461,15 +461,17 @@ def _parse_spellings(
     normalised: dict[str, Classified] = {}
     for line, (raw, category, name) in read_rows(file, data, ("raw_category", "category", "class")):
         if name and name not in space.classes:
-            raise ClassMapError(f"{file}, line {line}: {name!r} is no class of {space.name}")
+            raise ClassMapError(
+                f"{file}, line {line}: {show_value(name)} is no class of {space.name}"
+            )
         if raw in entries:
-            raise ClassMapError(f"{file}, line {line}: {raw!r} is listed twice")
+            raise ClassMapError(f"{file}, line {line}: {show_value(raw)} is listed twice")
         index = space.classes.index(name) if name else None
         entries[raw] = Classified(category, index, _find_role(category, index, structure))
         if normalised.setdefault(normalise_name(raw), entries[raw]).class_index != index:
             raise ClassMapError(
-                f"{file}, line {line}: {raw!r} differs from an earlier row only in case or spaces "
-                "but has another class"
+                f"{file}, line {line}: {show_value(raw)} differs from an earlier row only in case "
+                "or spaces but has another class"
             )
     return entries, normalised
 

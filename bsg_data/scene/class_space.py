@@ -7,9 +7,7 @@ share a space (`bsg_data.scene.class_map`).
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib.resources import files
@@ -19,8 +17,10 @@ from pydantic import model_validator
 
 from bsg_data.arrays import Ints
 from bsg_data.errors import ClassMapError
+from bsg_data.inputs.bounds import MAX_MAP_ROWS
+from bsg_data.inputs.documents import parse_csv
 from bsg_data.recipes import Record
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 DEFAULT_CLASS_SPACE = "hm3d45-v2"
 _MAX_CLASSES = 256  # the objects table stores the index in a byte
@@ -79,7 +79,7 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
     """Load a published class space; `ClassMapError` if there is none, or it was changed."""
     if name not in list_class_spaces():
         raise ClassMapError(
-            f"no class space {name!r}: published are {', '.join(list_class_spaces())}"
+            f"no class space {show_value(name)}: published are {', '.join(list_class_spaces())}"
         )
     return parse_class_space(name, read_published(f"{name}{_SUFFIX}"))[0]
 
@@ -107,7 +107,7 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
         if index != str(len(found)) or not one or one in found:
             raise ClassMapError(
                 f"{file}, line {line}: expected index {len(found)} and a new class name, "
-                f"found {index!r}, {one!r}"
+                f"found {show_value(index)}, {show_value(one)}"
             )
         found[one] = definition
     if not 1 <= len(found) <= _MAX_CLASSES:
@@ -118,13 +118,12 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Read a CSV file of `mappings/` as numbered rows; `ClassMapError` names the line at fault."""
     try:
-        reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
-        first, *rows = [(reader.line_num, row) for row in reader] or [(1, [])]
-    except (UnicodeDecodeError, csv.Error) as error:
+        first, *rows = [*parse_csv(data, most_rows=MAX_MAP_ROWS)] or [(1, [])]
+    except ValueError as error:
         raise ClassMapError(f"{file}: not a readable CSV file ({error})") from error
     if tuple(first[1]) != header:
         raise ClassMapError(
-            f"{file}, line 1: expected {','.join(header)}, found {','.join(first[1])!r}"
+            f"{file}, line 1: expected {','.join(header)}, found {show_value(','.join(first[1]))}"
         )
     for line, row in rows:
         if len(row) != len(header):

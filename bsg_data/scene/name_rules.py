@@ -155,7 +155,12 @@ def is_typo(said: str, word: str) -> bool:
 
 def index_words(names: Iterable[str]) -> dict[str, list[str]]:
     """Return the words of names by what is left of each without one of its letters."""
-    words = {word for name in names for word in name.split() if len(word) >= _SHORT_WORD}
+    words = {
+        word
+        for name in names
+        for word in name.split()
+        if _SHORT_WORD <= len(word) <= _LONG + 1  # no other is a typo away from one that is mended
+    }
     index: dict[str, list[str]] = {}
     for word in sorted(words):
         for left in _leave_out(word):

@@ -32,6 +32,7 @@ from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.foreign_record import ForeignRecord
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.spelling import show_value
 
 _FILE = "combined_room_object_list.json"
 _MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all
@@ -197,7 +198,7 @@ def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:
         category, _, model = name.rpartition("-")
         if not category or not model:
             raise SourceError(
-                f"{where}: expected category-model, such as sofa-ahgkci; found {name!r}",
+                f"{where}: expected category-model, such as sofa-ahgkci; found {show_value(name)}",
                 code="model-malformed",
                 where=where,
             )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Generic, TypeVar
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import PACKED, read_bytes
-from bsg_data.inputs.bounds import LABEL_TABLE
-from bsg_data.inputs.documents import decode
-from bsg_data.spelling import meant_names, show_value
+from bsg_data.inputs.bounds import LABEL_TABLE, MAX_LABEL_ROWS
+from bsg_data.inputs.documents import parse_csv
+from bsg_data.spelling import SHOWN, list_some, meant_names, show_value
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
 _MARKS = {  # in a header that is one column → what to do
@@ -21,6 +20,7 @@ _MARKS = {  # in a header that is one column → what to do
     "\t": "its columns are separated by tabs: name the file .tsv",
     ",": "its columns are separated by commas: name the file .csv",
 }
+_NAMED = 20  # columns that an error names
 Key = TypeVar("Key")
 
 
@@ -56,7 +56,9 @@ def read_label_table(
         *cells, label = (row[column].strip() for column in wanted)
         first, line = labels.setdefault(key_of(where, cells), (label, where))
         if first != label:
-            key = ", ".join(f"{name} {cell}" for name, cell in zip(columns, cells, strict=False))
+            key = ", ".join(
+                f"{name} {cell[:SHOWN]}" for name, cell in zip(columns, cells, strict=False)
+            )
             raise SourceError(
                 f"{where}: expected {show_value(first)} for {key}, as {line.rpartition(', ')[2]} "
                 f"says; found {show_value(label)}; remove one of the lines",
@@ -82,12 +84,9 @@ def _read_rows(path: Path) -> list[tuple[str, list[str]]]:
     """Return the rows that are not empty, each with its line."""
     data = read_bytes(path, LABEL_TABLE)
     try:
-        text = io.StringIO(decode(data), newline="")
-        reader = csv.reader(text, strict=True, delimiter=separator_of(path))
-        return [
-            (f"{path}, line {reader.line_num}", row) for row in reader if any(map(str.strip, row))
-        ]
-    except (ValueError, csv.Error) as error:
+        rows = parse_csv(data, most_rows=MAX_LABEL_ROWS, separator=separator_of(path))
+        return [(f"{path}, line {line}", row) for line, row in rows if any(map(str.strip, row))]
+    except ValueError as error:
         said = f"no table ({error}); save it as CSV in UTF-8"
         raise SourceError(f"{path}: {said}", code="csv-malformed", where=path) from error
 
@@ -96,9 +95,10 @@ def _find_columns(
     path: Path, header: Sequence[str], columns: Mapping[str, tuple[str, ...]]
 ) -> list[int]:
     """Return the number of each column, by the first of its names that is there."""
-    twice = next((name for at, name in enumerate(header) if name and name in header[:at]), None)
+    twice = next((name for name, times in Counter(header).items() if name and times > 1), None)
     if twice:
-        raise SourceError(f"{path}: the column {twice!r} twice", code="column-twice", where=path)
+        said = f"the column {show_value(twice)} twice"
+        raise SourceError(f"{path}: {said}", code="column-twice", where=path)
     found = []
     for column, others in columns.items():
         name = next((name for name in (column, *others) if name in header), None)
@@ -109,7 +109,7 @@ def _find_columns(
                 hint = f"; {said}"
             raise SourceError(
                 f"{path}: no column {column!r}: expected {', '.join(columns)}; found "
-                f"{', '.join(header) or 'none'}{hint}",
+                f"{list_some(header, _NAMED) or 'none'}{hint}",
                 code="column-missing",
                 where=path,
             )

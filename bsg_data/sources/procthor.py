@@ -38,6 +38,7 @@ from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.foreign_record import ForeignRecord, Position
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.spelling import show_value
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file
@@ -272,7 +273,7 @@ def _parse(text: bytes, where: str) -> _House:
     (twice, times), *_ = Counter(room.id for room in house.rooms).most_common(1)
     if times > 1:
         raise SourceError(
-            f"{where}: rooms: {twice!r} is there twice", code="room-twice", where=where
+            f"{where}: rooms: {show_value(twice)} is there twice", code="room-twice", where=where
         )
     return house
 

@@ -28,8 +28,8 @@ from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import LABEL_SPACE, SPARK_DSG
-from bsg_data.inputs.documents import decode, parse_json, parse_yaml
+from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS, SPARK_DSG
+from bsg_data.inputs.documents import parse_csv, parse_json, parse_yaml
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import read_published
@@ -111,7 +111,7 @@ def load_label_space(name: AnyPath) -> LabelSpace:
         is_csv = path.suffix.casefold() == _SUFFIX
         document = {"label_names": _parse_csv(data)} if is_csv else parse_yaml(data)
         labels = _HydraFile.model_validate(document).label_names
-    except (ValueError, csv.Error) as error:
+    except ValueError as error:
         said = name_fault(error) if isinstance(error, ValidationError) else error
         raise SourceError(
             f"{path}: {said}; expected Hydra's label_names, a list of {{label: 5, name: chair}}, "
@@ -132,8 +132,15 @@ def load_label_space(name: AnyPath) -> LabelSpace:
 
 
 def _parse_csv(data: bytes) -> list[dict[str, Any]]:
-    rows = csv.DictReader(io.StringIO(decode(data), newline=""), strict=True)
-    return [{key: value for key, value in row.items() if key and value} for row in rows]
+    header: list[str] = []
+    found = []
+    for _, row in parse_csv(data, most_rows=MAX_LABEL_ROWS):
+        if header and row:
+            found.append(
+                {key: cell for key, cell in zip(header, row, strict=False) if key and cell}
+            )
+        header = header or row
+    return found
 
 
 @dataclass(frozen=True)

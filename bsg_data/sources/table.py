@@ -52,7 +52,7 @@ from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.foreign_record import Metres
 from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
-from bsg_data.spelling import ask_if_meant, meant_names
+from bsg_data.spelling import ask_if_meant, list_some, meant_names
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")
@@ -430,7 +430,7 @@ def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -
         found = exact.get(asked) or alike.get(_fold(asked), [])
         if len(found) > 1:
             spellings = {header[at] for at in found} - {asked}
-            shown = f", as {_list_some(sorted(spellings), _SHOWN)}" if spellings else ""
+            shown = f", as {list_some(sorted(spellings), _SHOWN)}" if spellings else ""
             message = f"{path}: the column {asked!r} twice{shown}"
             raise SourceError(message, code="column-twice", where=path)
         if found:
@@ -460,7 +460,7 @@ def _lack_column(
     return SourceError(
         f"{path}: no column {asked!r}{hint and f'; {hint}'}. Expected a header with "
         f"{', '.join(_REQUIRED)}, and any of {', '.join(_OPTIONAL)}; found "
-        f"{_list_some(header, _SHOWN) or 'none'}",
+        f"{list_some(header, _SHOWN) or 'none'}",
         code="column-missing",
         where=path,
     )
@@ -596,7 +596,7 @@ def _list_several(names: Mapping[str, str]) -> list[str]:
         if not _WHOLE.fullmatch(name):
             spellings.setdefault(name, []).append(spelling)
     several = {name: spelt for name, spelt in spellings.items() if len(spelt) > 1}
-    return [f"{name} ({_list_some(spelt, _NAMED)})" for name, spelt in sorted(several.items())]
+    return [f"{name} ({list_some(spelt, _NAMED)})" for name, spelt in sorted(several.items())]
 
 
 def _note_unread(unread: Sequence[str], columns: Container[str]) -> str:
@@ -610,12 +610,7 @@ def _note_unread(unread: Sequence[str], columns: Container[str]) -> str:
 
 
 def _note(what: str, things: Sequence[str], *, most: int = _NAMED) -> str:
-    return f"{what}: {_list_some(things, most)}" if things else ""
-
-
-def _list_some(things: Sequence[str], most: int) -> str:
-    shown = ", ".join(thing[:_LONGEST] or "(no name)" for thing in things[:most])
-    return shown if len(things) <= most else f"{shown} and {len(things) - most:,} more"
+    return f"{what}: {list_some(things, most)}" if things else ""
 
 
 def _gather_facts(rows: Sequence[_Listed], where: str) -> _Facts:

@@ -9,12 +9,14 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import random
 import resource
+import string
 import struct
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +66,13 @@ HOUSE = (
 )
 TABLE = ("bsg_data.sources.table", "ObjectTable", "ObjectTable(path).find()")
 PROCTHOR = ("bsg_data.sources.procthor", "ProcTHORHouses", "ProcTHORHouses(path).find()")
-CLASS_MAP = ("bsg_data.scene.class_map", "read_own_map", "read_own_map(path)")
+CLASS_MAP = (
+    "bsg_data.scene.class_map",
+    "load_class_map",
+    "load_class_map(str(path)).classify('chiar')",
+)
+WORDS = ("bsg_data.sources.room_words", "read_room_words", "read_room_words(path)")
+CONFIG = ("bsg_models.zoo.config", "read_config", "read_config(path)")
 
 
 def make_zip(path: Path) -> None:
@@ -197,6 +205,16 @@ def make_house(**numbers: int) -> Make:
     return lambda path: path.write_text(house(**numbers), "utf-8") and None
 
 
+MAP = "raw_category,category,class\n"
+
+
+def make_words(letters: int, number: int) -> Iterator[str]:
+    """Yield rows of a class map whose words share no beginnings and no ends."""
+    chance = random.Random(1)
+    for _ in range(number):
+        yield "".join(chance.choices(string.ascii_lowercase, k=letters)) + ",thing,\n"
+
+
 LISTS = "[" + "[]," * 20_000_000 + "[]]"
 CORNERS = [[n % 7, n * n % 11] for n in range(3_000)]
 FOOTPRINT = json.dumps({"scene_id": "a", "rooms": [{"id": "b", "footprint": CORNERS}]})
@@ -259,7 +277,24 @@ BOMBS = {
     "CSV of packed line feeds": (make_packed_lines, "a.csv.gz", TABLE),
     "CSV without an end": (endless, "a.csv", TABLE),
     "houses of packed line feeds": (make_packed_lines, "a.jsonl.gz", PROCTHOR),
-    "class map without an end": (endless, "a.csv", CLASS_MAP),
+    "class map of 500,000 rows": (text(MAP + "".join(make_words(4, 500_000))), "a.csv", CLASS_MAP),
+    "labels of 300,000 columns": (
+        text(",".join(f"c{n}" for n in range(300_000)) + ",source_label,label\n"),
+        "a.csv",
+        WORDS,
+    ),
+    "labels of 1,600,000 rows": (
+        text("source_label,label\n" + "".join(f"{n},\n" for n in range(1_600_000))),
+        "a.csv",
+        WORDS,
+    ),
+    "label space of 1,000,000 columns": (
+        text("a," * 1_000_000 + "label,name\n" + "1\n" * 900_000),
+        "a.csv",
+        LABELS,
+    ),
+    "YAML of 1,000,000 mappings": (text("a: [" + "{}," * 1_000_000 + "]"), "a.yaml", LABELS),
+    "TOML of a key of 32,000 parts": (text("a." * 32_000 + "a = 1"), "a.toml", CONFIG),
 }
 
 
@@ -290,6 +325,12 @@ LARGEST = {
         make_house(L=1, R=1_000, S=50_000, V=50_000, C=50_000, O=50_000, E=790_000),
         "a.house",
         HOUSE,
+    ),
+    "class map": (text(MAP + "".join(make_words(31, 49_000))), "a.csv", CLASS_MAP),
+    "labels": (
+        text("source_label,label\n" + "".join(f"room {n},kitchen\n" for n in range(499_000))),
+        "a.csv",
+        WORDS,
     ),
     "layout": (
         text("rooms:\n" + "".join(f"  room_{one}: {KITCHEN}\n" for one in range(1, 10_000))),

@@ -86,6 +86,7 @@ def test_a_member_of_a_zip_is_there_once_and_within_its_bound(tmp_path: Path) ->
     assert read_member(path, "table.csv", bound) == b"words"
     for members, code in (
         ([("a/table.csv", b"1"), ("b/table.csv", b"2")], "zip-member-missing"),
+        ([("x" * 20_000, b""), *((f"{n}", b"") for n in range(9))], "zip-member-missing"),
         ([("table.csv", b"0" * 100_001)], "file-too-large"),
     ):
         write_zip(path, *members)

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import DatasetError
-from bsg_data.inputs.documents import parse_json, parse_toml, parse_yaml, read_json
+from bsg_data.inputs.bounds import MAX_LABEL_COLUMNS, MAX_LINE, MAX_NODES
+from bsg_data.inputs.documents import parse_csv, parse_json, parse_toml, parse_yaml, read_json
 
 words = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 leaves = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | words
@@ -102,6 +103,31 @@ def test_what_is_no_toml_is_a_value_error(text: str | bytes) -> None:
     assert parse_toml(b"[a]\nb = [1, 2]") == {"a": {"b": [1, 2]}}
     with pytest.raises(ValueError, match=r"."):
         parse_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"a,b\n" * 6, "line 6: expected at most 5 rows"),
+        (b"a\n" + b"," * MAX_LABEL_COLUMNS, "line 2: expected at most 1,000 columns, found 1,001"),
+        (b"a\n" + b"x" * (MAX_LINE + 1), "line 2: expected at most 1,048,576 characters"),
+        (b'a\n"b', "line 2: a quote is not closed"),
+        (b"a\n\xff", "line 2: not UTF-8"),
+    ],
+)
+def test_a_table_of_text_beyond_its_bounds_is_refused_at_its_line(data: bytes, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        list(parse_csv(data, most_rows=5))
+
+
+def test_a_table_of_text_has_the_last_line_of_each_row() -> None:
+    rows = [(1, ["é", "b"]), (3, ["1\n2", "3"]), (4, []), (5, ["4"])]
+    assert [*parse_csv('\ufeffé;b\n"1\n2";3\n\n4'.encode(), most_rows=9, separator=";")] == rows
+
+
+def test_yaml_of_too_many_nodes_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^no YAML \(more than 500,000 texts"):
+        parse_yaml(b"[" + b"a," * MAX_NODES + b"]")
 
 
 @pytest.mark.parametrize(

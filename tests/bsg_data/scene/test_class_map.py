@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import ClassMapError
+from bsg_data.inputs.bounds import MAX_MAP_ROWS
 from bsg_data.scene.class_map import (
     Classified,
     OwnMap,
@@ -147,6 +148,25 @@ def test_the_first_map_has_no_rules() -> None:
 def test_a_malformed_map_is_refused(tmp_path: Path, spellings: str, classes: str) -> None:
     with pytest.raises(ClassMapError):
         load_class_map(own_map(tmp_path, spellings, classes))
+
+
+@pytest.mark.parametrize(
+    ("file", "text"),
+    [
+        ("a.csv", f"raw_category,category,class\nchair,chair,{'x' * 90_000}\n"),
+        ("a.csv", f"raw_category,category,class\n{'x' * 90_000},chair,\n{'x' * 90_000},chair,\n"),
+        ("a.csv", f"raw_category,category,class\n{'x' * 90_000},a,\n{'X' * 90_000},a,chair\n"),
+        ("a.csv", f"{'x' * 90_000}\n"),
+        ("a.classes.csv", f"index,class,definition\n0,{'x' * 90_000},\n{'9' * 90_000},b,\n"),
+        ("a.csv", "raw_category,category,class\n" + "a,a,\n" * MAX_MAP_ROWS),
+    ],
+)
+def test_errors_of_a_map_cut_what_they_repeat(tmp_path: Path, file: str, text: str) -> None:
+    (tmp_path / "a.csv").write_text("raw_category,category,class\n", "utf-8")
+    (tmp_path / file).write_text(text, "utf-8")
+    with pytest.raises(ClassMapError) as caught:
+        load_class_map(tmp_path / "a.csv")
+    assert len(str(caught.value)) < 300
 
 
 def test_a_name_has_one_category_class_and_role(tmp_path: Path) -> None:
