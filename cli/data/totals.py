@@ -12,6 +12,7 @@ from bsg_data import extend
 from bsg_data.tables import format_text
 
 _SHOWN = 20  # rows of each table
+_LONGEST = 200  # characters of a name
 
 
 def format_totals(manifest: extend.Manifest) -> str:
@@ -87,15 +88,18 @@ def format_losses(manifest: extend.Manifest) -> str:
             rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:_SHOWN]]
             lines.append(format_text(rows, header=(what, "location", "reason")))
     if manifest.unmapped:
-        names = [(u.name, u.instances, ", ".join(u.nearest)) for u in manifest.unmapped[:_SHOWN]]
+        names = [
+            (_cut(u.name), u.instances, ", ".join(map(_cut, u.nearest)))
+            for u in manifest.unmapped[:_SHOWN]
+        ]
         lines.append(format_text(names, header=("unmapped name", "instances", "nearest")))
     if manifest.unknown_labels:
-        rooms = [(one.name, f"{one.instances:,}") for one in manifest.unknown_labels[:_SHOWN]]
+        rooms = [(_cut(one.name), f"{one.instances:,}") for one in manifest.unknown_labels[:_SHOWN]]
         lines.append(format_text(rooms, header=("kind of room not known", "rooms")))
         lines.append("name them with --room-labels FILE (source_label,label)")
     if manifest.resolved:
         known = [
-            (r.name, r.instances, r.rule, r.category, r.class_name or "none")
+            (_cut(r.name), r.instances, r.rule, _cut(r.category), r.class_name or "none")
             for r in manifest.resolved[:_SHOWN]
         ]
         header = ("name resolved by rule", "instances", "rule", "category", "class")
@@ -104,6 +108,10 @@ def format_losses(manifest: extend.Manifest) -> str:
     if max(map(len, told)) > _SHOWN:
         lines.append("… dataset.json has the full lists")
     return "\n".join(lines)
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
 def _mesh_line(meshes: list[extend.MeshCoverage]) -> str:

@@ -29,6 +29,13 @@ def test_losses_are_reported_in_one_table(hm3d_folder: Path, tmp_path: Path) -> 
     run("build", "--out", "x", "--hm3d", "a", "--source", "hm3d-stats", "b", code=2)
 
 
+def test_a_long_name_is_cut_in_the_report(hm3d_folder: Path, tmp_path: Path) -> None:
+    text = f'HM3D Semantic Annotations\n1,0A0A0A,"{"zzqx " * 20_000}",1\n'
+    write_scene(hm3d_folder, "00042-long0000000", text.encode())
+    result = run("build", "--hm3d", hm3d_folder, "--out", tmp_path / "d", "--workers", "1")
+    assert max(map(len, result.stdout.splitlines())) < 400
+
+
 @pytest.mark.heavy
 @pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
 def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int) -> None:
