@@ -37,7 +37,8 @@ def find_things(
         meaning = seen.understand(thing)
         if meaning.how:
             note(meaning.how)
-        _print_places(seen, meaning, seen.where(thing, here=here), unit)
+        places = seen.where(thing, here=here)
+        _print_places(seen, meaning, places, unit, first=facts["go_first"])
         if len(things) > 1:
             print_text("")
     _print_plan(seen, facts, unit)
@@ -105,8 +106,10 @@ def _print_places(
     meaning: bsg_models.Meaning,
     places: Sequence[bsg_models.Place],
     unit: str | None,
+    *,
+    first: str | None,
 ) -> None:
-    """Print the rooms of one thing as a table, then how likely the building has one."""
+    """Print the rooms of one thing as a table, then its furniture, and if the building has one."""
     anywhere, is_counted = seen.anywhere(meaning.word), _answerer(meaning) != "likeness"
     words = {obj.name: f"{obj.name} ({obj.raw_category})" for obj in seen.graph.objects}
     columns: dict[str, Callable[[bsg_models.Place], str]] = {
@@ -130,8 +133,9 @@ def _print_places(
     print_text(format_text(rows, header=order, numeric=numbers))
     if len(places) > _MOST_ROWS:
         print_note(f"… and {len(places) - _MOST_ROWS:,} less likely rooms; --json prints all")
-    if places and places[0].pieces:
-        print_text(_describe_pieces(places[0]))
+    named = [place for place in places if place.pieces and place.room in (first, places[0].room)]
+    for place in named:
+        print_text(_describe_pieces(place))
     model = seen.asked(meaning.word)
     if meaning.thing is not None:
         print_text(f"somewhere in the building: {_percent(anywhere)}, by the table {model}")
@@ -147,8 +151,11 @@ def _print_places(
 
 def _describe_pieces(place: bsg_models.Place) -> str:
     """Return the likeliest pieces of furniture of a room, if an unseen thing is there."""
-    pieces = (f"{piece.name} {_percent(piece.if_there)}" for piece in place.pieces)
-    return f"{_name(place)}: {', '.join(pieces)}"
+    pieces = (
+        f"{piece.name} {'(seen there)' if piece.seen else _percent(piece.if_there)}"
+        for piece in place.pieces
+    )
+    return f"{_name(place)}, if it is there: {', '.join(pieces)}"
 
 
 def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: str | None) -> None:

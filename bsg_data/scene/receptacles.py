@@ -2,7 +2,8 @@
 
 Three tables of `mappings/` say it (`mappings/README.md`):
 
-    receptacles-v1.csv        a piece, its names, the listed ones that it is like, if it is opened
+    receptacles-v1.csv        a piece, its names, the listed ones that it is like, if it is opened,
+                              and whether it holds only what the table of keeping names
     receptacle-shares-v1.csv  share of people to whom things belong there, of all things together
     keeping-v1.csv            a kind of thing → the pieces where a person would look, by hand
 
@@ -40,6 +41,20 @@ class Receptacle:
     name: str
     like: tuple[int, ...]  # the listed pieces that it is like, numbers of `list_receptacles`
     closed: float  # share of what it holds that is not seen until it is opened
+    only: bool  # whether it holds only what the table of keeping names
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """Where a person would look for a kind of thing."""
+
+    weights: Mapping[str, float]  # of pieces by name, per cent; none for what stands by itself
+
+    def weigh(self, piece: Receptacle) -> float | None:
+        """Return the weight of a piece; None if those that it is like say it."""
+        if piece.name in self.weights or piece.only:
+            return self.weights.get(piece.name, 0.0)
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +98,13 @@ def find_receptacle(word: str) -> Receptacle | None:
     return None
 
 
-def find_keeping(word: str) -> Floats | None:
-    """Return the weights `[P]` of the listed pieces where a person would look for a thing.
-
-    They are all 0 for what stands by itself, such as a wardrobe; None if the table does not say.
-    """
+def find_keeping(word: str) -> Keeping | None:
+    """Return where a person would look for a thing; None if the table does not say."""
     listed, thing = _read_keeping(), find_thing(word)
     for name in (_spell(word), thing.name if thing else "", _spell(word).rpartition(" ")[2]):
         if name in listed:
             return listed[name]
-    return np.zeros(len(list_receptacles())) if find_receptacle(word) else None
+    return Keeping({}) if find_receptacle(word) else None
 
 
 @cache
@@ -108,28 +120,26 @@ def _read_shares() -> tuple[tuple[str, ...], Shares]:
 
 @cache
 def _read_receptacles() -> Mapping[str, Receptacle]:
-    header = ("receptacle", "spellings", "like", "opened", "source")
+    header = ("receptacle", "spellings", "like", "opened", "only", "source")
     number = {piece: index for index, piece in enumerate(list_receptacles())}
     found: dict[str, Receptacle] = {}
-    for _, (name, spellings, like, opened, _) in read_rows(
+    for _, (name, spellings, like, opened, only, _) in read_rows(
         _PIECES, read_published(_PIECES), header
     ):
         alike = tuple(number[one] for one in like.split(_SEPARATOR))
-        piece = Receptacle(name, alike, _OPENED[opened])
+        piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
         found |= {_spell(one): piece for one in (name, *spellings.split(_SEPARATOR))}
     return found
 
 
 @cache
-def _read_keeping() -> Mapping[str, Floats]:
+def _read_keeping() -> Mapping[str, Keeping]:
     rows = read_rows(_KEEPING, read_published(_KEEPING), ("kind", "things", "receptacles"))
-    pieces, found = list_receptacles(), dict[str, Floats]()
+    found: dict[str, Keeping] = {}
     for _, (_, things, where) in rows:
-        weights = np.zeros(len(pieces))
-        for part in filter(None, where.split(_SEPARATOR)):
-            piece, _, weight = part.partition(":")
-            weights[pieces.index(piece)] = float(weight)
-        found |= dict.fromkeys(things.split(_SEPARATOR), weights)
+        parts = [part.partition(":") for part in filter(None, where.split(_SEPARATOR))]
+        kept = Keeping({piece: float(weight) for piece, _, weight in parts})
+        found |= dict.fromkeys(things.split(_SEPARATOR), kept)
     return found
 
 

@@ -2,11 +2,12 @@
 
 A piece of kind k in a room of kind r holds a thing at the rate
 
-    (t · belongs + (1 − t) · untidy) · (w + 3)^0.8 · (1 − (1 − c) · (1 − h) / 2)
+    (t · belongs + (1 − t) · untidy) · (w + e)^0.8 · (1 − (1 − c) · (1 − h) / 2)
 
     belongs, untidy   shares of people who say that things belong there, or lie there in an untidy
                       home (`bsg_data.scene.receptacles`); t is `tidy`
-    w                 where a person would look for such a thing, by hand, per cent
+    w                 where a person would look for such a thing, by hand, per cent; e is 3, and 0.3
+                      for a piece that holds one kind of things, such as a shoe rack
     c                 share of the piece that is not seen until it is opened
     h                 hidden share of the room: in the rest, half of all things would have been in
                       sight, where they are not in closed furniture
@@ -30,9 +31,11 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
 from bsg_data.scene.receptacles import (
+    Keeping,
     Receptacle,
     find_keeping,
     find_receptacle,
+    list_receptacles,
     read_shares,
 )
 
@@ -41,6 +44,7 @@ _IN_SIGHT = 0.5  # share of things on open furniture that a robot sees as it loo
 _OVERLOOKED = 0.2  # of the furniture that models expect, once a robot was inside: it is large
 _KEEPING = 0.8  # how far the table of keeping is trusted
 _EVERYWHERE = 3.0  # weight of every piece besides those where a person would look, per cent
+_ELSEWHERE = 0.3  # the same of a piece that holds one kind of things, such as a shoe rack
 # Kinds of rooms of which people were not asked, by one that is furnished alike.
 _FURNISHED_LIKE: Mapping[str, str] = {
     **dict.fromkeys(("toilet", "spa"), "bathroom"),
@@ -96,6 +100,13 @@ class Furniture:
         return np.asarray(self.rates * factors)
 
 
+def kind_of(obj: SeenObject) -> Receptacle | None:
+    """Return the kind of furniture of an object, by its word or by what the class map reads."""
+    return find_receptacle(obj.raw_category) or (
+        find_receptacle(obj.category) if obj.category else None
+    )
+
+
 def furnish(
     thing: str,
     room: KnownRoom,
@@ -115,36 +126,37 @@ def furnish(
         unseen: `[C]` P(the room has an unseen object of each class).
         tidy: share of things that lie where they belong, 0 to 1.
     """
-    kinds = _rate(thing, tidy)
-    if kinds is None:
+    kept = find_keeping(thing)
+    if kept is not None and not kept.weights:
         return None
-    listed = _weigh_labels(room) @ kinds
-    stood = [(obj, find_receptacle(obj.raw_category)) for obj in objects if obj.is_evidence]
+    people = _weigh_labels(room) @ _shares(tidy)
+    stood = [(obj, kind_of(obj)) for obj in objects if obj.is_evidence]
     known = [(obj, kind) for obj, kind in stood if kind]
     times = Counter(kind for _, kind in known)
-    rates = [_rate_of(kind, listed, room.hidden_share) / times[kind] for _, kind in known]
+    rates = [_rate(kind, people, kept, room.hidden_share) / times[kind] for _, kind in known]
     more = [
-        float(unseen[row]) * _rate_of(kind, listed, 1.0) / (1 + times[kind])
+        float(unseen[row]) * _rate(kind, people, kept, 1.0) / (1 + times[kind])
         for row, kind in _furniture_of(classes)
     ]
     left = _OVERLOOKED if room.visited and known else 1.0
     return Furniture(tuple(obj for obj, _ in known), np.array([*rates, left * sum(more)]))
 
 
-def _rate_of(kind: Receptacle, listed: Floats, hidden: float) -> float:
+def _rate(kind: Receptacle, people: Floats, kept: Keeping | None, hidden: float) -> float:
     """Return the rate of all pieces of a kind together: of that people were asked."""
-    missed = 1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden)
-    return float(listed[[*kind.like]].mean()) * missed
+    rates = people[[*kind.like]]
+    if kept is not None:
+        own = kept.weigh(kind)
+        names = (list_receptacles()[one] for one in kind.like)
+        weights = np.array([kept.weights.get(name, 0.0) if own is None else own for name in names])
+        rates = rates * (weights + (_ELSEWHERE if kind.only else _EVERYWHERE)) ** _KEEPING
+    return float(rates.mean()) * (1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden))
 
 
-@lru_cache(maxsize=1000)
-def _rate(thing: str, tidy: float) -> Floats | None:
-    """Return the rates of the listed pieces in each kind of room, `[K, P]`."""
-    said, weights = read_shares(), find_keeping(thing)
-    if weights is not None and not weights.any():
-        return None
-    people = tidy * said.belongs + (1 - tidy) * said.untidy
-    return people if weights is None else people * (weights + _EVERYWHERE) ** _KEEPING
+@lru_cache(maxsize=100)
+def _shares(tidy: float) -> Floats:
+    said = read_shares()
+    return np.asarray(tidy * said.belongs + (1 - tidy) * said.untidy)
 
 
 def _weigh_labels(room: KnownRoom) -> Floats:

@@ -19,7 +19,9 @@ from bsg_models.search.knowledge import find_costs
 
 _STEP = 2.0  # metres between two pieces of a room, if nobody says where they are
 LOOK_AT = 2.5  # metres that a look at a piece costs: a fifth of that of a room of 12 m²
-_DETOUR = 3.0  # most that a way between pieces is longer than a straight line
+_MOST_CLOSED = 400  # places of which all cheapest ways are found
+_MOST = 100  # pieces, the likeliest ones, that a decision weighs
+_WORTH = 0.05  # of the rest of a room: a piece that is less likely does not come before it
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,7 @@ class Spot:
     sure: float  # P(one that was seen is there)
     missed: float = 1.0  # P(all looks at it miss a thing that is there)
     again: bool = False  # whether the last look was there
+    seen: tuple[str, ...] = ()  # ids of those that were seen on the piece
 
     @property
     def name(self) -> str | None:
@@ -40,14 +43,25 @@ class Spot:
 
 
 def leave_rest(spots: list[Spot]) -> list[Spot]:
-    """Return the places of a room; its rest waits until every piece had a look.
+    """Return the places of a room that was entered; its rest waits for pieces without a look.
 
-    Nobody looks about for more furniture in front of a cupboard that is closed.
+    Nobody looks about for more furniture in front of a cupboard that is closed, unless what was
+    seen is hardly worth a look.
     """
     *pieces, rest = spots
-    if any(spot.missed == 1 for spot in pieces):
+    if any(spot.missed == 1 and spot.share >= _WORTH * rest.share for spot in pieces):
         rest = replace(rest, share=0.0)
     return [*pieces, rest]
+
+
+def take_likeliest(spots: list[Spot], unseen: Floats, *, at: str | None) -> list[Spot]:
+    """Return the rests of all rooms, the likeliest pieces and that of the robot, in their order."""
+    pieces = [spot for spot in spots if spot.piece is not None]
+    if len(pieces) <= _MOST:
+        return spots
+    chances = [max(spot.sure, spot.share * float(unseen[spot.node])) for spot in pieces]
+    kept = {id(pieces[number]) for number in np.argsort(chances)[-_MOST:]}
+    return [s for s in spots if s.piece is None or id(s) in kept or s.name == at]
 
 
 def choose_spot(
@@ -83,7 +97,7 @@ def choose_spot(
     shares = np.array([spot.share for spot in spots])
     finds = (1 - (1 - chance * sure) * (1 - shares * unseen[nodes])) * left
     if decision.is_known:
-        finds = (sure > 0) * left * 1.0
+        finds = sure * left
     places = replace(  # the building stays the first node
         decision,
         finds=np.pad(finds, (1, 0))[:, None],
@@ -108,10 +122,10 @@ def choose_spot(
 def _measure(spots: list[Spot], graph: PartialGraph, ways: Ways) -> Floats:
     """Return the costs of going from place to place, `[M, M]`.
 
-    A way between rooms is as much longer than the straight line as that between their middles.
+    Between rooms it is the cost between their middles, and how much farther apart the places are
+    than the middles. What was said of a way stays what it was.
     """
     nodes = np.array([spot.node for spot in spots])
-    costs = ways.costs[nodes[:, None], nodes]
     rooms = [None, *(place_of(room) for room in graph.rooms)]
     nowhere = (np.nan, np.nan, np.nan)
     middles = np.array([(rooms[n] if n < len(rooms) else None) or nowhere for n in nodes])
@@ -121,18 +135,17 @@ def _measure(spots: list[Spot], graph: PartialGraph, ways: Ways) -> Floats:
             for spot, middle in zip(spots, middles, strict=True)
         ]
     )
-    straight = _lines(ends) * ways.metre
-    between = _lines(middles) * ways.metre
-    with np.errstate(invalid="ignore", divide="ignore"):
-        detour = np.clip(costs / between, 1.0, _DETOUR)
-        bent = np.where(np.isfinite(detour), detour * straight, np.nan)
-    same = nodes[:, None] == nodes
-    bent = np.where(same, straight, np.where(np.isinf(costs), np.inf, bent))
-    found = np.where(np.isnan(bent), np.where(same, _STEP * ways.metre, costs), bent)
-    np.fill_diagonal(found, 0.0)
-    return find_costs(found)  # a way past a piece is never longer than one to it and on
+    apart, same = _lines(ends) * ways.metre, nodes[:, None] == nodes
+    more = apart - _lines(middles) * ways.metre
+    costs = ways.costs[nodes[:, None], nodes] + np.where(np.isfinite(more) & ~same, more, 0.0)
+    costs = costs.clip(min=0.0)
+    costs = np.where(same, np.where(np.isfinite(apart), apart, _STEP * ways.metre), costs)
+    np.fill_diagonal(costs, 0.0)
+    # A way past a piece is never shorter than the cheapest way.
+    return find_costs(costs) if len(costs) <= _MOST_CLOSED else np.asarray(costs)
 
 
 def _lines(points: Floats) -> Floats:
     """Return the straight distances between points `[M, 3]`, NaN where one is unknown."""
-    return np.asarray(np.sqrt(((points[:, None] - points) ** 2).sum(axis=-1)))
+    squares = [(one[:, None] - one) ** 2 for one in points.T]
+    return np.asarray(np.sqrt(sum(squares)))

@@ -53,7 +53,7 @@ from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, be
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
-from bsg_models.belief.pieces import TIDY, Furniture, furnish
+from bsg_models.belief.pieces import TIDY, Furniture, furnish, kind_of
 from bsg_models.robot.decision import (
     Decision,
     choose_room,
@@ -61,7 +61,7 @@ from bsg_models.robot.decision import (
     order_rooms,
     weigh,
 )
-from bsg_models.robot.destinations import LOOK_AT, Spot, choose_spot, leave_rest
+from bsg_models.robot.destinations import LOOK_AT, Spot, choose_spot, leave_rest, take_likeliest
 from bsg_models.robot.looks import AnyLook, cost_looks
 from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks
 from bsg_models.robot.notes import note_graph
@@ -347,15 +347,29 @@ class SeenBuilding:
         score = say_score(where, score, age=age, stays=hours)
         known = self._models[0].class_map.classify(thing)
         facts = (index, thing, known.category, known.class_index, position, score)
+        before = {obj.name: obj for obj in self._graph.objects}.get(object_id or "")
         piece = None if on is None else self._find_piece(on, index, not_=object_id)
+        if on is None and before is not None and before.room_index == index:
+            piece = before.on  # who sees it again need not say it again
         seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
         if object_id is None:
             near = reports.find_near(self._graph, seen, within=within, besides=besides)
             if near is not None:
                 certain = score is None or near.score is None
                 likelier = max(seen.probability, near.probability)
-                seen = replace(seen, name=near.name, score=None if certain else likelier)
+                score = None if certain else likelier
+                seen = replace(seen, name=near.name, score=score, on=seen.on or near.on)
         graph = reports.see_object(self._graph, seen)
+        below, on = {obj.name: obj.on for obj in graph.objects}, seen.on
+        while on is not None and on != seen.name:
+            on = below.get(on)
+        if on is not None:
+            raise RecipeError(
+                f"{where}: on: {seen.name[:SHOWN]!r} would lie on itself, by "
+                f"{str(seen.on)[:SHOWN]!r}; say what is below",
+                code="piece-on-itself",
+                where=seen.name,
+            )
         if seen.is_evidence:  # it is there, after all
             missed = [
                 one.look
@@ -413,6 +427,15 @@ class SeenBuilding:
         index = find_room(self._graph, room)
         self.understand(thing)
         piece = None if at is None else self._find_piece(at, index)
+        if piece is not None and not any(
+            obj.name == piece and kind_of(obj) for obj in self._graph.objects
+        ):
+            raise RecipeError(
+                f"looked for {thing[:SHOWN]!r}: at: {piece[:SHOWN]!r} is no furniture that holds "
+                "things; leave `at` out, if the look was into the whole room",
+                code="piece-holds-nothing",
+                where=piece,
+            )
         chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
         self._change(reports.look(self._graph, Look(index, thing, chance, piece)))
 
@@ -423,8 +446,9 @@ class SeenBuilding:
             known = []
         if said in [obj.name for obj in known]:
             return said
-        spoken = normalise_name(str(said))
+        spoken, kind = normalise_name(str(said)), find_receptacle(str(said))
         same = [obj.name for obj in known if normalise_name(obj.raw_category) == spoken]
+        same = same or [obj.name for obj in known if kind is not None and kind_of(obj) == kind]
         if len(same) == 1:
             return same[0]
         shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
@@ -617,7 +641,7 @@ class SeenBuilding:
                 code="room-named-explore",
                 where=EXPLORE,
             )
-        graph = reports.let_go(graph)
+        graph = reports.let_go(self._keep_looks(graph))
         understood = ((one, self._understand_or_none(one.thing)) for one in graph.looks)
         looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
         whole = add_unfound(doubt_objects(graph, looks, names=self._names))
@@ -630,6 +654,29 @@ class SeenBuilding:
             self._evidence, self._expectations, self._ways = evidence, {}, None
         self._graph, self._whole, self._looks = graph, whole, looks
         self._read: dict[int, PartialGraph] = {0: whole}
+        self._by_room: dict[int, list[SeenObject]] = {}
+
+    def _keep_looks(self, graph: PartialGraph) -> PartialGraph:
+        """Return the graph in which looks at a piece that is gone are looks into its room.
+
+        They have the chance that the piece had its share of.
+        """
+        room_of = {obj.name: obj.room_index for obj in graph.objects}
+        for one in graph.looks:
+            meaning = self._understand_or_none(one.thing)
+            if one.at is None or room_of.get(one.at) == one.room_index or meaning is None:
+                continue
+            furniture = self._furnish(meaning, one.room_index)
+            if furniture is not None and one.at in furniture.names:
+                missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
+                graph = reports.look(graph, replace(one, at=None, chance=missed))
+                left = {obj.name: obj.score for obj in self._objects_of(one.room_index)}
+                objects = tuple(
+                    replace(obj, score=left.get(obj.name, 0.0)) if obj.on == one.at else obj
+                    for obj in graph.objects
+                )
+                graph = replace(graph, objects=objects)
+        return graph
 
     # Questions of the robot
 
@@ -645,7 +692,7 @@ class SeenBuilding:
                         probability=1
                         - (1 - spot.sure) * (1 - spot.share * float(belief.unseen[node])),
                         if_there=spot.share,
-                        seen=_lying_on(spot.piece, belief.seen[node]),
+                        seen=spot.seen,
                     )
                     for spot in self._list_spots(belief, meaning, node, tidy)
                 ),
@@ -664,33 +711,46 @@ class SeenBuilding:
         if furniture is None:
             return []
         missed = self._missed_at(meaning, node)
+        shares = furniture.shares(missed).tolist()
         covering = [one.look for one in self._looks if one.covers(meaning)]
         last = covering[-1] if covering and covering[-1].room_index == node else None
+        below = {obj.name: obj.on for obj in self._objects_of(node)}
+
+        def piece_of(obj: SeenObject) -> str | None:
+            """Return the piece on which an object is, by way of a tray or not."""
+            on = obj.on
+            while on is not None and on not in furniture.names:
+                on = below.get(on)
+            return on
+
+        lies = {obj.name: piece_of(obj) for obj in belief.seen[node]}
+        loose = _there(obj for obj in belief.seen[node] if lies[obj.name] is None)
         spots = []
-        for piece, share in zip(
-            (*furniture.pieces, None), furniture.shares(missed).tolist(), strict=True
-        ):
-            name, known = None if piece is None else piece.name, furniture.names
-            lying = (o for o in belief.seen[node] if (o.on if o.on in known else None) == name)
-            spots.append(
-                Spot(
-                    node,
-                    piece,
-                    share,
-                    _there(lying),
-                    missed.get(name, 1.0),
-                    last is not None and last.at == name,
-                )
-            )
+        for piece, share in zip((*furniture.pieces, None), shares, strict=True):
+            name = None if piece is None else piece.name
+            # What was seen, and nobody said on what, is on a piece that was seen.
+            known = share / max(1 - shares[-1], _LEAST) if piece or not furniture.pieces else 0.0
+            lying = _there(o for o in belief.seen[node] if piece and lies[o.name] == name)
+            sure = 1 - (1 - lying) * (1 - min(1.0, known) * loose)
+            again = last is not None and last.at == name
+            ids = tuple(obj for obj, on in lies.items() if piece and on == name)
+            spots.append(Spot(node, piece, share, sure, missed.get(name, 1.0), again, ids))
         return spots
 
+    def _objects_of(self, node: int) -> Sequence[SeenObject]:
+        """Return the objects of a room, as looks leave them."""
+        if not self._by_room:
+            for obj in self._whole.objects:
+                self._by_room.setdefault(obj.room_index, []).append(obj)
+        return self._by_room.get(node, ())
+
     def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
-        belief = self._believe(self._judge)[1]
+        belief = self._believe(0)[1]
         return furnish(
-            meaning.word if meaning.thing is None else meaning.thing.name,
+            meaning.word,
             self._whole.rooms[node - 1],
-            [obj for obj in self._whole.objects if obj.room_index == node],
-            classes=self._model(self._judge).classes,
+            self._objects_of(node),
+            classes=self._models[0].classes,
             unseen=belief.presence[node],
             tidy=tidy,
         )
@@ -768,7 +828,6 @@ class SeenBuilding:
     def _list_rooms(
         self, thing: str, here: str | None, costs: Costs | None, tidy: float
     ) -> tuple[Place, ...]:
-        furnished = {o.room_index for o in self._whole.objects if find_receptacle(o.raw_category)}
         meaning = self.understand(thing)
         belief = self._look_up(thing)
         known_costs = {} if here is None else self._known_costs(here, costs)
@@ -785,7 +844,7 @@ class SeenBuilding:
                 seen=tuple(obj.name for obj in belief.seen[node]),
                 cost=known_costs.get(node),
                 pieces=self._list_pieces(belief, meaning, node, tidy)[:_SHOWN_PIECES]
-                if node in furnished
+                if any(map(kind_of, self._objects_of(node)))
                 else (),
             )
             for node, room in enumerate(self._graph.rooms, 1)
@@ -926,18 +985,16 @@ class SeenBuilding:
         spots = [
             spot
             for node in range(1, 1 + len(self._whole.rooms))
-            for spot in leave_rest(
-                self._list_spots(belief, meaning, node)
-                or [Spot(node, None, 1.0, _there(belief.seen[node]))]
-            )
+            for spot in self._list_places(belief, meaning, node)
         ]
+        unseen = belief.finds_unseen(chance)
         chosen = choose_spot(
             decision,
-            spots,
+            take_likeliest(spots, unseen, at=piece),
             self._graph,
             ways,
             costs_of_looks,
-            belief.finds_unseen(chance),
+            unseen,
             here=start,
             at=piece,
             chance=chance,
@@ -946,6 +1003,13 @@ class SeenBuilding:
         if chosen is None:
             return None
         return Destination(self._name(chosen.node), chosen.name)
+
+    def _list_places(self, belief: ThingBelief, meaning: Meaning, node: int) -> list[Spot]:
+        """Return where to look in a room."""
+        spots = self._list_spots(belief, meaning, node)
+        if not spots:
+            return [Spot(node, None, 1.0, _there(belief.seen[node]))]
+        return leave_rest(spots) if self._whole.rooms[node - 1].visited else spots
 
     @_alone
     def next_rooms(
@@ -1262,10 +1326,6 @@ class SeenBuilding:
 def _there(objects: Iterable[SeenObject]) -> float:
     """Return P(any of some objects is there)."""
     return 1 - math.prod(1 - obj.probability for obj in objects)
-
-
-def _lying_on(piece: SeenObject | None, objects: Sequence[SeenObject]) -> tuple[str, ...]:
-    return tuple(obj.name for obj in objects if piece is not None and obj.on == piece.name)
 
 
 def _list_words(things: str | Sequence[str]) -> list[str]:

@@ -87,6 +87,7 @@ class Saw(_Request):
     stays: Stay | None = None
     within: Within = 0.5
     besides: Annotated[tuple[Id, ...], Field(max_length=1000)] = ()
+    on: Id | None = None
 
 
 class Gone(_Request):
@@ -101,6 +102,7 @@ class Looked(_Request):
     thing: Name
     room: Id | None = None  # None: where the robot is
     chance: Score = LOOK_CHANCE
+    at: Id | None = None  # None: the whole room
 
 
 class Entered(_Request):
@@ -207,7 +209,7 @@ class Robot:
             room,
             said.thing,
             object_id=said.object,
-            **said.model_dump(include={"position", "score", "age", "stays", "within", "besides"}),
+            **said.model_dump(exclude={"id", "thing", "room", "object"}),
         )
         is_known = self.seen.graph.objects[-1].category is not None
         note = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
@@ -227,7 +229,7 @@ class Robot:
     def looked(self, said: Looked) -> Answer:
         """Note a look that did not find a thing, in the robot's room unless it says another one."""
         room = self._require_room(said.room)
-        self.seen.looked(room, said.thing, chance=said.chance)
+        self.seen.looked(room, said.thing, chance=said.chance, at=said.at)
         return {"room": room, "thing": said.thing}
 
     def searched(self, said: Searched) -> Answer:

@@ -268,7 +268,10 @@ def by_place(robot: Robot) -> bool | None:
     if go.room in robot.entered:  # it looks about, and finds nothing more
         robot.drive(go.room, robot.house.rooms[go.room][1])
         robot.at, robot.seconds = None, robot.seconds + LOOK
-        robot.seen.looked(go.room, robot.thing, chance=CHANCE)
+        if robot.pieces(go.room):
+            robot.seen.entered(go.room, floor_in_view=1.0)
+        else:
+            robot.seen.looked(go.room, robot.thing, chance=CHANCE)
     else:
         robot.enter(go.room)
     return False

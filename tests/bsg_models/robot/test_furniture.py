@@ -81,9 +81,10 @@ def test_the_rates_by_hand() -> None:
     assert found is not None
     assert kept is not None
     people = 0.5 * (shares.belongs + shares.untidy)[shares.rooms.index("kitchen")]
-    rates = people * (kept + 3) ** 0.8
     counter, fridge, sink = (
-        rates[one.like[0]] for w in ("counter", "fridge", "sink") if (one := find_receptacle(w))
+        people[one.like[0]] * (kept.weights.get(one.name, 0) + (0.3 if one.only else 3)) ** 0.8
+        for w in ("counter", "fridge", "sink")
+        if (one := find_receptacle(w))
     )
     expected = np.array([counter * 0.75, fridge, sink * 0.4 * 0.2])  # it was inside the room
     np.testing.assert_allclose(found.rates, expected)
@@ -146,13 +147,104 @@ def test_what_was_seen_is_looked_for_where_it_was_seen() -> None:
     assert flat().next_place("wardrobe", here="kitchen") == Destination("bedroom", None)
 
 
-def test_a_piece_that_is_gone_holds_nothing_and_was_not_searched() -> None:
+def test_a_piece_that_is_gone_holds_nothing() -> None:
     seen = flat()
     seen.looked("kitchen", "milk", at="counter")
     spoon = seen.saw("kitchen", "spoon", on="counter")
     seen.gone("counter")
-    assert seen.graph.looks == ()
     assert {obj.name: obj.on for obj in seen.graph.objects}[spoon] is None
+    (look,) = seen.graph.looks  # it was a look into the room, at the share of the counter
+    assert look.at is None
+    assert 0 < look.chance < 0.3
+
+
+def test_a_look_counts_though_the_piece_is_gone() -> None:
+    seen = flat()
+    milk = seen.saw("kitchen", "milk", on="fridge")
+    for _ in range(3):
+        seen.looked("kitchen", "milk", at="fridge")
+    doubted = seen.where("milk")[0].probability
+    seen.gone("fridge")
+    assert seen.where("milk")[0].probability == pytest.approx(doubted, abs=0.05)
+    assert {obj.name: obj.score for obj in seen.graph.objects}[milk] == pytest.approx(
+        0.03, abs=0.01
+    )
+
+
+def test_what_is_seen_again_stays_where_it_lay() -> None:
+    seen = flat()
+    seen.saw("kitchen", "mug", object_id="cup")
+    assert {obj.name: obj.on for obj in seen.graph.objects}["cup"] == "counter"
+    seen.saw("bedroom", "mug", object_id="cup")
+    assert {obj.name: obj.on for obj in seen.graph.objects}["cup"] is None
+
+
+def test_what_was_seen_in_the_room_is_on_a_piece_that_was_seen_there() -> None:
+    seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": ["coat rack"]})
+    pieces = seen.where("cup", within="kitchen")
+    assert pieces[-1].name == NOT_SEEN
+    assert pieces[-1].probability < 0.5
+    assert sum(one.probability for one in pieces[:-1]) > 1
+    go = seen.next_place("cup", here="hall")
+    assert go is not None
+    assert (go.room, go.piece) == ("kitchen", pieces[0].piece)
+
+
+def test_a_mug_on_a_tray_on_the_counter_is_at_the_counter() -> None:
+    seen = flat()
+    seen.saw("kitchen", "tray", object_id="tray", on="counter")
+    seen.saw("kitchen", "plate", object_id="plate", on="tray")
+    assert seen.where("plate", within="kitchen")[0].seen == ("plate",)
+    with refuses(RecipeError, "piece-on-itself", where="tray"):
+        seen.saw("kitchen", "tray", object_id="tray", on="plate")
+
+
+def test_one_chair_is_not_searched_before_the_kitchen() -> None:
+    seen = open_graph({"kitchen": ["chair"] * 6, "hall": ["coat rack"]})
+    seen.entered("kitchen", floor_in_view=0.2)
+    assert seen.next_place("milk", here="hall") == Destination("kitchen", None)
+    rooms = [{"id": "kitchen", "visited": False}, {"id": "hall", "visited": True}]
+    chair = {"id": "chair", "room": "kitchen", "category": "chair"}
+    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": [chair]})
+    assert seen.next_place("milk", here="hall") == Destination("kitchen", None)
+
+
+def test_costs_that_are_said_are_obeyed() -> None:
+    places: dict[str, Any] = {"hall": [0, 0, 0], "near": [5, 0, 0], "far": [0, 16, 0]}
+    rooms: list[dict[str, Any]] = [
+        {"id": name, "position": at, "room_type": "kitchen"} for name, at in places.items()
+    ]
+    rooms[0] |= {"room_type": "corridor", "hidden_share": 0}
+    objects = [
+        {"id": f"fridge {n}", "room": n, "category": "fridge", "position": places[n]}
+        for n in ("near", "far")
+    ]
+    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
+    assert seen.next_place("milk", here="hall") == Destination("near", "fridge near")
+    costs = {("hall", "near"): 1000.0, ("near", "far"): 1000.0}
+    assert seen.next_place("milk", here="hall", costs=costs) == Destination("far", "fridge far")
+
+
+def test_furniture_in_other_words_is_furniture() -> None:
+    seen = open_graph({"kitchen": ["white cabinet", "wooden table", "fridge_2"], "hall": []})
+    known = {one.name for one in seen.where("mug", within="kitchen")}
+    assert known == {"white cabinet", "wooden table", "fridge_2", NOT_SEEN}
+    with refuses(RecipeError, "piece-holds-nothing", where="spoon"):
+        seen.saw("kitchen", "spoon", object_id="spoon")
+        seen.looked("kitchen", "mug", at="spoon")
+
+
+def test_many_places_are_weighed_in_a_moment() -> None:
+    rooms = [{"id": f"r{n}", "room_type": "office", "position": [n, 0, 0]} for n in range(250)]
+    objects = [
+        {"id": f"{n} {k}", "room": f"r{n}", "category": word, "position": [n, k, 0]}
+        for n in range(250)
+        for k, word in enumerate(("desk", "cabinet", "shelf", "chair"))
+    ]
+    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
+    go = seen.next_place("stapler", here="r0", at="0 0")
+    assert go is not None
+    assert go.piece is not None
 
 
 def test_a_piece_is_named_by_its_id_or_its_word() -> None:

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -339,7 +340,10 @@ def test_another_class_space_asks_the_default_model_for_nouns() -> None:
     )
     same = open_graph(OFFICE)
     assert wide.asked("sextant") == "universal"
-    assert wide.where("sextant") == same.where("sextant")
+    of_wide, of_same = (
+        [replace(place, pieces=()) for place in one.where("sextant")] for one in (wide, same)
+    )
+    assert of_wide == of_same
 
 
 def test_a_free_model_is_not_helped_by_a_table_with_terms() -> None:

@@ -84,6 +84,15 @@ def test_reports_change_what_python_would_change(robot: Robot) -> None:
     assert robot.seen.graph.rooms[-1].label == "D"
 
 
+def test_what_lies_on_what_and_looks_at_furniture_are_heard() -> None:
+    robot = Robot(open_graph({"kitchen": ["counter", "fridge"], "hall": []}))
+    say(robot, "entered", room="kitchen")
+    say(robot, "saw", thing="mug", object="m", on="counter 1")
+    say(robot, "looked", thing="milk", at="fridge 1")
+    assert robot.seen.graph.objects[-1].on == "counter 1"
+    assert [one.at for one in robot.seen.graph.looks] == ["fridge 1"]
+
+
 @pytest.mark.parametrize(("text", "more"), [("3", 3), ("true", True), ('{"number": true}', True)])
 def test_rooms_that_are_not_found_are_a_number_or_true(
     robot: Robot, text: str, more: object
