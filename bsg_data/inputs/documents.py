@@ -55,15 +55,25 @@ def parse_json(data: bytes | str, *, once: bool = True) -> Any:
     """Parse JSON; a key that is there twice is refused if `once`, else its last value is taken."""
     text = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
     _require_bounded(text)
+    fault = _find_key_twice(text) if once else None  # before there is a second document in memory
     try:
         document = from_json(text.removeprefix(b"\xef\xbb\xbf"), allow_inf_nan=False)
     except ValueError as error:
         if "recursion limit" in str(error):
             raise ValueError("nested more than 200 deep") from None
         raise
-    if once:
-        json.loads(text.decode("utf-8-sig"), object_pairs_hook=_require_once)
+    if fault is not None:
+        raise fault
     return document
+
+
+def _find_key_twice(text: bytes) -> ValueError | None:
+    """Return the fault of a key that is there twice; also one that only Python's parser finds."""
+    try:
+        json.loads(text.decode("utf-8-sig"), object_pairs_hook=_require_once)
+    except (ValueError, RecursionError) as error:  # the other parser says it with its place
+        return error if isinstance(error, ValueError) else ValueError("nested too deep")
+    return None
 
 
 def _require_bounded(text: bytes) -> None:

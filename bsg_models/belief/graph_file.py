@@ -114,10 +114,12 @@ def _read_document(path: Path, named: Path) -> Any:
     if path.suffix == BINARY:
         data = convert(path)
     try:
-        document = parse_json(data, once=False)
+        document = parse_json(data, once=b'"nodes"' not in data)
         if is_dsg(document):
             return document
-        parse_json(data)
+        if b'"nodes"' in data:
+            del document  # one at a time: two of them would take twice the memory
+            document = parse_json(data)
     except ValueError as error:
         raise RobotGraphError(
             f"{named}: no JSON ({str(error)[:200]})", code="json-malformed", where=named
