@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from numbers import Real
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from bsg_data.errors import RecipeError
+from bsg_data.first_fault import keep_one_unknown
 from bsg_data.spelling import SHOWN, show_value
 from bsg_data.tables import make_plain
 
@@ -29,6 +30,16 @@ class Record(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+class SaidRecord(Record):
+    """A record that a stranger fills: of many unknown keys, one is told."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _keep_one_unknown(cls, said: Any) -> Any:
+        known = {one.alias or name for name, one in cls.model_fields.items()}
+        return keep_one_unknown(said, known)
+
+
 # kinds of faults: our own message, a text that is no JSON, an unknown key
 _SELF_EXPLAINING = ("value_error", "json_invalid", "extra_forbidden")
 
@@ -38,12 +49,14 @@ def name_fault(error: ValidationError) -> str:
 
     A word or a number that is wrong is shown, unless the fault is not in it or says it already.
     """
-    first = error.errors()[0]
+    first = error.errors(include_url=False)[0]
     where = ".".join(make_plain(str(key)[:SHOWN]) for key in first["loc"]) or "the whole file"
     value = first["input"]
     is_shown = isinstance(value, str | int | float) and first["type"] not in _SELF_EXPLAINING
     shown = f", found {show_value(value)}" if is_shown else ""
     said = first["msg"].removeprefix("Value error, ").replace("valid tuple", "valid list")
+    if first["type"] == "too_long":  # pydantic's words say that it was validated
+        said = f"expected at most {first['ctx']['max_length']:,} entries, found more"
     return f"{where}: {said}{shown}"
 
 

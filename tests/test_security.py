@@ -35,8 +35,15 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_ROBOT_ROOMS:,} rooms",
             f"{bounds.MAX_ROBOT_OBJECTS:,} objects",
             f"{bounds.MAX_CORNERS} corners",
+            f"{bounds.MAX_ROBOT_WORDS:,} words",
         ],
-        "Hydra's graph, a belief graph": [size(bounds.SPARK_DSG), size(bounds.BELIEF)],
+        "Hydra's graph, a belief graph": [
+            size(bounds.SPARK_DSG),
+            size(bounds.BELIEF),
+            f"{bounds.MAX_NODES:,} nodes",
+            f"{bounds.MAX_EDGES:,} edges",
+            f"{bounds.MAX_LABELS:,} labels",
+        ],
         "an annotation of HM3D": [size(bounds.ANNOTATION), f"{bounds.MAX_INSTANCES:,} objects"],
         "a table of objects": [size(bounds.TABLE), f"{bounds.MAX_OBJECT_ROWS:,} rows"],
         "a house of ProcTHOR": [

@@ -39,7 +39,6 @@ import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    FailFast,
     Field,
     TypeAdapter,
     ValidationError,
@@ -47,7 +46,8 @@ from pydantic import (
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS, ROBOT
+from bsg_data.first_fault import Keyed, Listed, keep_one_unknown
+from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS, MAX_ROBOT_WORDS, ROBOT
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
@@ -67,7 +67,7 @@ from bsg_data.observation.partial_graph import (
     spell_id,
 )
 from bsg_data.observation.reports import LOOK_CHANCE, MOST_LOOKS, say_score
-from bsg_data.recipes import Record
+from bsg_data.recipes import SaidRecord
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import (
@@ -162,7 +162,14 @@ def _know(room: _Room) -> KnownRoom:
     return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
 
 
-class _Object(Record):
+_SaidRoom = Annotated[
+    _Room,
+    BeforeValidator(lambda said: keep_one_unknown(said, ROOM_WORDS)),
+    AfterValidator(_know),
+]
+
+
+class _Object(SaidRecord):
     id: Id
     room: Id | None = None
     category: Text
@@ -175,7 +182,7 @@ class _Object(Record):
     on: Id | None = None
 
 
-class _Look(Record):
+class _Look(SaidRecord):
     room: Id
     thing: Annotated[Text, Field(min_length=1)]
     chance: Score = LOOK_CHANCE
@@ -186,36 +193,31 @@ def _list_words(said: Any) -> Any:
     """Return the words of a detector: a list of them, or those of a published vocabulary."""
     if isinstance(said, str) and said:
         said = [*vocabulary_words(said)]
+    if isinstance(said, list | dict) and len(said) > MAX_ROBOT_WORDS:
+        raise ValueError(f"expected at most {MAX_ROBOT_WORDS:,} words, found {len(said):,}")
     are_words = isinstance(said, list) and all(isinstance(word, str) for word in said)
     return dict.fromkeys(said) if are_words else said
 
 
-class _Graph(Record):
+class _Graph(SaidRecord):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
     version: Annotated[Literal[1], Number] = 1
     scene_id: Id
     hidden_share: StrictFraction | None = None
     building_kind: Annotated[Text | None, AfterValidator(check_building_kind)] = None
     source: Id | None = None
-    # One fault is told: millions of them would take minutes and gigabytes.
-    rooms: Annotated[
-        tuple[Annotated[_Room, AfterValidator(_know)], ...],
-        Field(max_length=MAX_ROBOT_ROOMS),
-        FailFast(),
-    ]
-    objects: Annotated[tuple[_Object, ...], Field(max_length=MAX_ROBOT_OBJECTS), FailFast()] = ()
-    adjacency: Annotated[tuple[tuple[Id, Id], ...], FailFast()] = ()
+    rooms: Annotated[Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS)]
+    objects: Annotated[Listed[_Object], Field(max_length=MAX_ROBOT_OBJECTS)] = ()
+    adjacency: Listed[tuple[Id, Id]] = ()
     # A list of words, or the name of a vocabulary; or word → class, as `encode_robot_graph` writes.
-    detector: Annotated[dict[Text, Text | None] | None, BeforeValidator(_list_words)] = None
-    looks: Annotated[tuple[_Look, ...], Field(max_length=MOST_LOOKS), FailFast()] = ()
+    detector: Annotated[Keyed[Text, Text | None] | None, BeforeValidator(_list_words)] = None
+    looks: Annotated[Listed[_Look], Field(max_length=MOST_LOOKS)] = ()
     more_rooms: MoreRooms = None
     stays: Stay | None = None
 
 
 _ID_KEYS = {"rooms": ("id",), "objects": ("id", "room", "on"), "looks": ("room", "at")}
-_SIMPLEST = TypeAdapter(
-    Annotated[dict[Id, Annotated[tuple[Text, ...], FailFast()]], Field(max_length=MAX_ROBOT_ROOMS)]
-)
+_SIMPLEST = TypeAdapter(Keyed[Id, Listed[Text]])
 _LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
 _KEYS = {
     "": tuple(_Graph.model_fields),
@@ -289,6 +291,8 @@ def _find_partial(said: Any, path: Path) -> Any:
         _lists_words(value) and (value or key not in _LISTS) for key, value in things.items()
     )
     if is_spelt or not things.keys() & set(_KEYS[""]):
+        if len(things) > MAX_ROBOT_ROOMS:
+            raise RecipeError(f"expected at most {MAX_ROBOT_ROOMS:,} rooms, found {len(things):,}")
         return _spell_out(_SIMPLEST.validate_python(things), path) | facts
     return said
 

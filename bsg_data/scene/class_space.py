@@ -17,6 +17,7 @@ from pydantic import model_validator
 
 from bsg_data.arrays import Ints
 from bsg_data.errors import ClassMapError
+from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import MAX_MAP_ROWS
 from bsg_data.inputs.documents import parse_csv
 from bsg_data.recipes import Record
@@ -33,7 +34,7 @@ class ClassSpace(Record):
 
     name: str  # e.g. `hm3d45-v1`
     sha256: str  # of the ordered names
-    classes: tuple[str, ...]  # [C]
+    classes: Listed[str]  # [C]
 
     @model_validator(mode="after")
     def _hash_fits(self) -> ClassSpace:

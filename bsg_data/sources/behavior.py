@@ -24,6 +24,7 @@ from pydantic import AfterValidator, Field
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
+from bsg_data.first_fault import Keyed
 from bsg_data.inputs.bounds import BEHAVIOR
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
@@ -74,7 +75,7 @@ _RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → ho
 
 
 class _Listing(ForeignRecord, strict=True):
-    scenes: Annotated[dict[_Scene, dict[str, dict[_Name, _Count]]], Field(min_length=1)]
+    scenes: Annotated[Keyed[_Scene, Keyed[str, Keyed[_Name, _Count]]], Field(min_length=1)]
 
 
 def _find_floor(scene: str) -> tuple[str, int]:

@@ -21,6 +21,8 @@ import numpy.typing as npt
 from pydantic import Field
 
 from bsg_data.errors import SourceError
+from bsg_data.first_fault import Keyed, Listed
+from bsg_data.inputs.bounds import MAX_EDGES, MAX_LABELS, MAX_NODES
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import validate
 from bsg_data.sources.foreign_record import ForeignRecord
@@ -81,17 +83,20 @@ class _LayerKey(ForeignRecord):
     partition: Small = 0
 
 
+_Labels = Annotated[Listed[tuple[Small, str]], Field(max_length=MAX_LABELS)]
+
+
 class _Metadata(ForeignRecord):
-    labelspaces: dict[str, tuple[tuple[Small, str], ...]] = Field(default_factory=dict)
+    labelspaces: Keyed[str, _Labels] = Field(default_factory=dict)
     bsg: Any = None
 
 
 class _Graph(ForeignRecord):
-    nodes: tuple[_Node, ...]
-    edges: tuple[_Edge, ...]
-    layer_names: dict[str, _LayerKey | Small] = Field(default_factory=dict)
-    layer_ids: tuple[Small, ...] = ()
-    layer_keys: tuple[_LayerKey, ...] = ()
+    nodes: Annotated[Listed[_Node], Field(max_length=MAX_NODES)]
+    edges: Annotated[Listed[_Edge], Field(max_length=MAX_EDGES)]
+    layer_names: Keyed[str, _LayerKey | Small] = Field(default_factory=dict)
+    layer_ids: Listed[Small] = ()
+    layer_keys: Listed[_LayerKey] = ()
     mesh_layer_id: Small | None = None
     metadata: _Metadata | None = None
 
@@ -162,12 +167,12 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
         )
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
     number_of = {node.id: number for number, node in enumerate(rooms)}
-    above = _find_parents(graph, path)
+    room_of = _find_rooms(graph, _find_parents(graph, path), number_of)
     ends = [(number_of.get(edge.source), number_of.get(edge.target)) for edge in graph.edges]
     joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
     return DSGFile(
-        rooms=_describe(rooms, graph, {}, {}),
-        objects=_describe(objects, graph, above, number_of),
+        rooms=_describe(rooms, graph, {}),
+        objects=_describe(objects, graph, room_of),
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
         said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
     )
@@ -206,28 +211,30 @@ def _find_parents(graph: _Graph, path: Path) -> dict[int, int]:
     return parents
 
 
-def _find_room(node: int, above: Mapping[int, int], number_of: Mapping[int, int]) -> int | None:
-    """Return the number of the first room above a node, by way of places; layers only rise."""
-    at = above.get(node)
-    while at is not None:
-        if at in number_of:
-            return number_of[at]
-        at = above.get(at)
-    return None
+def _find_rooms(
+    graph: _Graph, above: Mapping[int, int], number_of: Mapping[int, int]
+) -> dict[int, int]:
+    """Return node → number of the first room above it, by way of places; layers only rise."""
+    found: dict[int, int] = {}
+    for node in sorted(graph.nodes, key=lambda node: -node.layer):
+        parent = above.get(node.id, node.id)
+        room = number_of.get(parent, found.get(parent))
+        if parent != node.id and room is not None:
+            found[node.id] = room
+    return found
 
 
-def _describe(
-    nodes: list[_Node], graph: _Graph, above: Mapping[int, int], number_of: Mapping[int, int]
-) -> tuple[DSGNode, ...]:
+def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> tuple[DSGNode, ...]:
     indices = [node.id & _INDEX for node in nodes]
     if len(set(indices)) < len(indices) or max(indices, default=0) >= 2**31:
         indices = list(range(len(nodes)))
     spaces = graph.metadata.labelspaces if graph.metadata else {}
+    names = {space: dict(labels) for space, labels in spaces.items()}
     found = []
     for node, index in zip(nodes, indices, strict=True):
         held = node.attributes
         label = None if held.semantic_label == _NO_LABEL else held.semantic_label
-        named = dict(spaces.get(f"_l{node.layer}p{node.partition}", ()))
+        named = names.get(f"_l{node.layer}p{node.partition}", {})
         name = held.name.strip()
         one = DSGNode(
             id=node.id,
@@ -237,7 +244,7 @@ def _describe(
             label_name=None if label is None else named.get(label) or None,
             position=_point(held.position),
             box=None if held.bounding_box is None else _enclose(held.bounding_box),
-            room=_find_room(node.id, above, number_of),
+            room=room_of.get(node.id),
             said=_what_is_said(_what_is_said(held.metadata).get("bsg")),
         )
         found.append(one)

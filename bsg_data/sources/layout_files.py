@@ -22,6 +22,7 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from bsg_data.errors import SourceError
+from bsg_data.first_fault import Keyed, Listed
 from bsg_data.geometry.placement import measure_area, surround
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LAYOUT
@@ -113,14 +114,14 @@ class _LayoutRoom(ForeignRecord):
 
 
 class _Layout(ForeignRecord):
-    rooms: Annotated[dict[_Name, _LayoutRoom], Field(min_length=1)]
-    connections: tuple[tuple[_Number, _Number], ...] | None = None
+    rooms: Annotated[Keyed[_Name, _LayoutRoom], Field(min_length=1)]
+    connections: Listed[tuple[_Number, _Number]] | None = None
 
 
 class _Region(ForeignRecord):
     name: str
     label: Annotated[str, Field(max_length=200)] = NO_LABEL
-    poly_loop: Annotated[tuple[_Point, ...], Field(min_length=3)] | None = None
+    poly_loop: Annotated[Listed[_Point], Field(min_length=3)] | None = None
     min_bounds: _Point | None = None
     max_bounds: _Point | None = None
 
@@ -159,7 +160,7 @@ class _Region(ForeignRecord):
 
 
 class _Regions(ForeignRecord):
-    region_annotations: Annotated[tuple[_Region, ...], Field(min_length=1)]
+    region_annotations: Annotated[Listed[_Region], Field(min_length=1)]
 
 
 def _upright(point: Point) -> Point:

@@ -28,6 +28,7 @@ from pydantic import Field
 
 from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
+from bsg_data.first_fault import Listed
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_CORNERS, MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
@@ -58,7 +59,7 @@ class _Room(ForeignRecord):
     id: Annotated[str, Field(pattern=r"^room\|[0-9]{1,6}$")]
     room_type: Annotated[_Name, Field(alias="roomType")]
     corners: Annotated[
-        tuple[Position, ...], Field(alias="floorPolygon", min_length=3, max_length=MAX_CORNERS)
+        Listed[Position], Field(alias="floorPolygon", min_length=3, max_length=MAX_CORNERS)
     ]
 
     @property
@@ -73,21 +74,21 @@ class _Door(ForeignRecord):
 
 class _Wall(ForeignRecord):
     room_id: Annotated[str | None, Field(alias="roomId")] = None
-    polygon: tuple[Position, ...] = ()
+    polygon: Listed[Position] = ()
 
 
 class _Thing(ForeignRecord):
     id: _Name
     asset: Annotated[_Name, Field(alias="assetId")]
     position: Position
-    children: tuple[_Thing, ...] = ()
+    children: Listed[_Thing] = ()
 
 
 class _House(ForeignRecord):
-    rooms: Annotated[tuple[_Room, ...], Field(min_length=1, max_length=MAX_HOUSE_ROOMS)]
-    doors: tuple[_Door, ...] = ()
-    walls: tuple[_Wall, ...] = ()
-    objects: tuple[_Thing, ...] = ()
+    rooms: Annotated[Listed[_Room], Field(min_length=1, max_length=MAX_HOUSE_ROOMS)]
+    doors: Listed[_Door] = ()
+    walls: Listed[_Wall] = ()
+    objects: Listed[_Thing] = ()
 
 
 class _Streams(threading.local):

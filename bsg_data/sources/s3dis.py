@@ -18,6 +18,7 @@ from pydantic import RootModel
 
 from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
+from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import S3DIS
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
@@ -72,7 +73,7 @@ def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
     """Read the list, once for each state of the file."""
     expected = "a list of category_number_room_number_area, such as chair_1_office_3_1"
     names = validate(
-        RootModel[list[str]],
+        RootModel[Listed[str]],
         read_json(path, S3DIS),
         where=path,
         expected=expected,

@@ -26,6 +26,7 @@ from pydantic import Field, ValidationError
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
+from bsg_data.first_fault import Listed
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS, SPARK_DSG
@@ -51,7 +52,7 @@ class _Label(ForeignRecord):
 
 
 class _HydraFile(ForeignRecord):
-    label_names: Annotated[tuple[_Label, ...], Field(min_length=1)]
+    label_names: Annotated[Listed[_Label], Field(min_length=1)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,11 +10,12 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
-from bsg_data.recipes import Record, name_fault
+from bsg_data.recipes import SaidRecord, name_fault
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.spelling import SHOWN
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
@@ -29,7 +30,7 @@ _Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
 
-class _Blind(Record):
+class _Blind(SaidRecord):
     room: int = Field(ge=1)
     class_name: str = Field(alias="class")
     expected: _Count
@@ -37,16 +38,16 @@ class _Blind(Record):
     on: str | None = None
 
 
-class _Document(Record):
+class _Document(SaidRecord):
     format: Literal["bsg-belief-graph"]
     version: Literal[1]
     model: str
     mode: Mode
     class_space: ClassSpace
     partial: dict[str, Any]
-    expected: list[list[_Count]]
-    presence: list[list[_Probability]]
-    blind: tuple[_Blind, ...]
+    expected: Listed[Listed[_Count]]
+    presence: Listed[Listed[_Probability]]
+    blind: Listed[_Blind]
 
 
 def encode_belief(belief: BeliefGraph) -> dict[str, Any]:

@@ -25,11 +25,12 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.first_fault import Keyed
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import PRIOR
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
-from bsg_data.recipes import Record, name_fault
+from bsg_data.recipes import SaidRecord, name_fault
 from bsg_data.scene.class_space import list_class_spaces, load_class_space, read_published
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.spelling import SHOWN, ask_if_meant
@@ -47,22 +48,22 @@ _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 
 
-class _RoomTypePrior(Record):
+class _RoomTypePrior(SaidRecord):
     """What a type of room has."""
 
     weight: float = Field(default=1.0, gt=0, le=1e6, allow_inf_nan=False)  # how usual; a ratio
-    presence: dict[str, Probability]  # class → P(such a room has at least one)
+    presence: Keyed[str, Probability]  # class → P(such a room has at least one)
 
 
-class _PriorTable(Record):
+class _PriorTable(SaidRecord):
     """A table of common sense, as in its JSON file."""
 
     version: Literal[1]
     made_by: str = Field(min_length=1, max_length=10_000)  # who or what, and how
     unlisted: Probability = 0.02  # of a class that a type, or an object, does not name
-    room_types: dict[str, _RoomTypePrior] = Field(default_factory=dict)  # by room label
+    room_types: Keyed[str, _RoomTypePrior] = Field(default_factory=dict)  # by room label
     # Class j → class c → P(a room that has j has c).
-    objects: dict[str, dict[str, Probability]] = Field(default_factory=dict)
+    objects: Keyed[str, Keyed[str, Probability]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _says_something(self) -> _PriorTable:

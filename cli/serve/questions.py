@@ -11,10 +11,11 @@ import bsg_data
 import bsg_models
 from bsg_cli.find import describe_things
 from bsg_data.files import AnyPath
+from bsg_data.first_fault import Keyed, Listed
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import Id, Score, Text, reclassify
 from bsg_data.observation.reports import LOOK_CHANCE
-from bsg_data.recipes import Record
+from bsg_data.recipes import Record, SaidRecord
 from bsg_models.belief.graph_file import parse_graph
 from bsg_models.robot.looks import SaidLook
 from bsg_models.search.knowledge import Task
@@ -36,7 +37,7 @@ Map = Annotated[
     ),
 ]
 Things = Annotated[
-    tuple[Text, ...],
+    Listed[Text],
     BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
     Field(min_length=1, max_length=MOST_THINGS, description="What to look for, in any words."),
 ]
@@ -48,7 +49,7 @@ Here = Annotated[
     Field(description="The room where the robot is, by id or label; ways are measured from it."),
 ]
 Robots = Annotated[
-    Annotated[dict[Id, Id], Field(max_length=MOST_ROBOTS)] | None,
+    Annotated[Keyed[Id, Id], Field(max_length=MOST_ROBOTS)] | None,
     BeforeValidator(lambda said: said or None),
     Field(description="Several robots that search together: name of each -> its room."),
 ]
@@ -88,7 +89,7 @@ Labels = Annotated[
 ]
 
 
-class Find(Record):
+class Find(SaidRecord):
     """Where things probably are."""
 
     map: Map
@@ -101,7 +102,7 @@ class Find(Record):
     labels: Labels = None
 
 
-class Expect(Record):
+class Expect(SaidRecord):
     """What rooms probably hold that was not seen."""
 
     map: Map

@@ -498,3 +498,27 @@ def test_a_look_is_at_a_piece_of_its_room() -> None:
     with refuses(RobotGraphError, "graph-malformed", where="x") as caught:
         parse_robot_graph(KITCHEN | {"looks": looks}, path=Path("x"))
     assert str(caught.value).startswith("x: look for 'key': at: 'table' is in room 'kitchen'")
+
+
+MANY_KEYS = {f"k{number}": 0 for number in range(100_000)}
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ({"scene_id": "a", "rooms": [], **MANY_KEYS}, "'k0' is no key; known are format, version"),
+        ({"scene_id": "a", "rooms": [{"id": "k", **MANY_KEYS}]}, "room 'k': 'k0' is no key"),
+        ({"scene_id": "a", "rooms": [], "detector": {"a": 0}}, "detector.a: Input should be a"),
+        (MANY_KEYS, "expected at most 5,000 rooms, found 100,000"),
+    ],
+)
+def test_a_graph_with_very_many_keys_is_refused_for_the_first(said: Any, why: str) -> None:
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+        parse_robot_graph(said, path=Path("x"))
+    assert str(caught.value).startswith(f"x: {why}")
+
+
+@pytest.mark.parametrize("said", [[*MANY_KEYS], MANY_KEYS], ids=("words", "words with classes"))
+def test_a_detector_has_a_bound_of_words(said: Any) -> None:
+    with refuses(RobotGraphError, "graph-malformed", where="x"):
+        parse_robot_graph({"scene_id": "a", "rooms": [], "detector": said}, path=Path("x"))

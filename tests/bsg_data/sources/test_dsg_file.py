@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from dsg_files import Graph, box, node, robot_graph, symbol
+from dsg_files import Graph, box, edge, node, robot_graph, symbol
 from refusals import refuses
 
 from bsg_data.errors import SourceError
+from bsg_data.inputs.bounds import MAX_EDGES, MAX_LABELS, MAX_NODES
 from bsg_data.scene.scene_graph import Box
 from bsg_data.sources.dsg_file import DSGFile, name_symbol, parse_dsg
 
@@ -172,3 +174,36 @@ def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:
 def _turn(rng: np.random.Generator) -> np.ndarray:
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return turn * np.sign(np.linalg.det(turn))
+
+
+@pytest.mark.parametrize("kind", ["nodes", "edges", "labels"])
+def test_a_graph_has_a_bound_of(kind: str) -> None:
+    graph = robot_graph()
+    if kind == "nodes":
+        graph["nodes"] = [graph["nodes"][0]] * (MAX_NODES + 1)
+    elif kind == "edges":
+        graph["edges"] = [graph["edges"][0]] * (MAX_EDGES + 1)
+    else:
+        graph["metadata"] = {"labelspaces": {"_l2p0": [[5, "tv"]] * (MAX_LABELS + 1)}}
+    with refuses(SourceError, "dsg-malformed", PATH):
+        parse(graph)
+
+
+def test_a_long_chain_of_places_and_many_labels_are_read_once() -> None:
+    number = 20_000
+    objects = [node("O", n, 2, semantic_label=n) for n in range(number)]
+    places = [node("p", n, 10 + n) for n in range(number)]
+    down = [edge(("O", n), ("p", 0)) for n in range(number)]
+    up = [edge(("p", n), ("p", n + 1)) for n in range(number - 1)]
+    room = node("R", 0, 10 + number)
+    graph = {
+        "nodes": [*objects, *places, room],
+        "edges": [*down, *up, edge(("p", number - 1), ("R", 0))],
+        "layer_names": {"ROOMS": 10 + number},
+        "metadata": {"labelspaces": {"_l2p0": [[n, f"thing {n}"] for n in range(50_000)]}},
+    }
+    began = time.process_time()
+    found = parse(graph).objects
+    assert time.process_time() - began < 5, "one way and one table for all, not for each object"
+    assert {one.room for one in found} == {0}
+    assert found[-1].label_name == f"thing {number - 1}"
