@@ -285,14 +285,17 @@ def _find_partial(said: Any, path: Path) -> Any:
             f"found {show_value(said)}"
         )
     # Beside its rooms, the simplest map may state these; a list is a room of this name.
-    facts = {k: v for k, v in said.items() if k in _FACTS_OF_MAPS and not isinstance(v, list)}
+    facts = {k: said[k] for k in _FACTS_OF_MAPS if k in said and not isinstance(said[k], list)}
+    ours = said.keys() & (set(_KEYS[""]) - facts.keys())
+    if (found := len(said) - len(facts)) > MAX_ROBOT_ROOMS:
+        if ours:
+            return keep_one_unknown(said, _KEYS[""])
+        raise RecipeError(f"expected at most {MAX_ROBOT_ROOMS:,} rooms, found {found:,}")
     things = {key: value for key, value in said.items() if key not in facts}
     is_spelt = not things.keys() <= _LISTS and all(
         _lists_words(value) and (value or key not in _LISTS) for key, value in things.items()
     )
-    if is_spelt or not things.keys() & set(_KEYS[""]):
-        if len(things) > MAX_ROBOT_ROOMS:
-            raise RecipeError(f"expected at most {MAX_ROBOT_ROOMS:,} rooms, found {len(things):,}")
+    if is_spelt or not ours:
         return _spell_out(_SIMPLEST.validate_python(things), path) | facts
     return said
 
@@ -332,7 +335,7 @@ def _tidy(said: dict[str, Any], path: Path) -> dict[str, Any]:
     for key, ids in _ID_KEYS.items():
         entries = found.get(key)
         if isinstance(entries, list) and len(entries) <= MAX_ROBOT_OBJECTS:
-            found[key] = [_tidy_entry(entry, ids) for entry in entries]
+            found[key] = [_tidy_entry(entry, ids, _KEYS[key]) for entry in entries]
     if isinstance(found.get("objects"), list):
         found["objects"] = _number_objects(found["objects"])
     if isinstance(found.get("adjacency"), list):
@@ -353,10 +356,10 @@ def drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
     return {key: said[key] for key in said if key not in empty or key == "category"}
 
 
-def _tidy_entry(entry: Any, ids: Sequence[str]) -> Any:
+def _tidy_entry(entry: Any, ids: Sequence[str], known: Sequence[str]) -> Any:
     if not isinstance(entry, dict):
         return entry
-    kept = drop_empty(entry)
+    kept = drop_empty(keep_one_unknown(entry, known))
     return kept | {key: spell_id(kept[key]) for key in ids if key in kept}
 
 
