@@ -50,6 +50,7 @@ def list_expected() -> dict[str, list[str]]:
             size(bounds.MAX_HOUSE),
             f"{bounds.MAX_HOUSE_ROOMS:,} rooms",
             f"{bounds.MAX_CORNERS} corners",
+            f"{bounds.MAX_HOUSE_THINGS:,} objects",
         ],
         "a COBie spreadsheet": [
             size(bounds.COBIE),

@@ -18,7 +18,7 @@ import os
 import re
 import threading
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, ClassVar
@@ -31,7 +31,14 @@ from bsg_data.errors import SourceError
 from bsg_data.first_fault import Listed
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
-from bsg_data.inputs.bounds import MAX_CORNERS, MAX_HOUSE, MAX_HOUSE_ROOMS, PROCTHOR, PROCTHOR_LINES
+from bsg_data.inputs.bounds import (
+    MAX_CORNERS,
+    MAX_HOUSE,
+    MAX_HOUSE_ROOMS,
+    MAX_HOUSE_THINGS,
+    PROCTHOR,
+    PROCTHOR_LINES,
+)
 from bsg_data.inputs.documents import parse_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
@@ -74,7 +81,7 @@ class _Door(ForeignRecord):
 
 class _Wall(ForeignRecord):
     room_id: Annotated[str | None, Field(alias="roomId")] = None
-    polygon: Listed[Position] = ()
+    polygon: Annotated[Listed[Position], Field(max_length=MAX_CORNERS)] = ()
 
 
 class _Thing(ForeignRecord):
@@ -86,9 +93,9 @@ class _Thing(ForeignRecord):
 
 class _House(ForeignRecord):
     rooms: Annotated[Listed[_Room], Field(min_length=1, max_length=MAX_HOUSE_ROOMS)]
-    doors: Listed[_Door] = ()
-    walls: Listed[_Wall] = ()
-    objects: Listed[_Thing] = ()
+    doors: Annotated[Listed[_Door], Field(max_length=MAX_HOUSE_THINGS)] = ()
+    walls: Annotated[Listed[_Wall], Field(max_length=MAX_HOUSE_THINGS)] = ()
+    objects: Annotated[Listed[_Thing], Field(max_length=MAX_HOUSE_THINGS)] = ()
 
 
 class _Streams(threading.local):
@@ -142,9 +149,7 @@ class ProcTHORHouses:
             ref=ref,
             kind=self.kind,
             class_map=class_map,
-            rooms=find_storeys(
-                [_describe(room, house.walls, ref.location) for room in house.rooms]
-            ),
+            rooms=find_storeys([*_describe_rooms(house, ref.location)]),
             doors=_list_doors(house),
             method="door",
             building_kind="home",
@@ -276,17 +281,27 @@ def _parse(text: bytes, where: str) -> _House:
         raise SourceError(
             f"{where}: rooms: {show_value(twice)} is there twice", code="room-twice", where=where
         )
+    if (number := sum(1 for _ in _unpack(house.objects))) > MAX_HOUSE_THINGS:
+        raise SourceError(
+            f"{where}: objects: expected at most {MAX_HOUSE_THINGS:,} with their children, found "
+            f"{number:,}",
+            code="house-too-large",
+            where=where,
+        )
     return house
 
 
 def _list_objects(house: _House) -> Iterator[AnnotatedObject]:
     """Yield the objects, each before its children; one of no room is the building's."""
-    floors = {room.number: [(at.x, at.z) for at in room.corners] for room in house.rooms}
-    for number, thing in enumerate(_unpack(house.objects), start=1):
-        match = _OF_ROOM.search(thing.id)
-        region = int(match[1]) if match else -1
-        if region not in floors:
-            region = _find_room(thing.position, floors)
+    things = [*_unpack(house.objects)]
+    matches = [_OF_ROOM.search(thing.id) for thing in things]
+    regions = [int(match[1]) if match else -1 for match in matches]
+    numbers = {room.number for room in house.rooms}
+    astray = [at for at, region in enumerate(regions) if region not in numbers]
+    found = _find_rooms([things[at].position for at in astray], house.rooms)
+    for at, region in zip(astray, found, strict=True):
+        regions[at] = region
+    for number, (thing, region) in enumerate(zip(things, regions, strict=True), start=1):
         name, position = name_asset(thing.asset), _upright(thing.position)
         yield AnnotatedObject(number, region, name, centroid=position)
 
@@ -297,15 +312,32 @@ def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
         yield from _unpack(thing.children)
 
 
-def _find_room(position: Position, floors: Mapping[int, Sequence[tuple[float, float]]]) -> int:
-    """Return the room whose floor a position is above; -1, the null region, outside of all."""
-    from shapely import Point, Polygon  # Imported here because importing shapely is slow.
+def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[int]:
+    """Return the first room whose floor is below each position; -1, the null region, without."""
+    if not positions:
+        return []
+    import shapely  # Imported here because importing shapely is slow.
 
-    point = Point(position.x, position.z)
-    return next((n for n, floor in floors.items() if Polygon(floor).contains(point)), -1)
+    points = np.array([(at.x, at.z) for at in positions])
+    found = np.full(len(points), -1)
+    for room in reversed(rooms):
+        floor = shapely.Polygon([(at.x, at.z) for at in room.corners])
+        shapely.prepare(floor)
+        found[shapely.contains_xy(floor, points)] = room.number
+    numbers: list[int] = found.tolist()
+    return numbers
 
 
-def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
+def _describe_rooms(house: _House, where: str) -> Iterator[Room]:
+    tops: dict[str | None, float] = {}
+    for wall in house.walls:
+        highest = max((corner.y for corner in wall.polygon), default=-np.inf)
+        tops[wall.room_id] = max(highest, tops.get(wall.room_id, highest))
+    for room in house.rooms:
+        yield _describe(room, tops.get(room.id, -np.inf), where)
+
+
+def _describe(room: _Room, top: float, where: str) -> Room:
     """Return a room with its floor: its area is the polygon's, its footprint the hull of that."""
     corners = np.array([_upright(corner) for corner in room.corners])
     area = measure_area([(x, y) for x, y, _ in corners])
@@ -316,9 +348,8 @@ def _describe(room: _Room, walls: Sequence[_Wall], where: str) -> Room:
             where=where,
         )
     floor = corners[:, 2].min()
-    tops = [corner.y for wall in walls if wall.room_id == room.id for corner in wall.polygon]
     ends = np.vstack([corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)])
-    box = Box.around(np.column_stack([ends, [floor, max([floor, *tops])]]))
+    box = Box.around(np.column_stack([ends, [floor, max(floor, top)]]))
     found = Room(0, room.number, room.room_type, floor_area=area)
     return replace(place_room(found, box), footprint=surround(corners[:, :2]))
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 import gzip
 import json
 import multiprocessing
+import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from refusals import refuses
 
 from bsg_data.errors import SourceChangedError, SourceError
 from bsg_data.inputs import bounded_file
-from bsg_data.inputs.bounds import MAX_HOUSE
+from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, MAX_HOUSE_THINGS
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources.procthor import ProcTHORHouses, name_asset
@@ -240,6 +241,12 @@ def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
         ({"rooms": [room(4, "Bedroom", (0, 0), (1e9, 0), (2, 0))]}, "house-malformed"),
         ({"rooms": [room(4, "B", (0, 0), (1, 0), (2, 2))] * 2}, "room-twice"),
         ({"objects": [{"id": "4|0", "assetId": "Bed_1"}]}, "house-malformed"),
+        ({"objects": [5] * 100_000}, "house-malformed"),
+        ({"walls": [{}] * (MAX_HOUSE_THINGS + 1)}, "house-malformed"),
+        (
+            {"objects": [thing("a", "Bed_1", *[thing("b", "Cup_1")] * MAX_HOUSE_THINGS)]},
+            "house-too-large",
+        ),
         ({"objects": [thing("4|0", "Bed_1", x=float("nan"))]}, "json-malformed"),
     ],
 )
@@ -272,6 +279,18 @@ def test_files_that_are_cut_off_or_none(tmp_path: Path, name: str, data: bytes, 
     (tmp_path / name).write_bytes(data)
     with refuses(SourceError, code):
         ProcTHORHouses(tmp_path / name).find()
+
+
+def test_things_of_no_room_are_looked_for_in_each_floor_together(tmp_path: Path) -> None:
+    """By one test for each of them and each floor, this took minutes."""
+    rooms = [room(n, "Bedroom", (0, 0), (2, 0), (2, 2)) for n in range(MAX_HOUSE_ROOMS)]
+    things = [thing("astray", "Cup_1", x=60), thing("inside", "Cup_2", x=1.5)] * 4_900
+    source = ProcTHORHouses(write_lines(tmp_path / "h.jsonl", house(rooms=rooms, objects=things)))
+    (ref,) = source.find().scenes
+    began = time.process_time()
+    graph = source.read(ref, load_class_map()).graph
+    assert time.process_time() - began < 10
+    assert [obj.room_index for obj in graph.objects] == [0, 1] * 4_900
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
