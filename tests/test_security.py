@@ -76,7 +76,12 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_HOUSE_ROOMS:,} rooms",
             f"{bounds.MAX_REACHED:,} corners",
         ],
-        "lists of S3DIS and of BEHAVIOR-1K": [size(bounds.S3DIS), size(bounds.BEHAVIOR)],
+        "lists of S3DIS and of BEHAVIOR-1K": [
+            size(bounds.S3DIS),
+            size(bounds.BEHAVIOR),
+            f"{bounds.MAX_LISTED_SCENES:,} scenes",
+            f"{bounds.MAX_LISTED:,} rooms and objects",
+        ],
         "labels of rooms, room layouts, label spaces": [
             size(bounds.LABEL_TABLE),
             size(bounds.LAYOUT),

@@ -47,6 +47,8 @@ SHEET_LIST = 16 * MIB  # of these, unpacked, the lists of sheets and of files
 MAX_ELEMENTS = 6_000_000  # of the XML that is read; a cell has two or three
 MAX_TAG = MIB  # bytes of a tag of XML
 S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
+MAX_LISTED = 100_000  # rooms and objects of such a list; the longest real one has 36,538
+MAX_LISTED_SCENES = 1_000  # of such a list; the longest real one has 51
 TABLE = 512 * MIB  # of objects, CSV, or parquet as it unpacks
 MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects
 MAX_LINE = MIB  # characters of a line of CSV, bytes of one of a house

@@ -25,7 +25,7 @@ from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import Keyed
-from bsg_data.inputs.bounds import BEHAVIOR
+from bsg_data.inputs.bounds import BEHAVIOR, MAX_LISTED, MAX_LISTED_SCENES
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Room, is_scene_id
@@ -74,8 +74,20 @@ _Count = Annotated[int, Field(ge=0, le=_MAX_OBJECTS)]
 _RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
 
 
+def _require_few(scenes: dict[str, _RoomLists]) -> dict[str, _RoomLists]:
+    """Refuse a short list of very many objects: a model with its count is one word."""
+    rooms = [room for scene in scenes.values() for room in scene.values()]
+    if (found := len(rooms) + sum(sum(room.values()) for room in rooms)) > MAX_LISTED:
+        raise ValueError(f"expected at most {MAX_LISTED:,} rooms and objects, found {found:,}")
+    return scenes
+
+
 class _Listing(ForeignRecord, strict=True):
-    scenes: Annotated[Keyed[_Scene, Keyed[str, Keyed[_Name, _Count]]], Field(min_length=1)]
+    scenes: Annotated[
+        Keyed[_Scene, Keyed[str, Keyed[_Name, _Count]]],
+        Field(min_length=1, max_length=MAX_LISTED_SCENES),
+        AfterValidator(_require_few),
+    ]
 
 
 def _find_floor(scene: str) -> tuple[str, int]:
@@ -149,12 +161,7 @@ class BehaviorRooms:
         return {number: self._rooms(scenes) for number, scenes in floors.items()}
 
     def _houses(self) -> dict[str, dict[int, list[str]]]:
-        """Return building → floor → its scenes, the one with the garden first."""
-        houses: dict[str, dict[int, list[str]]] = {}
-        for scene in sorted(self._scenes):  # `garden` stands before `int`
-            building, floor = (scene, 0) if self.as_listed else _find_floor(scene)
-            houses.setdefault(building, {}).setdefault(floor, []).append(scene)
-        return {name: dict(sorted(houses[name].items())) for name in sorted(houses)}
+        return _group_scenes(self.path, *state_of(self.path), as_listed=self.as_listed)
 
     def _rooms(self, scenes: list[str]) -> _RoomLists:
         """Return the rooms of a floor, each as the first of its scenes has it."""
@@ -188,6 +195,18 @@ def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomList
     document = read_json(path, BEHAVIOR)
     code = "listing-malformed"
     return validate(_Listing, document, where=path, expected=expected, code=code).scenes
+
+
+@lru_cache(maxsize=2)
+def _group_scenes(
+    path: Path, size: int, changed: int, *, as_listed: bool
+) -> dict[str, dict[int, list[str]]]:
+    """Return building → floor → its scenes, the one with the garden first."""
+    houses: dict[str, dict[int, list[str]]] = {}
+    for scene in sorted(_read_listing(path, size, changed)):  # `garden` stands before `int`
+        building, floor = (scene, 0) if as_listed else _find_floor(scene)
+        houses.setdefault(building, {}).setdefault(floor, []).append(scene)
+    return {name: dict(sorted(houses[name].items())) for name in sorted(houses)}
 
 
 def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:

@@ -12,14 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from pydantic import RootModel
+from pydantic import Field, RootModel
 
 from bsg_data.dataset.terms import Terms
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import Listed
-from bsg_data.inputs.bounds import S3DIS
+from bsg_data.inputs.bounds import MAX_LISTED, MAX_LISTED_SCENES, S3DIS
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Room
@@ -73,7 +73,7 @@ def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
     """Read the list, once for each state of the file."""
     expected = "a list of category_number_room_number_area, such as chair_1_office_3_1"
     names = validate(
-        RootModel[Listed[str]],
+        RootModel[Annotated[Listed[str], Field(max_length=MAX_LISTED)]],
         read_json(path, S3DIS),
         where=path,
         expected=expected,
@@ -91,6 +91,12 @@ def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
                 where=path,
             )
         areas.setdefault(f"area_{match[5]}", []).append((f"{match[3]}_{match[4]}", match[1]))
+    if len(areas) > MAX_LISTED_SCENES:
+        raise SourceError(
+            f"{path}: expected at most {MAX_LISTED_SCENES:,} areas, found {len(areas):,}",
+            code="listing-malformed",
+            where=path,
+        )
     return {area: tuple(sorted(content)) for area, content in areas.items()}
 
 

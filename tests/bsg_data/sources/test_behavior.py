@@ -116,6 +116,8 @@ def test_a_name_says_building_and_kind(tmp_path: Path) -> None:
         ('{"scenes": {}}', "listing-malformed"),
         ('{"scenes": {"a": {"kitchen_0": {"bed-x": 1.5}}}}', "listing-malformed"),
         ('{"scenes": {"../a": {"kitchen_0": {}}}}', "listing-malformed"),
+        ('{"scenes": {"a": {"kitchen_0": {"a-x": 50000, "b-x": 50000}}}}', "listing-malformed"),
+        (json.dumps({"scenes": {f"a{n}": {} for n in range(1001)}}), "listing-malformed"),
     ],
 )
 def test_a_malformed_list_is_refused(tmp_path: Path, text: str, code: str) -> None:

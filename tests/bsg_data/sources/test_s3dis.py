@@ -47,7 +47,17 @@ def test_a_scene_is_an_area(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.parametrize("text", ['{"a": 1}', '["chair_1_office"]', "[1]"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"a": 1}',
+        '["chair_1_office"]',
+        "[1]",
+        json.dumps(["chair_1_office_1_1"] * 100_001),
+        json.dumps([f"chair_1_office_1_{area}" for area in range(1001)]),
+    ],
+    ids=("no list", "no area", "no label", "many", "many areas"),
+)
 def test_a_malformed_list_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "semantic_labels.json"
     path.write_text(text, "utf-8")
