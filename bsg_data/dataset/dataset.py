@@ -36,6 +36,7 @@ from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surrounding
 
 NAMES = ("train", "val", "test")  # of splits; folds have others
 HELD_BYTES = 256 * 2**20  # bound of the shards in memory
+_TRIES = 5  # to open a dataset that other commands replace
 _NODE_BYTES = 170  # about what is held of a node besides its cells
 _OBJECT_BYTES = 23
 _WORDS = ("scene_id", "category", "kind", "method")  # columns of few words
@@ -78,15 +79,21 @@ class Dataset:
         Raises:
             DatasetError: if the dataset is missing, unfinished or damaged, or has another hash.
         """
-        path = Path(path)
-        try:
-            opened = _open_once(path.absolute(), sha256 or hash_manifest(path))
-        except OSError:
-            read_manifest(path)  # raises an error that says what is missing
-            raise
-        if sha256 and opened.sha256 != sha256:
-            refuse_replaced(path)
-        return opened
+        path, tries = Path(path), 1 if sha256 else _TRIES
+        while True:
+            tries -= 1
+            try:
+                return _open_once(path.absolute(), sha256 or hash_manifest(path))
+            except OSError:
+                read_manifest(path)  # raises an error that says what is missing
+                raise
+            except DatasetError as error:
+                if error.code != "dataset-replaced" or not tries:
+                    raise
+
+    def __reduce__(self) -> tuple[Callable[[Path, str], Dataset], tuple[Path, str]]:
+        """Have another process open the same dataset, and not carry its files there."""
+        return _open_once, (self.path, self.sha256)
 
     @cached_property
     def scene_ids(self) -> tuple[str, ...]:
@@ -248,9 +255,9 @@ class Dataset:
 def _open_once(path: Path, sha256: str) -> Dataset:
     manifest, found = read_hashed_manifest(path)
     held = hold_files(path, manifest.files)
-    if found == sha256 == hash_manifest(path):
-        return Dataset(path, manifest, sha256, held)
-    return _open_once(path, hash_manifest(path))  # replaced meanwhile
+    if not found == sha256 == hash_manifest(path):
+        refuse_replaced(path)
+    return Dataset(path, manifest, sha256, held)
 
 
 def read_splits(

@@ -76,7 +76,8 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
                 where=dataset,
             )
         columns = ["scene_id", "source_split", "source"]
-        scenes = read_table(dataset, "scenes", columns=columns, manifest=manifest).to_pydict()
+        table = read_table(dataset, "scenes", columns=columns, manifest=manifest, held=data.held)
+        scenes = table.to_pydict()
         own, sources = (
             dict(zip(scenes["scene_id"], scenes[name], strict=True)) for name in columns[1:]
         )

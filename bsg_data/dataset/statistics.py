@@ -52,17 +52,16 @@ def _count(table: pa.Table, keys: list[str]) -> Iterator[tuple[Any, ...]]:
     yield from zip(*(counts[key].to_pylist() for key in (*keys, "count_all")), strict=True)
 
 
-def count_classes(dataset: AnyPath, class_map: ClassMap | None = None) -> list[Row]:
+def count_classes(data: Dataset, class_map: ClassMap | None = None) -> list[Row]:
     """Return one row per class, in the order of its class space.
 
     Each has its `class`; `instances`; `rooms` and `buildings` with at least one instance;
     `doubles`, the rooms with two or more.
 
     Args:
-        dataset: folder of the dataset.
+        data: the dataset.
         class_map: map to look up every object in; None: the classes that the dataset stores.
     """
-    data = Dataset.open(dataset)
     classes = (class_map or data.manifest.class_space).classes
     total = np.zeros((4, len(classes)), dtype=np.int64)
     for objects in _stream_objects(data, ["class_index"], class_map):
@@ -79,23 +78,23 @@ def count_classes(dataset: AnyPath, class_map: ClassMap | None = None) -> list[R
     ]
 
 
-def count_frequencies(dataset: AnyPath) -> list[Row]:
+def count_frequencies(data: Dataset) -> list[Row]:
     """Return one row per class, most frequent first.
 
     Each has its `class`; `instances`; `rooms` and `scenes` with at least one instance.
     """
     rows = [
         {"class": r["class"], **{k: r[k] for k in ("instances", "rooms")}, "scenes": r["buildings"]}
-        for r in count_classes(dataset)
+        for r in count_classes(data)
     ]
     return sorted(rows, key=lambda row: (-row["instances"], row["class"]))
 
 
-def measure_coverage(dataset: AnyPath, class_map: ClassMap | None = None) -> dict[str, Any]:
+def measure_coverage(data: Dataset, class_map: ClassMap | None = None) -> dict[str, Any]:
     """Measure how much of a dataset a class map covers.
 
     Args:
-        dataset: folder of the dataset.
+        data: the dataset.
         class_map: map to look up every object in; None: the maps that the dataset was built with,
             one for each source.
 
@@ -111,7 +110,7 @@ def measure_coverage(dataset: AnyPath, class_map: ClassMap | None = None) -> dic
         - `most_left_out`: category → objects of the most frequent left-out names
     """
     roles, left_out = Counter[str](), Counter[str]()
-    for objects in _stream_objects(Dataset.open(dataset), ["role", "category"], class_map):
+    for objects in _stream_objects(data, ["role", "category"], class_map):
         for role, category, times in _count(objects, ["role", "category"]):
             roles[role] += times
             left_out[category] += times * (role == "left-out")
@@ -128,7 +127,7 @@ def measure_coverage(dataset: AnyPath, class_map: ClassMap | None = None) -> dic
     }
 
 
-def count_sources(dataset: AnyPath) -> list[Row]:
+def count_sources(data: Dataset) -> list[Row]:
     """Return one row per source, most buildings first.
 
     Each has:
@@ -141,7 +140,6 @@ def count_sources(dataset: AnyPath) -> list[Row]:
     - `connections`: pairs of adjacent rooms
     - `share`: objects with a class, divided by all objects that are not structure
     """
-    data = Dataset.open(dataset)
     columns = ["scene_id", "source", "num_rooms", "num_objects", "has_geometry"]
     scenes = pa.concat_tables(_stream(data, "scenes", columns))
     ids, names = scenes["scene_id"].combine_chunks(), scenes["source"].combine_chunks()

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS
@@ -54,18 +54,18 @@ def export_dataset(
             exists or cannot be written.
     """
     dataset, out = Path(dataset), resolve_links(out)
-    row, manifest = EXPORTS[to], read_manifest(dataset)
-    scenes, number, left_out = manifest.totals.scenes, Counter[str](), []
+    row, data = EXPORTS[to], Dataset.open(dataset)
+    scenes, number, left_out = data.manifest.totals.scenes, Counter[str](), []
     notes: Counter[str] = Counter()
     with write_results(out, report=None, force=force) as staged:
-        graphs = read_scene_graphs(dataset, manifest=manifest)
+        graphs = read_scene_graphs(dataset, manifest=data.manifest, held=data.held)
         for done, graph in enumerate(graphs, start=1):
             encoded = row.encode(graph)
-            for name, data in encoded.files.items():
+            for name, content in encoded.files.items():
                 if not is_scene_id(name):
                     message = f"scene {graph.scene_id!r}: {name!r} is no file name"
                     raise DatasetError(message, code="file-name", where=graph.scene_id)
-                (staged / name).write_bytes(data)
+                (staged / name).write_bytes(content)
             number["files"] += len(encoded.files)
             number["rooms"] += encoded.rooms
             number["rooms_left_out"] += len(graph.rooms) - encoded.rooms

@@ -102,7 +102,7 @@ def write_pairs(
         if manifest.pairs is not None and not force:
             message = f"{dataset}: has pairs already; --force replaces them"
             raise DatasetError(message, code="pairs-exist", where=dataset)
-        splits = read_splits(dataset, manifest=manifest)
+        splits = read_splits(dataset, manifest=manifest, held=data.held)
         # Sort the files of all splits by their scenes: files of the same shards become neighbours.
         plan = sorted(
             (

@@ -112,7 +112,7 @@ def report_search(
             if _plot(report, staged / _FIGURE):
                 report.written["box plot over buildings"] = folder / _FIGURE
         if request.trace is not None:
-            _write_replay(request, report, staged, replays)
+            _write_replay(data, request, report, staged, replays)
         write_searches(study, staged / _TABLE)
         write_bytes(staged / _REPORT, (encode_json(report.summary, indent=1) + "\n").encode())
         replays.commit()
@@ -148,11 +148,15 @@ def _plot(report: SearchReport, path: Path) -> bool:
 
 
 def _write_replay(
-    request: SearchRequest, report: SearchReport, staged: Path, replays: StagedFiles
+    data: Dataset,
+    request: SearchRequest,
+    report: SearchReport,
+    staged: Path,
+    replays: StagedFiles,
 ) -> None:
     """Write a kept search as a page and, if asked, as animations and recordings."""
     replay = replay_search(
-        request.dataset,
+        data,
         report.study,
         report.results,
         model=report.model,

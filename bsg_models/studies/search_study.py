@@ -93,7 +93,8 @@ def study_search(
         raise RecipeError(f"no search {trace}: a building has {recipe.episodes}, numbered from 0")
     placed = {scene: None if run is None else Path(run).absolute() for scene, run in runs.items()}
     place = Path(dataset).absolute()  # a worker may run in another folder
-    tasks = [(place, run, scene, recipe, own, trace) for scene, run in placed.items()]
+    sha256 = Dataset.open(place).sha256  # all workers search the same buildings
+    tasks = [(place, sha256, run, scene, recipe, own, trace) for scene, run in placed.items()]
     searches: list[pd.DataFrame] = []
     kept: list[KeptSearch] = []
     left_out: dict[str, Counter[str]] = {}
@@ -139,6 +140,7 @@ class _Found(NamedTuple):
 
 def _search_building(
     dataset: Path,
+    sha256: str,
     run: Path | None,
     scene_id: str,
     recipe: StudyRecipe,
@@ -146,7 +148,7 @@ def _search_building(
     trace: int | Literal["auto"] | None,
 ) -> _Found:
     """Search one building in every world with every planner."""
-    data = Dataset.open(dataset)
+    data = Dataset.open(dataset, sha256=sha256)
     planners = choose_planners(recipe, own, remote=False)
     robots, found = _robots(recipe, planners), _Found([], [], {})
     draws = np.arange(recipe.episodes) % recipe.draws

@@ -180,4 +180,4 @@ def merge(datasets: tuple[Path, ...], out: Path, force: bool) -> None:
     """
     with progress_bar("merge", unit="scene") as report:
         manifest = bsg_data.merge_datasets(datasets, out, force=force, progress=report)
-    _print_built(manifest, f"\n{format_sources(out)}\n", out)
+    _print_built(manifest, f"\n{format_sources(bsg_data.Dataset.open(out))}\n", out)

@@ -34,21 +34,21 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
         refuse_unused(("force",), "info without --figure")
     else:
         extend.refuse_file(figure, force=force)
-    classes = extend.count_frequencies(dataset)
+    classes = extend.count_frequencies(data)
     splits = {name: len(ids) for name, ids in data.splits.items()}
     hashes = extend.hash_splits(data) if manifest.pairs else {}
     if figure is not None:
         extend.plot_frequencies(classes, figure, title=format_totals(manifest))
     if as_json:
         summary = manifest.model_dump(mode="json", exclude={"files"})
-        sources = extend.count_sources(dataset)
+        sources = extend.count_sources(data)
         more = {"splits": splits, "by_source": sources, "masks_sha256": hashes, "classes": classes}
         print_json(summary | more)
         return
     print_text(format_totals(manifest))
     print_text(f"format version {manifest.format_version}, class map {manifest.class_map_names}")
     print_text(format_losses(manifest))
-    print_text(f"\n{format_sources(dataset)}\n")
+    print_text(f"\n{format_sources(data)}\n")
     held = ", ".join(f"{name} {number}" for name, number in splits.items())
     print_text(f"splits: {held or 'none yet (bsg-data split)'}")
     recipe = manifest.pairs

@@ -135,7 +135,8 @@ def _map_coverage(dataset: Path, names: tuple[str, ...], by_class: bool, as_json
       bsg-data map coverage dataset
       bsg-data map coverage dataset --class-map hm3d45-v1 --class-map hm3d45-v2 --classes
     """
-    manifest = bsg_data.read_manifest(dataset)
+    data = bsg_data.Dataset.open(dataset)
+    manifest = data.manifest
     if names and len({source.class_map.version for source in manifest.sources}) > 1:
         print_note(
             "each map looks up all objects, although the dataset was built with several maps "
@@ -144,9 +145,9 @@ def _map_coverage(dataset: Path, names: tuple[str, ...], by_class: bool, as_json
     found: dict[str, dict[str, Any]] = {}
     for name in names or (manifest.class_map_names,):
         one = bsg_data.load_class_map(name) if names else None  # as built
-        found[name] = extend.measure_coverage(dataset, one)
+        found[name] = extend.measure_coverage(data, one)
         if by_class:
-            rows = extend.count_classes(dataset, one)
+            rows = extend.count_classes(data, one)
             found[name]["classes"] = {row.pop("class"): row for row in rows}
     if as_json:
         print_json(found)

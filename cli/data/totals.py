@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
+import bsg_data
 from bsg_cli.terminal import print_note
 from bsg_data import extend
 from bsg_data.tables import format_text
@@ -35,7 +35,7 @@ def format_hashes(hashes: Mapping[str, str]) -> str:
     return format_text(list(hashes.items()), header=("masks of", "sha256"))
 
 
-def format_sources(dataset: Path) -> str:
+def format_sources(data: bsg_data.Dataset) -> str:
     """Return a table of what each source adds to a dataset.
 
     The share divides the objects with a class by all objects that are not building structure.
@@ -53,7 +53,7 @@ def format_sources(dataset: Path) -> str:
     }
     rows = [
         (row["source"], *(f"{row[name]:{'.1%' if name == 'share' else ','}}" for name in shown))
-        for row in extend.count_sources(dataset)
+        for row in extend.count_sources(data)
     ]
     return format_text(rows, header=("source", *shown.values()), numeric=("classes",))
 

@@ -22,6 +22,7 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
@@ -352,7 +353,7 @@ def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
         assert (totals.unmapped, manifest.skipped) == (0, ())
     assert (text.totals.classified, statistics.totals.classified) == (40_904, 40_990)  # README
     assert read_manifest(tmp_path / "statistics").sources[0].version == "v0.2"
-    found = measure_coverage(tmp_path / "text", load_class_map())
+    found = measure_coverage(Dataset.open(tmp_path / "text"), load_class_map())
     readme = (REPOSITORY / "mappings" / "README.md").read_text("utf-8").split("## Coverage")[1]
     for role in ("structure", "nameless", "classified", "left_out"):
         assert f"{found[role]:,}" in readme

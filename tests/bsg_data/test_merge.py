@@ -9,7 +9,7 @@ from conftest import BEDROOM, KITCHEN, annotation_text, write_scene
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.dataset import read_splits
+from bsg_data.dataset.dataset import Dataset, read_splits
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.dataset.statistics import count_sources
@@ -126,7 +126,7 @@ def test_two_class_spaces_do_not_merge(dataset: Path, tmp_path: Path) -> None:
 
 def test_what_each_source_gives_adds_up(dataset: Path, synthetic: Path, tmp_path: Path) -> None:
     merged = merge_datasets([dataset, synthetic], tmp_path / "both")
-    rows = count_sources(tmp_path / "both")
+    rows = count_sources(Dataset.open(tmp_path / "both"))
     assert sum(row["objects"] for row in rows) == merged.totals.objects
     roles = ["classified", "left-out", "structure", "nameless", "unmapped"]
     assert all(sum(row[role] for role in roles) == row["objects"] for row in rows)

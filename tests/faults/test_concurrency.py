@@ -25,6 +25,7 @@ from bsg_data import (
     write_pairs,
     write_synthetic,
 )
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.extend import HM3DFolder, count_frequencies
 from bsg_data.files import hold
@@ -47,7 +48,7 @@ WRITERS: dict[str, Act] = {
 }
 READERS: dict[str, Act] = {
     "check": lambda at: check_dataset(at / "dataset"),
-    "info": lambda at: count_frequencies(at / "dataset"),
+    "info": lambda at: count_frequencies(Dataset.open(at / "dataset")),
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 
 import numpy as np
@@ -288,3 +289,21 @@ def test_scenes_in_shards_come_in_the_order_of_the_tables(dataset: Path) -> None
     assert [set(shard) for shard in data.in_shards(some)] == (
         [some] if len(parts) == 1 else [{data.scene_ids[0]}, {data.scene_ids[-1]}]
     )
+
+
+def test_a_dataset_that_commands_keep_replacing_is_refused(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hashes = map(str, range(1000))
+    monkeypatch.setattr("bsg_data.dataset.dataset.hash_manifest", lambda _: next(hashes))
+    with refuses(DatasetError, "dataset-replaced", dataset):
+        Dataset.open(dataset)
+    assert int(next(hashes)) < 20
+
+
+def test_another_process_opens_the_same_dataset(dataset: Path) -> None:
+    opened = Dataset.open(dataset)
+    opened.cells(opened.scene_ids[0])
+    sent = ForkingPickler.dumps(opened)
+    assert len(sent) < 1000, "without its files"
+    assert ForkingPickler.loads(sent) is opened

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.statistics import (
     count_classes,
     count_frequencies,
+    count_sources,
     measure_coverage,
     plot_frequencies,
 )
@@ -16,8 +19,9 @@ BEDROOMS = sum(range(12))
 
 
 def test_the_parts_of_the_twelve_add_up(dataset: Path) -> None:
-    found = measure_coverage(dataset)
-    assert found == measure_coverage(dataset, load_class_map())
+    data = Dataset.open(dataset)
+    found = measure_coverage(data)
+    assert found == measure_coverage(data, load_class_map())
     assert found["structure"] == 12 * 4 + 2 * BEDROOMS  # wall and floor of every room
     assert found["nameless"] == 12 * 2  # "unknown" and "" of every bathroom
     assert found["unmapped"] == BEDROOMS  # "zzqx thing"
@@ -28,14 +32,22 @@ def test_the_parts_of_the_twelve_add_up(dataset: Path) -> None:
 
 
 def test_classes_of_the_twelve(dataset: Path) -> None:
-    counted = count_classes(dataset)
-    assert counted == count_classes(dataset, load_class_map())
-    rows = {row.pop("class"): row for row in count_frequencies(dataset)}
+    data = Dataset.open(dataset)
+    counted = count_classes(data)
+    assert counted == count_classes(data, load_class_map())
+    rows = {row.pop("class"): row for row in count_frequencies(data)}
     assert rows["pillow"] == {"instances": 2 * BEDROOMS, "rooms": BEDROOMS, "scenes": 11}
     assert rows["book"] == {"instances": 12, "rooms": 0, "scenes": 12}
     assert rows["toy"]["instances"] == 0
     doubles = {row["class"]: row["doubles"] for row in counted}
     assert (doubles["pillow"], doubles["bed"]) == (BEDROOMS, 0)
+
+
+def test_an_opened_dataset_is_counted_as_it_was(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    before = count_sources(data), count_frequencies(data)
+    shutil.rmtree(dataset)  # as a command that rebuilds it
+    assert (count_sources(data), count_frequencies(data)) == before
 
 
 def test_a_figure_shows_a_name_that_is_a_formula_of_matplotlib(tmp_path: Path) -> None:

@@ -164,7 +164,7 @@ def test_few_holders_and_many_rooms_make_a_search_eventful(
         both = [entered[one.world, "all", name, one.episode] for name in ("ratio", "nearest")]
         assert one.eventful == (min(both) >= 4 and len(one.holds) <= rooms / 4)
     results = summarise(study, resamples=0)
-    replay = replay_search(dataset, study, results, model=None, named=False)
+    replay = replay_search(Dataset.open(dataset), study, results, model=None, named=False)
     assert replay.world == "star:1-10"  # the first, as none is measured
     (shown,) = [s for s in study.kept if (s.world, s.episode) == (replay.world, replay.episode)]
     assert ("but no search met the rule" in replay.chosen) == (not shown.eventful)
@@ -177,7 +177,7 @@ def test_the_means_of_all_searches_stand_beside_the_one(dataset: Path, run: Path
     results, first = summarise(study, resamples=0), study.kept[0]
     fewer = replace(first, rooms=first.rooms[1:])
     study = replace(study, kept=(fewer, *study.kept[1:]))
-    replay = replay_search(dataset, study, results, model="gamma-poisson", named=True)
+    replay = replay_search(Dataset.open(dataset), study, results, model="gamma-poisson", named=True)
     assert (replay.scene_id, replay.world, replay.episode) == (scenes[0], "star:1-10", EPISODE)
     (result,) = [one for one in results if one.world == replay.world]
     assert (replay.searches, replay.buildings) == (15, 3)
