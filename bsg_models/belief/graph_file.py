@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,11 @@ from bsg_models.belief.hydra_conversion import BINARY, convert
 
 _LISTED = 10  # labels in a note
 _OURS = ("belief", "partial")  # keys of `annotate_hydra`, and of facts of the graph
+_ASKED = 1000  # foreign keys in metadata that are compared with ours; more are somebody's data
 _TELLING = 5  # letters from which a similar key is no accident
+
+
+_Asked = set[tuple[str, tuple[str, ...]]]  # keys in metadata, and the ones they are compared with
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,36 +161,37 @@ def _name_scene(document: Any, path: Path) -> str:
 
 def _describe(dsg: DSGFile, labels: LabelSpace | None, path: Path) -> dict[str, Any]:
     """Return Hydra's graph in the form of a robot's JSON; its metadata take precedence."""
-    rooms = [_describe_room(room, path) for room in dsg.rooms]
+    asked: _Asked = set()
+    rooms = [_describe_room(room, path, asked) for room in dsg.rooms]
     names = [room["id"] for room in rooms]
     return {
-        **_read_said(dsg.said.get("partial"), GRAPH_WORDS, of=f"{path}: partial"),
+        **_read_said(dsg.said.get("partial"), GRAPH_WORDS, asked, of=f"{path}: partial"),
         "rooms": rooms,
-        "objects": [_describe_object(obj, names, labels, path) for obj in dsg.objects],
+        "objects": [_describe_object(obj, names, labels, path, asked) for obj in dsg.objects],
         "adjacency": [[names[a], names[b]] for a, b in dsg.adjacency],
     }
 
 
-def _describe_room(node: DSGNode, path: Path) -> dict[str, Any]:
+def _describe_room(node: DSGNode, path: Path, asked: _Asked) -> dict[str, Any]:
     called = node.label_name or node.name
     return {
         "id": node.symbol,
         "label": called,
         "position": node.position,
         "box": None if node.box is None else (node.box.minimum, node.box.maximum),
-        **_read_said(node.said, ROOM_WORDS, of=f"{path}: room {node.symbol!r}"),
+        **_read_said(node.said, ROOM_WORDS, asked, of=f"{path}: room {node.symbol!r}"),
     }
 
 
 def _describe_object(
-    node: DSGNode, rooms: list[str], labels: LabelSpace | None, path: Path
+    node: DSGNode, rooms: list[str], labels: LabelSpace | None, path: Path, asked: _Asked
 ) -> dict[str, Any]:
     return {
         "id": node.symbol,
         "room": None if node.room is None else rooms[node.room],
         "category": _name_object(node, labels),
         "position": node.position,
-        **_read_said(node.said, OBJECT_WORDS, of=f"{path}: object {node.symbol!r}"),
+        **_read_said(node.said, OBJECT_WORDS, asked, of=f"{path}: object {node.symbol!r}"),
     }
 
 
@@ -197,12 +202,17 @@ def _name_object(node: DSGNode, labels: LabelSpace | None) -> str:
     return own if isinstance(own, str) and name in ("", f"label {node.label}") else name
 
 
-def _read_said(said: Any, keys: Collection[str], *, of: str) -> dict[str, Any]:
-    """Return the keys of a robot's JSON in metadata; others are the user's, unless misspelt."""
+def _read_said(said: Any, keys: tuple[str, ...], asked: _Asked, *, of: str) -> dict[str, Any]:
+    """Return the keys of a robot's JSON in metadata; others are the user's, unless misspelt.
+
+    A key of the user's is compared once in a graph, however many nodes have it.
+    """
     said = said if isinstance(said, dict) else {}
-    telling = [one for one in keys if len(one) >= _TELLING]
     for key in said:
-        if key not in keys and key not in _OURS and (hint := ask_if_meant(key, telling)):
+        if key in keys or key in _OURS or (key, keys) in asked or len(asked) >= _ASKED:
+            continue
+        asked.add((key, keys))
+        if hint := ask_if_meant(key, [one for one in keys if len(one) >= _TELLING]):
             raise RobotGraphError(
                 f"{of}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=of
             )

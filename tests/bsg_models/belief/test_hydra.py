@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -347,3 +348,18 @@ def test_the_recorded_apartment_comes_back_as_it_was(tmp_path: Path) -> None:
     assert read_belief(out, "spark-dsg") == belief
     stripped = strip_annotation(json.loads(out.read_text("utf-8")))
     assert json.dumps(stripped) == json.dumps(json.loads(original))
+
+
+def test_keys_of_somebody_else_are_compared_with_ours_once(tmp_path: Path) -> None:
+    graph = robot_graph()
+    foreign = {f"floor ar{number}q": 0 for number in range(100_000)}
+    for one in graph["nodes"][1:3]:
+        one["attributes"]["metadata"] = {"bsg": foreign}
+    path = write_graph(tmp_path / "dsg.json", graph)
+    began = time.process_time()
+    with refuses(RobotGraphError, "key-unknown", golden=False):
+        read_graph(path)
+    for one in graph["nodes"][1:3]:
+        one["attributes"]["metadata"] = {"bsg": {f"tracker {n}": 0 for n in range(100_000)}}
+    assert len(read_graph(write_graph(path, graph)).rooms) == 2
+    assert time.process_time() - began < 5
