@@ -40,9 +40,9 @@ def list_expected() -> dict[str, list[str]]:
         "Hydra's graph, a belief graph": [
             size(bounds.SPARK_DSG),
             size(bounds.BELIEF),
-            f"{bounds.MAX_NODES:,} nodes",
-            f"{bounds.MAX_EDGES:,} edges",
-            f"{bounds.MAX_LABELS:,} labels",
+            f"{bounds.MAX_GRAPH_NODES:,} nodes",
+            f"{bounds.MAX_GRAPH_EDGES:,} edges",
+            f"{bounds.MAX_GRAPH_LABELS:,} labels",
         ],
         "an annotation of HM3D": [size(bounds.ANNOTATION), f"{bounds.MAX_INSTANCES:,} objects"],
         "a table of objects": [size(bounds.TABLE), f"{bounds.MAX_OBJECT_ROWS:,} rows"],

@@ -56,8 +56,8 @@ MAX_LINE = MIB  # characters of a line of CSV, bytes of one of a house
 # robots
 ROBOT = 64 * MIB  # a robot's graph, JSON
 SPARK_DSG = 256 * MIB  # JSON or binary
-MAX_NODES, MAX_EDGES = 200_000, 1_000_000  # of Hydra's graph, of all layers
-MAX_LABELS = 100_000  # of a layer of it, named
+MAX_GRAPH_NODES, MAX_GRAPH_EDGES = 200_000, 1_000_000  # of Hydra's graph, of all layers
+MAX_GRAPH_LABELS = 100_000  # of a layer of it, named
 BELIEF = 256 * MIB  # a belief graph, JSON
 MAX_ROBOT_ROOMS = 5_000  # a model takes about 100 kB for each where their shares are not known
 MAX_ROBOT_OBJECTS = 100_000  # each takes a kilobyte while a graph is read

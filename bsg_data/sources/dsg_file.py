@@ -22,7 +22,7 @@ from pydantic import Field
 
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import Keyed, Listed
-from bsg_data.inputs.bounds import MAX_EDGES, MAX_LABELS, MAX_NODES
+from bsg_data.inputs.bounds import MAX_GRAPH_EDGES, MAX_GRAPH_LABELS, MAX_GRAPH_NODES
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import validate
 from bsg_data.sources.foreign_record import ForeignRecord
@@ -83,7 +83,7 @@ class _LayerKey(ForeignRecord):
     partition: Small = 0
 
 
-_Labels = Annotated[Listed[tuple[Small, str]], Field(max_length=MAX_LABELS)]
+_Labels = Annotated[Listed[tuple[Small, str]], Field(max_length=MAX_GRAPH_LABELS)]
 
 
 class _Metadata(ForeignRecord):
@@ -92,8 +92,8 @@ class _Metadata(ForeignRecord):
 
 
 class _Graph(ForeignRecord):
-    nodes: Annotated[Listed[_Node], Field(max_length=MAX_NODES)]
-    edges: Annotated[Listed[_Edge], Field(max_length=MAX_EDGES)]
+    nodes: Annotated[Listed[_Node], Field(max_length=MAX_GRAPH_NODES)]
+    edges: Annotated[Listed[_Edge], Field(max_length=MAX_GRAPH_EDGES)]
     layer_names: Keyed[str, _LayerKey | Small] = Field(default_factory=dict)
     layer_ids: Listed[Small] = ()
     layer_keys: Listed[_LayerKey] = ()

@@ -13,7 +13,7 @@ from dsg_files import Graph, box, edge, node, robot_graph, symbol
 from refusals import refuses
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import MAX_EDGES, MAX_LABELS, MAX_NODES
+from bsg_data.inputs.bounds import MAX_GRAPH_EDGES, MAX_GRAPH_LABELS, MAX_GRAPH_NODES
 from bsg_data.scene.scene_graph import Box
 from bsg_data.sources.dsg_file import DSGFile, name_symbol, parse_dsg
 
@@ -180,11 +180,11 @@ def _turn(rng: np.random.Generator) -> np.ndarray:
 def test_a_graph_has_a_bound_of(kind: str) -> None:
     graph = robot_graph()
     if kind == "nodes":
-        graph["nodes"] = [graph["nodes"][0]] * (MAX_NODES + 1)
+        graph["nodes"] = [graph["nodes"][0]] * (MAX_GRAPH_NODES + 1)
     elif kind == "edges":
-        graph["edges"] = [graph["edges"][0]] * (MAX_EDGES + 1)
+        graph["edges"] = [graph["edges"][0]] * (MAX_GRAPH_EDGES + 1)
     else:
-        graph["metadata"] = {"labelspaces": {"_l2p0": [[5, "tv"]] * (MAX_LABELS + 1)}}
+        graph["metadata"] = {"labelspaces": {"_l2p0": [[5, "tv"]] * (MAX_GRAPH_LABELS + 1)}}
     with refuses(SourceError, "dsg-malformed", PATH):
         parse(graph)
 
