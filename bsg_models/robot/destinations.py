@@ -141,7 +141,7 @@ def _measure(spots: list[Spot], graph: PartialGraph, ways: Ways) -> Floats:
     costs = costs.clip(min=0.0)
     costs = np.where(same, np.where(np.isfinite(apart), apart, _STEP * ways.metre), costs)
     np.fill_diagonal(costs, 0.0)
-    # A way past a piece is never shorter than the cheapest way.
+    # A way by another piece may be cheaper than the one by the middles.
     return find_costs(costs) if len(costs) <= _MOST_CLOSED else np.asarray(costs)
 
 
