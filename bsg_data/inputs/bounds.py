@@ -60,7 +60,7 @@ MAX_GRAPH_NODES, MAX_GRAPH_EDGES = 200_000, 1_000_000  # of Hydra's graph, of al
 MAX_GRAPH_LABELS = 100_000  # of a layer of it, named
 BELIEF = 256 * MIB  # a belief graph, JSON
 MAX_ROBOT_ROOMS = 5_000  # a model takes about 100 kB for each where their shares are not known
-MAX_ROBOT_OBJECTS = 100_000  # each takes a kilobyte while a graph is read
+MAX_ROBOT_OBJECTS = 50_000  # each takes a kilobyte while a graph is read
 MAX_ROBOT_WORDS = 10_000  # of its detector; the largest published vocabulary has some thousands
 
 # our own files

@@ -26,7 +26,7 @@ import pytest
 from book_files import BOOK, SHARED, SHEET, make_book
 from book_files import pack as pack_book
 
-from bsg_data.inputs.bounds import MAX_ROBOT_ROOMS
+from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
 SECONDS, BYTES = 20, 2 * 2**30
@@ -303,10 +303,10 @@ BOMBS = {
 ROOMS = [{"id": f"r{one}", "label": "kitchen", "floor_area": 9} for one in range(MAX_ROBOT_ROOMS)]
 OBJECTS = [
     {"id": f"{one}", "category": f"thing {one} of mine", "room": f"r{one % MAX_ROBOT_ROOMS}"}
-    for one in range(100_000)
+    for one in range(MAX_ROBOT_OBJECTS)
 ]
 ROUND = [[math.cos(turn / 20), math.sin(turn / 20)] for turn in range(125)]
-SIMPLE = {f"room {one}": [f"thing {one} {n}" for n in range(20)] for one in range(MAX_ROBOT_ROOMS)}
+SIMPLE = {f"room {one}": [f"thing {one} {n}" for n in range(10)] for one in range(MAX_ROBOT_ROOMS)}
 LINES = (f'{one},{one:06X},"thing {one}",{one % 5_000}\n' for one in range(1, 490_000))
 KITCHEN = "{label: kitchen, centroid: {x: 1.0, y: 1.25, z: -2.0}, dims: {x: 2, y: 2.5, z: 4}}"
 GRAPH = ("bsg_models.belief.graph_file", "read_graph", "read_graph(path)")
