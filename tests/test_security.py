@@ -23,7 +23,11 @@ def list_expected() -> dict[str, list[str]]:
 
     packed = [f"{bounds.MAX_RATIO} times", size(bounded_file.UNSUSPICIOUS)]
     return {
-        "JSON": [f"{bounds.MAX_CONTAINERS:,} lists", f"{bounds.MAX_VALUES:,} values"],
+        "JSON": [
+            f"{bounds.MAX_CONTAINERS:,} lists",
+            f"{bounds.MAX_VALUES:,} values",
+            f"at most {bounds.MAX_KEYS:,}",
+        ],
         "YAML, TOML": [
             f"{bounds.MAX_NESTING} deep",
             f"{bounds.MAX_NODES:,} texts",

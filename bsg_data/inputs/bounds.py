@@ -14,6 +14,7 @@ MAX_NODES = 500_000  # texts, lists and mappings in YAML: each takes kilobytes w
 # twice what the largest graphs of ours have; commas and brackets in strings count, too.
 MAX_CONTAINERS = 1_500_000  # objects and lists
 MAX_VALUES = 6_000_000  # these, and what commas part
+MAX_KEYS = 1_000_000  # where a key must not be there twice: they are read one by one
 MAX_RATIO = 200  # of a packed stream that is read piece by piece; text is packed to a tenth
 
 # sources

@@ -21,6 +21,7 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
 from bsg_data.inputs.bounds import (
     MAX_CONTAINERS,
+    MAX_KEYS,
     MAX_LABEL_COLUMNS,
     MAX_LINE,
     MAX_NESTING,
@@ -54,7 +55,7 @@ def read_json(path: Path, bound: int, *, error: Refusal = SourceError) -> Any:
 def parse_json(data: bytes | str, *, once: bool = True) -> Any:
     """Parse JSON; a key that is there twice is refused if `once`, else its last value is taken."""
     text = data.encode("utf-8", "surrogatepass") if isinstance(data, str) else data
-    _require_bounded(text)
+    _require_bounded(text, keys=MAX_KEYS if once else MAX_VALUES)
     fault = _find_key_twice(text) if once else None  # before there is a second document in memory
     try:
         document = from_json(text.removeprefix(b"\xef\xbb\xbf"), allow_inf_nan=False)
@@ -76,13 +77,14 @@ def _find_key_twice(text: bytes) -> ValueError | None:
     return None
 
 
-def _require_bounded(text: bytes) -> None:
+def _require_bounded(text: bytes, *, keys: int) -> None:
     """Refuse JSON that would take gigabytes as objects, however few bytes it has."""
     containers = text.count(b"[") + text.count(b"{")
     values = containers + text.count(b",")
     for found, bound, what in (
         (containers, MAX_CONTAINERS, "lists and objects"),
         (values, MAX_VALUES, "values"),
+        (text.count(b'":'), keys, "keys"),
     ):
         if found > bound:
             raise ValueError(f"expected at most {bound:,} {what}, found {found:,}")

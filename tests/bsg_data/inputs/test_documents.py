@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import DatasetError
-from bsg_data.inputs.bounds import MAX_LABEL_COLUMNS, MAX_LINE, MAX_NODES
+from bsg_data.inputs.bounds import MAX_KEYS, MAX_LABEL_COLUMNS, MAX_LINE, MAX_NODES
 from bsg_data.inputs.documents import parse_csv, parse_json, parse_toml, parse_yaml, read_json
 
 words = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
@@ -147,3 +147,9 @@ def test_toml_that_takes_memory_or_a_page_is_a_short_error(text: str, said: str)
     with pytest.raises(ValueError, match=said) as caught:
         parse_toml(text)
     assert len(str(caught.value)) < 250
+
+
+def test_keys_are_counted_before_they_are_read() -> None:
+    keys = ",".join(f'"{n}":0' for n in range(MAX_KEYS + 1))
+    with pytest.raises(ValueError, match="expected at most 1,000,000 keys, found 1,000,001"):
+        parse_json(f"{{{keys}}}")
