@@ -181,7 +181,7 @@ def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: s
         )
         for step in steps[:_MOST_STEPS]
     ]
-    header = ("look into", "P", "way", "look", "found by then")
+    header = ("look into", "P", "way", "look", "ended by then")
     print_text("\n" + format_text(rows, header=header, numeric=header[1:]))
     if len(steps) > _MOST_STEPS:
         print_note(f"… and {len(steps) - _MOST_STEPS:,} more rooms; --json prints all")

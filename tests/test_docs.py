@@ -23,6 +23,7 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.reports import hide_of_room
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.predictor import Predictor
 
 DOCS = REPOSITORY / "docs"
@@ -209,3 +210,17 @@ def test_the_page_says_what_a_model_believes_of_a_share() -> None:
         share = ShareBelief(float(mean), float(sd or 0))
         presence = predictor(hide_of_room(office, 2, share)).presence[2, columns]
         assert [f"{100 * p:.0f}" for p in presence] == shown, said
+
+
+def test_the_three_rooms_of_the_paper_are_answered_as_the_page_says() -> None:
+    (row,) = (
+        line
+        for line in (DOCS / "belief.md").read_text("utf-8").splitlines()
+        if line.startswith("| ours |")
+    )
+    seen = open_graph(DOCS / "office.json")
+    unseen = [
+        [f"{one.name} {100 * one.probability:.0f} %" for one in seen.expected(room) if not one.seen]
+        for room in seen.rooms
+    ]
+    assert row == f"| ours | {' | '.join(', '.join(one[:3]) for one in unseen)} |"

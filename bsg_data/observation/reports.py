@@ -189,6 +189,14 @@ def find_all(graph: PartialGraph, room_index: int, names: Collection[str]) -> Pa
     return enter(graph, room_index, hidden_share=ShareBelief(0.0))
 
 
+def is_on_itself(graph: PartialGraph, seen: SeenObject) -> bool:
+    """Return whether what an object lies on lies on it, by any way."""
+    below, on = {obj.name: obj.on for obj in graph.objects}, seen.on
+    while on is not None and on != seen.name:
+        on = below.get(on)
+    return on is not None
+
+
 def let_go(graph: PartialGraph) -> PartialGraph:
     """Return the graph without what names an object that is no longer in its room.
 

@@ -22,7 +22,7 @@ Bayes' rule.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -47,20 +47,27 @@ _EVERYWHERE = 3.0  # weight of every piece besides those where a person would lo
 _ELSEWHERE = 0.3  # the same of a piece that holds one kind of things, such as a shoe rack
 # Kinds of rooms of which people were not asked, by one that is furnished alike.
 _FURNISHED_LIKE: Mapping[str, str] = {
-    **dict.fromkeys(("toilet", "spa"), "bathroom"),
-    **dict.fromkeys(("bar", "conference hall", "meeting room", "restaurant"), "dining room"),
-    **dict.fromkeys(("break room",), "kitchen"),
-    **dict.fromkeys(("lounge",), "living room"),
-    **dict.fromkeys(("infirmary",), "bedroom"),
-    **dict.fromkeys(("game room",), "playroom"),
-    **dict.fromkeys(("laundry room",), "utility room"),
-    **dict.fromkeys(("lobby",), "entrance"),
-    **dict.fromkeys(("staircase",), "corridor"),
-    **dict.fromkeys(("locker room",), "closet"),
-    **dict.fromkeys(("shop",), "storage room"),
-    **dict.fromkeys(
-        ("classroom", "computer room", "copy room", "laboratory", "library", "phone room"), "office"
-    ),
+    "bar": "dining room",
+    "break room": "kitchen",
+    "classroom": "office",
+    "computer room": "office",
+    "conference hall": "dining room",
+    "copy room": "office",
+    "game room": "playroom",
+    "infirmary": "bedroom",
+    "laboratory": "office",
+    "laundry room": "utility room",
+    "library": "office",
+    "lobby": "entrance",
+    "locker room": "closet",
+    "lounge": "living room",
+    "meeting room": "dining room",
+    "phone room": "office",
+    "restaurant": "dining room",
+    "shop": "storage room",
+    "spa": "bathroom",
+    "staircase": "corridor",
+    "toilet": "bathroom",
 }
 
 
@@ -107,6 +114,28 @@ def kind_of(obj: SeenObject) -> Receptacle | None:
     )
 
 
+def find_supports(objects: Iterable[SeenObject]) -> dict[str, str]:
+    """Return the id of an object → that of the piece of furniture on which it is.
+
+    A mug on a tray on a table is on the table. What is on no piece that was seen is left out.
+    """
+    by_name = {obj.name: obj for obj in objects}
+    found: dict[str, str] = {}
+    for name, obj in by_name.items():
+        path, below = [name], by_name.get(obj.on or "")
+        while below is not None and below.name not in found and not _is_piece(below):
+            path.append(below.name)
+            below = by_name.get(below.on or "")
+        if below is not None:
+            piece = below.name if _is_piece(below) else found[below.name]
+            found |= dict.fromkeys(path, piece)
+    return found
+
+
+def _is_piece(obj: SeenObject) -> bool:
+    return obj.is_evidence and kind_of(obj) is not None
+
+
 def furnish(
     thing: str,
     room: KnownRoom,
@@ -130,8 +159,7 @@ def furnish(
     if kept is not None and not kept.weights:
         return None
     people = _weigh_labels(room) @ _shares(tidy)
-    stood = [(obj, kind_of(obj)) for obj in objects if obj.is_evidence]
-    known = [(obj, kind) for obj, kind in stood if kind]
+    known = [(obj, kind) for obj in objects if obj.is_evidence and (kind := kind_of(obj))]
     times = Counter(kind for _, kind in known)
     rates = [_rate(kind, people, kept, room.hidden_share) / times[kind] for _, kind in known]
     more = [

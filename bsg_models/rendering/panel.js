@@ -46,7 +46,7 @@ const Panel = (() => {
     const { plan, here, things } = view.answer, say = (x) => typeof x === "number" ? Beliefs.cost(view, x) : "–";
     if (plan.length < 2) return;
     make("h3", {}, side, "The planned way" + (here ? " from " + nodeName(view, here) : ""));
-    const body = table(side, "way", ["", "room", things.length > 1 ? "any is there" : "it is there", "way", "look", things.length > 1 ? "all found by then" : "found by then"]);
+    const body = table(side, "way", ["", "room", things.length > 1 ? "any is there" : "it is there", "way", "look", "ended by then"]);
     for (const { step, room, probability, way, look, found } of plan.slice(0, FIRST)) {
       const row = make("tr", {}, body);
       make("i", { class: "stop" }, make("td", {}, row), step);

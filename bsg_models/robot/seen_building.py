@@ -9,7 +9,7 @@ All names are the robot's own: ids or labels of its rooms, and any word for a th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, wraps
 from itertools import count, pairwise
@@ -53,7 +53,7 @@ from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, be
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
-from bsg_models.belief.pieces import TIDY, Furniture, furnish, kind_of
+from bsg_models.belief.pieces import TIDY, Furniture, find_supports, furnish, kind_of
 from bsg_models.robot.decision import (
     Decision,
     choose_room,
@@ -61,9 +61,16 @@ from bsg_models.robot.decision import (
     order_rooms,
     weigh,
 )
-from bsg_models.robot.destinations import LOOK_AT, Spot, choose_spot, leave_rest, take_likeliest
+from bsg_models.robot.destinations import (
+    LOOK_AT,
+    Spot,
+    choose_spot,
+    is_there,
+    leave_rest,
+    list_spots,
+)
 from bsg_models.robot.looks import AnyLook, cost_looks
-from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks
+from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks, sum_pieces
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.thing_belief import (
     ThingBelief,
@@ -348,7 +355,7 @@ class SeenBuilding:
         known = self._models[0].class_map.classify(thing)
         facts = (index, thing, known.category, known.class_index, position, score)
         before = {obj.name: obj for obj in self._graph.objects}.get(object_id or "")
-        piece = None if on is None else self._find_piece(on, index, not_=object_id)
+        piece = None if on is None else self._find_piece(on, index).name
         if on is None and before is not None and before.room_index == index:
             piece = before.on  # who sees it again need not say it again
         seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
@@ -360,10 +367,7 @@ class SeenBuilding:
                 score = None if certain else likelier
                 seen = replace(seen, name=near.name, score=score, on=seen.on or near.on)
         graph = reports.see_object(self._graph, seen)
-        below, on = {obj.name: obj.on for obj in graph.objects}, seen.on
-        while on is not None and on != seen.name:
-            on = below.get(on)
-        if on is not None:
+        if reports.is_on_itself(graph, seen):
             raise RecipeError(
                 f"{where}: on: {seen.name[:SHOWN]!r} would lie on itself, by "
                 f"{str(seen.on)[:SHOWN]!r}; say what is below",
@@ -427,34 +431,32 @@ class SeenBuilding:
         index = find_room(self._graph, room)
         self.understand(thing)
         piece = None if at is None else self._find_piece(at, index)
-        if piece is not None and not any(
-            obj.name == piece and kind_of(obj) for obj in self._graph.objects
-        ):
+        if piece is not None and kind_of(piece) is None:
             raise RecipeError(
-                f"looked for {thing[:SHOWN]!r}: at: {piece[:SHOWN]!r} is no furniture that holds "
-                "things; leave `at` out, if the look was into the whole room",
+                f"looked for {thing[:SHOWN]!r}: at: {piece.name[:SHOWN]!r} is no furniture that "
+                "holds things; leave `at` out, if the look was into the whole room",
                 code="piece-holds-nothing",
-                where=piece,
+                where=piece.name,
             )
         chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
-        self._change(reports.look(self._graph, Look(index, thing, chance, piece)))
+        look = Look(index, thing, chance, None if piece is None else piece.name)
+        self._change(reports.look(self._graph, look))
 
-    def _find_piece(self, said: str, index: int, *, not_: str | None = None) -> str:
-        """Return the id of an object of a room, by its id or its word."""
+    def _find_piece(self, said: str, index: int) -> SeenObject:
+        """Return an object of a room, by its id, its word, or that of its kind of furniture."""
         known = [obj for obj in self._graph.objects if obj.room_index == index]
-        if said == not_:
-            known = []
-        if said in [obj.name for obj in known]:
-            return said
         spoken, kind = normalise_name(str(said)), find_receptacle(str(said))
-        same = [obj.name for obj in known if normalise_name(obj.raw_category) == spoken]
-        same = same or [obj.name for obj in known if kind is not None and kind_of(obj) == kind]
+        same = (
+            [obj for obj in known if obj.name == said]
+            or [obj for obj in known if normalise_name(obj.raw_category) == spoken]
+            or [obj for obj in known if kind is not None and kind_of(obj) == kind]
+        )
         if len(same) == 1:
             return same[0]
         shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
         found = f"{len(same)} such objects" if same else "no such object"
         raise RecipeError(
-            f"{str(said)[:SHOWN]!r}: expected the id of another object of the room, found {found}; "
+            f"{str(said)[:SHOWN]!r}: expected the id of an object of the room, found {found}; "
             f"known are {shown or 'none'}",
             code="piece-unknown",
             where=str(said)[:SHOWN],
@@ -641,7 +643,9 @@ class SeenBuilding:
                 code="room-named-explore",
                 where=EXPLORE,
             )
-        graph = reports.let_go(self._keep_looks(graph))
+        if self._evidence is not None:
+            graph = self._keep_looks(graph)
+        graph = reports.let_go(graph)
         understood = ((one, self._understand_or_none(one.thing)) for one in graph.looks)
         looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
         whole = add_unfound(doubt_objects(graph, looks, names=self._names))
@@ -679,99 +683,6 @@ class SeenBuilding:
         return graph
 
     # Questions of the robot
-
-    def _list_pieces(
-        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float = TIDY
-    ) -> tuple[Piece, ...]:
-        return tuple(
-            sorted(
-                (
-                    Piece(
-                        piece=spot.name,
-                        name=spot.piece.raw_category if spot.piece else NOT_SEEN,
-                        probability=1
-                        - (1 - spot.sure) * (1 - spot.share * float(belief.unseen[node])),
-                        if_there=spot.share,
-                        seen=spot.seen,
-                    )
-                    for spot in self._list_spots(belief, meaning, node, tidy)
-                ),
-                key=lambda one: (one.piece is None, -one.probability),
-            )
-        )
-
-    def _list_spots(
-        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float = TIDY
-    ) -> list[Spot]:
-        """Return the pieces of a room where a thing may be, then the rest of the room.
-
-        There are none in a room for what stands by itself, and none known in one not found yet.
-        """
-        furniture = self._furnish(meaning, node, tidy)
-        if furniture is None:
-            return []
-        missed = self._missed_at(meaning, node)
-        shares = furniture.shares(missed).tolist()
-        covering = [one.look for one in self._looks if one.covers(meaning)]
-        last = covering[-1] if covering and covering[-1].room_index == node else None
-        below = {obj.name: obj.on for obj in self._objects_of(node)}
-
-        def piece_of(obj: SeenObject) -> str | None:
-            """Return the piece on which an object is, by way of a tray or not."""
-            on = obj.on
-            while on is not None and on not in furniture.names:
-                on = below.get(on)
-            return on
-
-        lies = {obj.name: piece_of(obj) for obj in belief.seen[node]}
-        loose = _there(obj for obj in belief.seen[node] if lies[obj.name] is None)
-        spots = []
-        for piece, share in zip((*furniture.pieces, None), shares, strict=True):
-            name = None if piece is None else piece.name
-            # What was seen, and nobody said on what, is on a piece that was seen.
-            known = share / max(1 - shares[-1], _LEAST) if piece or not furniture.pieces else 0.0
-            lying = _there(o for o in belief.seen[node] if piece and lies[o.name] == name)
-            sure = 1 - (1 - lying) * (1 - min(1.0, known) * loose)
-            again = last is not None and last.at == name
-            ids = tuple(obj for obj, on in lies.items() if piece and on == name)
-            spots.append(Spot(node, piece, share, sure, missed.get(name, 1.0), again, ids))
-        return spots
-
-    def _objects_of(self, node: int) -> Sequence[SeenObject]:
-        """Return the objects of a room, as looks leave them."""
-        if not self._by_room:
-            for obj in self._whole.objects:
-                self._by_room.setdefault(obj.room_index, []).append(obj)
-        return self._by_room.get(node, ())
-
-    def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
-        belief = self._believe(0)[1]
-        return furnish(
-            meaning.word,
-            self._whole.rooms[node - 1],
-            self._objects_of(node),
-            classes=self._models[0].classes,
-            unseen=belief.presence[node],
-            tidy=tidy,
-        )
-
-    def _missed_at(self, meaning: Meaning, node: int) -> dict[str | None, float]:
-        """Return P(all looks miss it) of each piece of a room with a look; None for the whole."""
-        missed: dict[str | None, float] = {}
-        for one in self._looks:
-            if one.look.room_index == node and one.covers(meaning):
-                at = one.look.at
-                missed[at] = missed.get(at, 1.0) * (1 - one.look.chance)
-        return missed
-
-    def _sum_looks(self, meaning: Meaning, *, nodes: int) -> Floats:
-        """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
-        missed = sum_looks(self._looks, meaning, nodes=nodes).missed
-        for node in {one.look.room_index for one in self._looks if one.look.at is not None}:
-            furniture = self._furnish(meaning, node)
-            if furniture is not None:
-                missed[node] *= furniture.overlooked(self._missed_at(meaning, node))
-        return missed
 
     @overload
     def where(
@@ -823,7 +734,7 @@ class SeenBuilding:
             if within is None:
                 return self._list_rooms(thing, here, costs, tidy)
             node = find_room(self._graph, within)
-            return self._list_pieces(self._look_up(thing), self.understand(thing), node, tidy)
+            return self._list_pieces(thing, node, tidy)
 
     def _list_rooms(
         self, thing: str, here: str | None, costs: Costs | None, tidy: float
@@ -843,9 +754,7 @@ class SeenBuilding:
                 expected=float(belief.expected[node]),
                 seen=tuple(obj.name for obj in belief.seen[node]),
                 cost=known_costs.get(node),
-                pieces=self._list_pieces(belief, meaning, node, tidy)[:_SHOWN_PIECES]
-                if any(map(kind_of, self._objects_of(node)))
-                else (),
+                pieces=self._best_pieces(belief, meaning, node, tidy),
             )
             for node, room in enumerate(self._graph.rooms, 1)
         ]
@@ -978,7 +887,7 @@ class SeenBuilding:
             RecipeError: as `next_room`, and if there is no such piece.
         """
         start, meaning = find_room(self._graph, here), self.understand(thing)
-        piece = None if at is None else self._find_piece(at, start)
+        piece = None if at is None else self._find_piece(at, start).name
         ways, costs_of_looks = self._cost(costs, None)
         look_at = LOOK_AT * ways.metre if look is None else read_number("look", look, most=1e9)
         decision, (belief,) = self._weigh(thing, [start], ways, chance, "single")
@@ -988,17 +897,21 @@ class SeenBuilding:
             for spot in self._list_places(belief, meaning, node)
         ]
         unseen = belief.finds_unseen(chance)
+        left = decision.finds[:, 0] > 0
+        finds = [
+            (spot.sure if decision.is_known else spot.finds(chance, float(unseen[spot.node])))
+            * left[spot.node]
+            for spot in spots
+        ]
         chosen = choose_spot(
-            decision,
-            take_likeliest(spots, unseen, at=piece),
-            self._graph,
-            ways,
-            costs_of_looks,
-            unseen,
+            spots,
+            finds,
+            [costs_of_looks[spot.node] if spot.piece is None else look_at for spot in spots],
+            decision=decision,
+            graph=self._graph,
+            ways=ways,
             here=start,
             at=piece,
-            chance=chance,
-            look_at=look_at,
         )
         if chosen is None:
             return None
@@ -1008,7 +921,7 @@ class SeenBuilding:
         """Return where to look in a room."""
         spots = self._list_spots(belief, meaning, node)
         if not spots:
-            return [Spot(node, None, 1.0, _there(belief.seen[node]))]
+            return [Spot(node=node, sure=is_there(belief.seen[node]))]
         return leave_rest(spots) if self._whole.rooms[node - 1].visited else spots
 
     @_alone
@@ -1305,6 +1218,75 @@ class SeenBuilding:
         held = ThingBelief(tuple(map(tuple, seen)), hidden, none, list_searched(graph))
         return held.after(1 - self._sum_looks(meaning, nodes=len(seen)))
 
+    def _list_pieces(self, thing: str, node: int, tidy: float) -> tuple[Piece, ...]:
+        belief, meaning = self._look_up(thing), self.understand(thing)
+        return self._describe_pieces(belief, self._list_spots(belief, meaning, node, tidy))
+
+    def _best_pieces(
+        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float
+    ) -> tuple[Piece, ...]:
+        """Return the likeliest pieces of a room; none if no furniture was seen there."""
+        if not any(map(kind_of, self._objects_of(node))):
+            return ()
+        spots = self._list_spots(belief, meaning, node, tidy)
+        return self._describe_pieces(belief, spots)[:_SHOWN_PIECES]
+
+    def _describe_pieces(self, belief: ThingBelief, spots: Sequence[Spot]) -> tuple[Piece, ...]:
+        pieces = (
+            Piece(
+                piece=spot.name,
+                name=spot.piece.raw_category if spot.piece else NOT_SEEN,
+                probability=spot.finds(1.0, float(belief.unseen[spot.node])),
+                if_there=spot.share,
+                seen=spot.seen,
+            )
+            for spot in spots
+        )
+        return tuple(sorted(pieces, key=lambda one: (one.piece is None, -one.probability)))
+
+    def _list_spots(
+        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float = TIDY
+    ) -> list[Spot]:
+        """Return the pieces of a room where a thing may be, then its rest; none if it stands."""
+        furniture = self._furnish(meaning, node, tidy)
+        if furniture is None:
+            return []
+        return list_spots(
+            furniture,
+            belief.seen[node],
+            node=node,
+            on=find_supports(self._objects_of(node)),
+            missed=sum_pieces(self._looks, meaning, node=node),
+        )
+
+    def _objects_of(self, node: int) -> Sequence[SeenObject]:
+        """Return the objects of a room, as looks leave them."""
+        if not self._by_room:
+            for obj in self._whole.objects:
+                self._by_room.setdefault(obj.room_index, []).append(obj)
+        return self._by_room.get(node, ())
+
+    def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
+        belief = self._believe(0)[1]
+        return furnish(
+            meaning.word,
+            self._whole.rooms[node - 1],
+            self._objects_of(node),
+            classes=self._models[0].classes,
+            unseen=belief.presence[node],
+            tidy=tidy,
+        )
+
+    def _sum_looks(self, meaning: Meaning, *, nodes: int) -> Floats:
+        """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
+        missed = sum_looks(self._looks, meaning, nodes=nodes).missed
+        for node in {one.look.room_index for one in self._looks if one.look.at is not None}:
+            furniture = self._furnish(meaning, node)
+            if furniture is not None:
+                pieces = sum_pieces(self._looks, meaning, node=node).of_pieces
+                missed[node] *= furniture.overlooked(pieces)
+        return missed
+
     def _model(self, model: int) -> Predictor:
         if model not in self._models:
             self._models[model] = Predictor(_OTHERS[model][0])
@@ -1321,11 +1303,6 @@ class SeenBuilding:
         if model not in self._expectations:
             self._expectations[model] = self._model(model)(graph)
         return graph, self._expectations[model]
-
-
-def _there(objects: Iterable[SeenObject]) -> float:
-    """Return P(any of some objects is there)."""
-    return 1 - math.prod(1 - obj.probability for obj in objects)
 
 
 def _list_words(things: str | Sequence[str]) -> list[str]:

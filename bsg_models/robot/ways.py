@@ -110,6 +110,11 @@ def _straight_lines(graph: PartialGraph) -> Floats:
     """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
     nowhere = (np.nan, np.nan, np.nan)
     places = np.array([nowhere, *(place_of(room) or nowhere for room in graph.rooms)])
+    return measure_lines(places)
+
+
+def measure_lines(places: Floats) -> Floats:
+    """Return the straight distances between places `[M, 3]`, `[M, M]`; ∞ where one is unknown."""
     squares = [(one[:, None] - one) ** 2 for one in places.T]
     lines = np.sqrt(sum(squares))
     return np.where(np.isnan(lines), np.inf, lines)

@@ -19,9 +19,8 @@ import click
 import rclpy
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
@@ -51,7 +50,6 @@ PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
 }
 _NOTHING: dict[str, Any] = {"scene_id": "building", "rooms": []}
 _MOST_SAID = 1_000  # notes that are remembered
-_HEARS = 0.2  # seconds after which a signal is heard, where no message comes
 _QUEUE = QoSProfile(depth=100)  # reliable
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # late ones get it, too
 
@@ -181,8 +179,7 @@ def run(ros_args: Sequence[str]) -> None:
         BSGError: if its graph, its state or its model cannot be read.
     """
     try:
-        # ROS's own handlers of signals race Python's: Ctrl-C would end with 0, 1 or 130.
-        rclpy.init(args=[*ros_args], signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[*ros_args])
     except RuntimeError as error:
         raise click.UsageError(str(error)) from error
     node = rclpy.create_node("belief")
@@ -193,10 +190,7 @@ def run(ros_args: Sequence[str]) -> None:
                 hint = ask_if_meant(name, PARAMETERS) or f"parameters are {', '.join(PARAMETERS)}"
                 node.get_logger().warning(make_plain(f"no parameter {name!r}; {hint}"))
             belief = BeliefNode(node, held)
-            executor = SingleThreadedExecutor()
-            executor.add_node(node)
-            while rclpy.ok():
-                executor.spin_once(timeout_sec=_HEARS)
+            rclpy.spin(node)
         except ParameterException as error:
             raise click.UsageError(f"parameter {error}") from error
         except ExternalShutdownException:

@@ -19,6 +19,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -356,13 +357,15 @@ def search_houses(houses: Sequence[House]) -> Floats:
 def is_known(thing: str) -> bool:
     """Return whether the robot understands a word."""
     try:
-        _KNOWS.understand(thing)
+        _open_nothing().understand(thing)
     except RecipeError:
         return False
     return find_receptacle(thing) is None
 
 
-_KNOWS: SeenBuilding = open_graph({"scene_id": "none", "rooms": []})
+@cache
+def _open_nothing() -> SeenBuilding:
+    return open_graph({"scene_id": "none", "rooms": []})
 
 
 def measure(values: Floats, weights: Floats, *, of: Callable[[Floats], float]) -> Estimate:

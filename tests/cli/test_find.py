@@ -36,7 +36,7 @@ def test_rooms_are_ranked_and_the_first_is_named() -> None:
         "P",
         "way",
         "look",
-        "found by then",
+        "ended by then",
     ]
     assert plan[1].startswith("kitchen (B: shared kitchen)")
     seen = open_graph(OFFICE, model="mixture")

@@ -16,6 +16,7 @@ from bsg_models.belief.document import decode_belief, encode_belief, to_networkx
 from bsg_models.belief.formats import read_belief, write_belief
 from bsg_models.belief.pieces import furnish
 from bsg_models.errors import BeliefFileError
+from bsg_models.robot.decision import choose_room
 from bsg_models.robot.seen_building import NOT_SEEN, Destination, Piece, SeenBuilding, open_graph
 
 FLAT: dict[str, Any] = {
@@ -122,8 +123,12 @@ def test_a_look_at_a_piece_moves_the_belief_to_the_others_by_bayes_rule() -> Non
 
 
 def test_tidy_and_untidy_homes_differ() -> None:
-    tidy, untidy = (flat().where("book", within="living room", tidy=t) for t in (1.0, 0.0))
-    assert tidy != untidy
+    tidy, untidy = (
+        {one.piece: one.if_there for one in flat().where("book", within="living room", tidy=t)}
+        for t in (1.0, 0.0)
+    )
+    assert tidy["books"] > untidy["books"], "where it belongs"
+    assert tidy["sofa"] < untidy["sofa"], "where it was left"
     with pytest.raises(RecipeError):
         flat().where("book", within="living room", tidy=1.5)
 
@@ -182,9 +187,12 @@ def test_what_is_seen_again_stays_where_it_lay() -> None:
 def test_what_was_seen_in_the_room_is_on_a_piece_that_was_seen_there() -> None:
     seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": ["coat rack"]})
     pieces = seen.where("cup", within="kitchen")
-    assert pieces[-1].name == NOT_SEEN
-    assert pieces[-1].probability < 0.5
-    assert sum(one.probability for one in pieces[:-1]) > 1
+    unseen = next(place for place in seen.where("cup") if place.room == "kitchen").unseen
+    rest = pieces[-1].if_there
+    for one in pieces:
+        lies = 0.0 if one.name == NOT_SEEN else one.if_there / (1 - rest)
+        both = 1 - (1 - lies) * (1 - one.if_there * unseen)
+        assert one.probability == pytest.approx(both)
     go = seen.next_place("cup", here="hall")
     assert go is not None
     assert (go.room, go.piece) == ("kitchen", pieces[0].piece)
@@ -234,17 +242,35 @@ def test_furniture_in_other_words_is_furniture() -> None:
         seen.looked("kitchen", "mug", at="spoon")
 
 
-def test_many_places_are_weighed_in_a_moment() -> None:
-    rooms = [{"id": f"r{n}", "room_type": "office", "position": [n, 0, 0]} for n in range(250)]
+def test_of_hundreds_of_pieces_the_likeliest_and_that_of_the_robot_are_weighed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rooms = [{"id": f"r{n}", "room_type": "office", "position": [n, 0, 0]} for n in range(60)]
     objects = [
         {"id": f"{n} {k}", "room": f"r{n}", "category": word, "position": [n, k, 0]}
-        for n in range(250)
-        for k, word in enumerate(("desk", "cabinet", "shelf", "chair"))
+        for n in range(60)
+        for k, word in enumerate(("desk", "garbage bin", "shelf", "chair"))
     ]
+    weighed: list[int] = []
+
+    def note(decision: Any, *rest: Any, **more: Any) -> int | None:
+        weighed.append(len(decision.finds))
+        return choose_room(decision, *rest, **more)
+
+    monkeypatch.setattr("bsg_models.robot.destinations.choose_room", note)
     seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
-    go = seen.next_place("stapler", here="r0", at="0 0")
-    assert go is not None
-    assert go.piece is not None
+    assert seen.next_place("stapler", here="r0", at="0 1") == Destination("r0", "0 0")
+    assert weighed == [1 + 60 + 100 + 1], "the building, the rests, the pieces, and the bin"
+
+
+def test_looks_at_every_piece_leave_little_of_what_was_seen_on_none_of_them() -> None:
+    seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": []})
+    before = seen.where("cup")[0].probability
+    for piece in ("fridge 1", "counter 1"):
+        seen.looked("kitchen", "cup", at=piece, chance=1.0)
+    (cup,) = [obj for obj in seen.graph.objects if obj.raw_category == "cup"]
+    assert before == 1
+    assert cup.name not in seen.where("cup")[0].seen
 
 
 def test_a_piece_is_named_by_its_id_or_its_word() -> None:
@@ -253,7 +279,7 @@ def test_a_piece_is_named_by_its_id_or_its_word() -> None:
     assert [one.at for one in seen.graph.looks] == ["fridge"]
     with refuses(RecipeError, "piece-unknown", where="sofa"):
         seen.looked("kitchen", "milk", at="sofa")
-    with refuses(RecipeError, "piece-unknown", where="cup"):
+    with refuses(RecipeError, "piece-on-itself", where="cup"):
         seen.saw("kitchen", "mug", object_id="cup", on="cup")
 
 
