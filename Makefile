@@ -99,7 +99,7 @@ figures: demo robot ## Draw the figures of the docs; that of the explorer needs 
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
 	$(BIN)/bsg-search $(DEMO)/dataset --scene 00017-sta13NdfxpY --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 60 --trace --replay docs/figures/search.png --force --out $(DEMO)/small
 	cp demo-robot/robot.png docs/figures/robot.png
-	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html
+	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html --force
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"
 
 # pyrobosim brings a plugin of pytest, so it has an environment of its own.

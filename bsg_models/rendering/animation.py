@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from bsg_data.errors import RecipeError
 from bsg_data.files import PLAIN_TEXT, write_bytes
@@ -56,7 +57,8 @@ def write_animation(replay: Replay, path: Path) -> None:
     strip = Image.fromarray(np.concatenate([np.asarray(frame) for frame in frames]))
     palette = strip.quantize(_COLOURS, dither=Image.Dither.NONE)
     first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    buffer = io.BytesIO()
+    buffer, made_by = io.BytesIO(), PngInfo()
+    made_by.add_text("Creator", "bsg-figure")  # what `--force` may replace says so
     first.save(
         buffer,
         format=_FORMATS[path.suffix.lower()],
@@ -65,6 +67,8 @@ def write_animation(replay: Replay, path: Path) -> None:
         duration=[FRAME_MS] * len(others) + [LAST_MS],
         loop=0,
         optimize=False,
+        pnginfo=made_by,
+        comment=b"Creator: bsg-figure",
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, buffer.getvalue())
