@@ -100,10 +100,12 @@ def find_receptacle(word: str) -> Receptacle | None:
 
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
-    listed, thing = _read_keeping(), find_thing(word)
-    for name in (_spell(word), thing.name if thing else "", _spell(word).rpartition(" ")[2]):
-        if name in listed:
-            return listed[name]
+    listed, whole = _read_keeping(), _spell(word)
+    for said in (whole, whole.rpartition(" ")[2]):  # running shoes lie where shoes do
+        thing = find_thing(said)
+        for name in (said, thing.name if thing else ""):
+            if name in listed:
+                return listed[name]
     return Keeping({}) if find_receptacle(word) else None
 
 

@@ -39,13 +39,14 @@ _PREPOSITION = re.compile(r" (?:of|for|with|without|from|in|on|to) ")
 _PARTITIVE = re.compile(
     r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
 )
-# How a thing looks says nothing of where it is.
+# How a thing looks and what it is made of say nothing of where it is.
 # fmt: off
 _LOOKS = frozenset({
     "red", "blue", "green", "yellow", "black", "white", "grey", "gray", "brown", "pink", "purple",
     "orange", "beige", "golden", "silver", "big", "small", "large", "little", "tiny", "huge",
     "tall", "short", "long", "wide", "narrow", "old", "new", "clean", "dirty", "empty", "full",
-    "round", "square", "broken", "favourite", "favorite", "other",
+    "round", "square", "broken", "favourite", "favorite", "other", "spare", "best", "warm", "cheap",
+    "fake", "wooden", "plastic", "metal", "leather", "electric", "wireless", "bluetooth", "guest",
 })
 # Plurals that mean something else than their singular, or have none.
 _PLURAL = frozenset({

@@ -19,7 +19,6 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.observation.partial_graph import Look, PartialGraph, SeenObject
-from bsg_models.belief.nouns import looks_of
 from bsg_models.belief.pieces import find_supports, furnish
 from bsg_models.robot.words import Meaning
 
@@ -41,7 +40,7 @@ class MissedLook:
         """
         mine = self.meaning
         if mine.thing is not None and mine.thing == sought.thing:
-            return looks_of(mine.word) <= looks_of(sought.word)
+            return mine.told <= sought.told
         if mine.noun is not None:
             return sought.noun is not None and mine.noun.includes(sought.word)
         its_class = sought.model, sought.class_index

@@ -90,8 +90,11 @@ from bsg_models.robot.words import (
     find_everyday,
     find_meaning,
     find_room,
+    find_wider,
+    mean_kind,
     require_word,
     set_hidden_shares,
+    tell_apart,
 )
 from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
 from bsg_models.runs.predictor import Predictor
@@ -1066,7 +1069,13 @@ class SeenBuilding:
     def _find_meaning(self, word: str, *, prefer_exact: bool, nouns: NounTable | None) -> Meaning:
         """Return what a word means; the table of everyday things knows more than likenesses do."""
         thing, read = find_everyday(word), partial(find_meaning, prefer_exact=prefer_exact)
-        if thing is None or (not prefer_exact and self._models[0].class_map.lookup(word)):
+        if not prefer_exact and self._models[0].class_map.lookup(word):
+            return read(word, self._class_maps(), nouns=nouns)
+        if thing is None and (thing := find_wider(word)):
+            noun = None if nouns is None else nouns.find(word)
+            if noun is not None and noun.is_whole:
+                return mean_kind(word, thing, noun)
+        if thing is None:
             return read(word, self._class_maps(), nouns=nouns)
         for name in self._models[0].class_map.classes:
             if counts(name, thing):
@@ -1077,7 +1086,8 @@ class SeenBuilding:
             found = read(thing.name, self._class_maps(), nouns=nouns)
         except RecipeError:
             found = Meaning(word, None, None, 0, "", is_exact=False)
-        return replace(found, word=word, thing=thing, how=explain_everyday(thing, word))
+        how, told = explain_everyday(thing, word), tell_apart(word)
+        return replace(found, word=word, thing=thing, how=how, told=told)
 
     def _understand_or_none(self, thing: str) -> Meaning | None:
         try:
@@ -1167,11 +1177,12 @@ class SeenBuilding:
         """Return whether a robot's word for an object names a thing of this meaning."""
         noun, thing = meaning.noun, meaning.thing
         if thing is not None:
-            mine = looks_of(meaning.word)
+            mine = meaning.told
 
             def is_thing(word: str) -> bool:
-                may_be = not (looks := looks_of(word)) or not mine or not mine.isdisjoint(looks)
-                return may_be and (find_everyday(word) == thing or bool(noun and noun.names(word)))
+                may_be = not (told := tell_apart(word)) or not mine or not mine.isdisjoint(told)
+                is_one = not meaning.is_kind and thing in (find_everyday(word), find_wider(word))
+                return may_be and (is_one or bool(noun and noun.names(word)))
 
             return is_thing
         if noun is not None:
@@ -1195,7 +1206,8 @@ class SeenBuilding:
             hidden, none = believe_noun(meaning.noun, belief, read_nouns())
         if meaning.thing is not None:
             likeness = None if meaning.noun is None else hidden.mean[:, 0]
-            hidden, none = believe_thing(meaning.thing, self._whole, likeness=likeness)
+            listed, of_thing = believe_thing(meaning.thing, self._whole, likeness=likeness)
+            hidden, none = believe_kind(listed, hidden) if meaning.is_kind else (listed, of_thing)
         is_sought = self._names(meaning)
         if meaning.thing is not None or meaning.noun is not None:
             found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
@@ -1320,7 +1332,7 @@ def _key_of(meaning: Meaning) -> tuple[object, ...]:
     """Return what two words have in common that mean the same thing."""
     noun = meaning.noun
     if meaning.thing is not None:
-        return meaning.thing.name, looks_of(meaning.word)
+        return meaning.thing.name, meaning.told
     parts = None if noun is None else (*split_head(noun.name)[0], noun.head, looks_of(noun.name))
     return meaning.model, meaning.class_index, parts
 

@@ -25,7 +25,7 @@ from bsg_data.scene.name_rules import SHORT, index_words, is_typo, mend, singula
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
-from bsg_models.belief.nouns import Noun, NounTable, split_head
+from bsg_models.belief.nouns import Noun, NounTable, looks_of, split_head
 
 MOST_CHARACTERS = 100
 _NO_THINGS = "not-things-v1.csv"
@@ -52,6 +52,8 @@ class Meaning:
         noun: what the word means, if it is known and no class holds only such things.
         is_mended: whether the word is taken for another one, spelled almost like it.
         thing: the row of the table of everyday things, for one that no class holds alone.
+        is_kind: whether the row is of things of which this is a kind: shoes, for running shoes.
+        told: words that tell it from other such things: `red` of a red mug.
     """
 
     word: str
@@ -63,6 +65,8 @@ class Meaning:
     noun: Noun | None = None
     is_mended: bool = False
     thing: Thing | None = None
+    is_kind: bool = False
+    told: frozenset[str] = frozenset()
 
     @property
     def is_class(self) -> bool:
@@ -176,6 +180,36 @@ def _find_mended(word: str) -> Thing | None:
         return None
     near = sorted(mend(normalise_name(said), _letters(), real=read_real_words()))
     return next(filter(None, map(find_thing, near)), None)
+
+
+@lru_cache(maxsize=4096)
+def find_wider(word: str) -> Thing | None:
+    """Return the everyday thing of which a name without a row says more: shoes, of running shoes.
+
+    None for a word that is listed, or that a class map knows as a whole.
+    """
+    said = _name_only(word)
+    before, head = split_head(said)
+    known = load_class_map().classify(said)
+    is_known = known.role != "unmapped" and known.rule != "head noun"
+    return None if is_known or not before or find_everyday(word) else find_everyday(head)
+
+
+def mean_kind(word: str, thing: Thing, noun: Noun) -> Meaning:
+    """Return the meaning of a word that says more of an everyday thing, all of it known words."""
+    how, told = f"{_explain(noun)}, and as a kind of {thing.name!r}", tell_apart(word)
+    return Meaning(
+        word, None, None, 0, how, is_exact=False, noun=noun, thing=thing, is_kind=True, told=told
+    )
+
+
+def tell_apart(word: str) -> frozenset[str]:
+    """Return the words that tell a thing from others of its row: how it looks, its brand or kind.
+
+    >>> [sorted(tell_apart(word)) for word in ("red mug", "my Nokia phone", "wine glass")]
+    [['red'], ['nokia'], []]
+    """
+    return looks_of(word) | (frozenset(split_head(word)[0]) if find_wider(word) else frozenset())
 
 
 @cache

@@ -972,3 +972,48 @@ def test_a_home_of_one_room_is_not_taken_as_whole_without_a_word() -> None:
     assert told_so.anywhere("towel") > 0.8
     first = told_so.where("towel")[0]
     assert (first.room, first.label) == (EXPLORE, "rooms not found yet")
+
+
+@pytest.mark.parametrize(
+    ("said", "thing"),
+    [
+        ("nokia phone", "phone"),
+        ("spare batteries", "batteries"),
+        ("heinz ketchup", "ketchup"),
+        ("leather jacket", "jacket"),
+        ("sony bluetooth headphones", "headphones"),
+        ("kichen knife", "knife"),
+    ],
+)
+def test_a_brand_a_material_and_a_typo_before_a_thing_change_nothing(said: str, thing: str) -> None:
+    asked = see("simple", [])
+    assert asked.where(said) == asked.where(thing)
+    assert asked.anywhere(said) == asked.anywhere(thing)
+
+
+@pytest.mark.parametrize(
+    ("said", "thing", "first"),
+    [
+        ("running shoes", "shoes", {"hall", "bedroom"}),
+        ("winter jacket", "jacket", {"hall", "bedroom"}),
+        ("work laptop", "laptop", {"living room", "bedroom"}),
+        ("garden scissors", "scissors", {"kitchen", "living room"}),
+    ],
+)
+def test_a_kind_of_a_thing_is_where_such_things_are_and_rarer(
+    said: str, thing: str, first: set[str]
+) -> None:
+    asked = see("simple", [])
+    assert asked.where(said)[0].room in first
+    assert 0.2 < asked.anywhere(said) < asked.anywhere(thing)
+
+
+def test_a_thing_of_another_brand_is_not_the_one_that_is_sought() -> None:
+    seen = open_graph({"living room": ["samsung phone"], "kitchen": []})
+    assert seen.where("phone")[0].seen == ("samsung phone 1",)
+    assert not any(place.seen for place in seen.where("nokia phone"))
+    seen.looked("kitchen", "phone", chance=1)
+    missed = {word: seen.where(word) for word in ("phone", "nokia phone")}
+    seen.looked("living room", "nokia phone", chance=1)  # it says nothing of other phones
+    assert seen.where("phone") == missed["phone"]
+    assert seen.where("nokia phone") != missed["nokia phone"]
