@@ -53,6 +53,7 @@ _ASSET = re.compile(r"(?:_\d+)+\w*$")
 _MADE = re.compile(r"^robothor_|_(?:ai2|v)(?=_|$)")
 _SAID = {"cellphone": "phone", "keychain": "key", "creditcard": "credit card", "cd": "dvd"}
 Rank = Callable[..., Floats]  # thing, room, pieces → a number for each
+Rooms = Mapping[str, float]  # a number for each room
 
 
 def say(room: str) -> str:
@@ -86,22 +87,76 @@ def uniform(_: str, __: str, pieces: Sequence[str], *, tidy: float = TIDY) -> Fl
 # Housekeep
 
 
-def rank_housekeep(path: Path, rank: Rank, *, split: str) -> dict[str, list[float]]:
-    """Return thing → the average precisions of its rooms, as Housekeep's own evaluator has them."""
-    said: dict[tuple[str, str], dict[str, int]] = defaultdict(dict)
+Votes = dict[str, dict[str, dict[str, int]]]  # thing → room → piece → people, of ten
+
+
+def read_votes(path: Path, *, split: str) -> Votes:
+    """Return how many people said that a thing belongs on a piece, for the things of a split."""
+    votes: Votes = defaultdict(lambda: defaultdict(dict))
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             if row["split"] == split:
-                key = row["object"], row["room"]
-                said[key][row["receptacle"]] = int(float(row["people_right"]))
-    found: dict[str, list[float]] = defaultdict(list)
-    for (thing, room), votes in said.items():
-        right = np.array([*votes.values()]) >= VOTES
+                own = votes[row["object"].replace("_", " ")][say(row["room"])]
+                own[row["receptacle"].replace("_", " ")] = int(float(row["people_right"]))
+    return votes
+
+
+def judge_people(votes: Votes, rank: Rank, weigh_rooms: Callable[[str], Rooms]) -> Floats:
+    """Return what each thing adds to each measure, `[things, 6]`: three sums and their numbers.
+
+    The average precision of the pieces of a room, as Housekeep's own evaluator has it; that of all
+    pieces of a home; and the log loss of what is said of a room's pieces against people's shares.
+    """
+    sums = np.zeros((len(votes), 6))
+    for own, (thing, rooms) in zip(sums, votes.items(), strict=True):
+        weights, scores, chosen = weigh_rooms(thing), [], []
+        for room, pieces in rooms.items():
+            said = np.array([*pieces.values()], float)
+            shares = rank(thing, room, [*pieces], tidy=1.0)
+            scores.append(shares * weights.get(room, 0.0))
+            chosen.append(said >= VOTES)
+            if chosen[-1].any():
+                own += (average_precision(shares, chosen[-1]), 1, 0, 0, 0, 0)
+            if said.any():
+                likely = np.maximum(shares / shares.sum(), 1e-9)
+                own += (0, 0, 0, 0, -(said / said.sum()) @ np.log(likely), 1)
+        right = np.concatenate(chosen)
         if right.any():
-            names = [name.replace("_", " ") for name in votes]
-            scores = rank(thing.replace("_", " "), say(room), names, tidy=1.0)
-            found[thing].append(average_precision(scores, right))
-    return found
+            own += (0, 0, average_precision(np.concatenate(scores), right), 1, 0, 0)
+    return sums
+
+
+def judge_calibration(votes: Votes, rank: Rank) -> Floats:
+    """Return what is said of pieces and the share of people, and their number, by tenths."""
+    sums = np.zeros((10, 3))
+    for thing, rooms in votes.items():
+        for room, pieces in rooms.items():
+            people_said = np.array([*pieces.values()], float)
+            if people_said.any():
+                shares = rank(thing, room, [*pieces], tidy=1.0)
+                said = shares / shares.sum()
+                row = np.column_stack([said, people_said / people_said.sum(), np.ones(len(said))])
+                np.add.at(sums, np.minimum((10 * said).astype(int), 9), row)
+    return sums
+
+
+def weigh_by_belief(thing: str) -> Rooms:
+    """Return P(a room has the thing) in a home with Housekeep's rooms that nobody has entered."""
+    try:
+        return {place.room: place.probability for place in _open_rooms().where(thing)}
+    except RecipeError:  # a word that nobody knows
+        return dict.fromkeys(read_shares().rooms, 1.0)
+
+
+@cache
+def _open_rooms() -> SeenBuilding:
+    rooms = [{"id": one, "room_type": one, "visited": False} for one in read_shares().rooms]
+    return open_graph({"scene_id": "home", "building_kind": "home", "rooms": rooms})
+
+
+def weigh_alike(_: str) -> Rooms:
+    """Return the same for each room."""
+    return dict.fromkeys(read_shares().rooms, 1.0)
 
 
 def average_precision(scores: Floats, right: Bools) -> float:
@@ -382,18 +437,21 @@ def tabulate(options: argparse.Namespace) -> list[ResultsTable]:
         "how often people chose a piece": people,
         "chance": uniform,
     }
-    of_things = {
-        name: rank_housekeep(options.housekeep, one, split="val") for name, one in ways.items()
-    }
-    things = sorted(of_things["ours"])
-    weights = weigh_buildings(len(things), resamples=options.resamples, seed=0)
-    rows = []
-    for name, found in of_things.items():
-        sums = np.array([(sum(found[one]), len(found[one])) for one in things])
-        rows.append([name, show(sums, weights)])
-    published = [["RoBERTa, tuned", "0.791"], ["GloVe, tuned", "0.760"]]
-    people_said = ResultsTable(
-        "Pieces of a room, by people", ("by", "mean average precision ↑"), [*rows, *published]
+    votes = read_votes(options.housekeep, split="val")
+    weights = weigh_buildings(len(votes), resamples=options.resamples, seed=0)
+    rows, bins = [], []
+    for name, one in ways.items():
+        sums = judge_people(votes, one, weigh_by_belief if one is rate else weigh_alike)
+        rows.append([name, *(show(sums[:, [k, k + 1]], weights) for k in (0, 2, 4))])
+    for tenth, (said, true, number) in enumerate(judge_calibration(votes, rate)):
+        if number:
+            cells = [f"{said / number:.3f}", f"{true / number:.3f}", f"{number:.0f}"]
+            bins.append([f"{tenth / 10:.1f} to {(tenth + 1) / 10:.1f}", *cells])
+    published = [["RoBERTa, tuned", "0.791", "–", "–"], ["GloVe, tuned", "0.760", "–", "–"]]
+    header = ("by", "pieces of a room, mAP ↑", "of the home, mAP ↑", "of a room, log loss ↓")
+    people_said = ResultsTable("Pieces of a room, by people", header, [*rows, *published])
+    calibrated = ResultsTable(
+        "What is said of pieces", ("said", "mean said", "people's share", "pieces"), bins
     )
     houses = [*read_houses(options.houses)][: options.most]
     weights = weigh_buildings(len(houses), resamples=options.resamples, seed=0)
@@ -420,7 +478,7 @@ def tabulate(options: argparse.Namespace) -> list[ResultsTable]:
             ]
         )
     header = ("by", "seconds until found ↓", "`next_place` saves, %")
-    return [people_said, lying, ResultsTable("Searches of furniture", header, rows)]
+    return [people_said, calibrated, lying, ResultsTable("Searches of furniture", header, rows)]
 
 
 def show(sums: Floats, weights: Floats) -> str:

@@ -38,11 +38,11 @@ def test_a_house_is_measured_by_hand(tmp_path: Path) -> None:
     words += [f"--houses={tmp_path / 'houses.jsonl.gz'}", f"--out={tmp_path / 'out.json'}"]
     assert furniture.main(words) == 0
     tables = json.loads((tmp_path / "out.json").read_text("utf-8"))["furniture"]["tables"]
-    by_people, lying, searches = (
+    by_people, _, lying, searches = (
         {row[0]: [cell.split()[0] for cell in row[1:]] for row in one["rows"]}
         for one in tables.values()
     )
-    assert by_people["ours"] == ["1.000"], "the fridge comes first"
+    assert by_people["ours"][:2] == ["1.000", "1.000"], "the fridge comes first"
     assert lying["chance"][0] == "0.500"
     assert lying["ours"][0] == "1.000"
     ways = {name: float(row[0]) for name, row in searches.items()}
