@@ -81,6 +81,21 @@ def describe_things(
     return {**facts, "cost_unit": None if here is None else seen.ways().unit, "here": here}
 
 
+def describe_place(
+    seen: bsg_models.SeenBuilding, thing: str, *, here: str, **options: Any
+) -> dict[str, Any]:
+    """Return the piece of furniture to look at next: what every door answers.
+
+    Args:
+        seen: the building.
+        thing: any word.
+        here: the robot's room.
+        options: `at`, `look` and `chance` of `next_place`.
+    """
+    go = seen.next_place(thing, here=here, **options)
+    return {"thing": thing, "room": go and go.room, "piece": go and go.piece}
+
+
 def _describe(seen: bsg_models.SeenBuilding, thing: str, here: str | None) -> dict[str, Any]:
     meaning = seen.understand(thing)
     return {

@@ -7,7 +7,9 @@ from typing import Any
 import anyio
 
 
-def ask_service(service: Any, question: dict[str, Any]) -> dict[str, dict[str, Any]]:
+def ask_service(
+    service: Any, question: dict[str, Any], *, path: str = "/find", tool: str = "find_things"
+) -> dict[str, dict[str, Any]]:
     """Return door → its answer to a question that it can answer."""
     import httpx2  # after the test found that the extra is there
     from mcp import Client
@@ -19,9 +21,9 @@ def ask_service(service: Any, question: dict[str, Any]) -> dict[str, dict[str, A
         app = make_app(service)
         transport = httpx2.ASGITransport(app=app)
         async with httpx2.AsyncClient(transport=transport, base_url="http://localhost") as client:
-            http = await client.post("/find", json=question)
+            http = await client.post(path, json=question)
         async with Client(make_server(app)) as agent:
-            mcp = await agent.call_tool("find_things", question)
+            mcp = await agent.call_tool(tool, question)
         assert http.status_code == 200, http.text
         assert not mcp.is_error, mcp.content
         return {"HTTP": http.json(), "MCP": dict(mcp.structured_content)}

@@ -30,6 +30,7 @@ SAID = (
     "describe",
     "more_rooms",
     "where",
+    "next_place",
     "expected",
 )
 

@@ -129,6 +129,7 @@ class DSGFile:
     rooms: tuple[DSGNode, ...]  # in the order of their ids
     objects: tuple[DSGNode, ...]  # in the order of their ids
     adjacency: tuple[tuple[int, int], ...]  # pairs of numbers of rooms, ascending and once each
+    links: int = 0  # edges between two objects, of which neither is the parent
     # what its metadata say under `bsg`; empty without
     said: Mapping[str, Any] = field(default_factory=dict)
 
@@ -169,11 +170,13 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     number_of = {node.id: number for number, node in enumerate(rooms)}
     room_of = _find_rooms(graph, _find_parents(graph, path), number_of)
     ends = [(number_of.get(edge.source), number_of.get(edge.target)) for edge in graph.edges]
+    things = {node.id for node in objects}
     joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
     return DSGFile(
         rooms=_describe(rooms, graph, {}),
         objects=_describe(objects, graph, room_of),
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
+        links=sum(edge.source in things and edge.target in things for edge in graph.edges),
         said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
     )
 

@@ -225,6 +225,12 @@ def _note(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:
         yield "it has no rooms (layer ROOMS): beliefs are about the building only"
     elif astray := sum(obj.room is None for obj in dsg.objects):
         yield f"{astray} of {_count(len(dsg.objects))} under no room, counted for the building only"
+    if dsg.links:
+        edges = "1 edge" if dsg.links == 1 else f"{dsg.links:,} edges"
+        yield (
+            f"{edges} between objects not read: Spark-DSG does not say which of the two lies on "
+            "the other; say `on` in the metadata of an object (docs/belief.md)"
+        )
     bare = [
         obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.said)
     ]

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Annotated, Any, TypeAlias
 
 import numpy as np
-from pydantic import PlainValidator, WithJsonSchema
+from pydantic import Field, PlainValidator, WithJsonSchema
 
 from bsg_data.arrays import Floats
-from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation.partial_graph import Number, PartialGraph
 from bsg_data.recipes import read_number
 from bsg_data.scene.surroundings import area_of
 from bsg_data.spelling import SHOWN
@@ -38,6 +38,7 @@ def check_look(said: Any) -> AnyLook | None:
     }
 
 
+SaidCost = Annotated[float, Number, Field(ge=0, le=_MOST)]  # of a look at a piece of furniture
 SaidLook = Annotated[  # as a field of what people and programs ask
     AnyLook | None,
     PlainValidator(check_look),

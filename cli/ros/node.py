@@ -114,6 +114,8 @@ class BeliefNode:
             self.log.warning(make_plain(f"~/{topic}: {answer['error']}"))
         elif topic == "where":
             self.thing = answer["things"][0]["thing"]
+        elif topic == "next_place":
+            self.thing = answer["thing"]
         for note in answer.get("notes", ()):
             self.log.info(make_plain(f"~/{topic}: {note}"))
         self.answers.publish(String(data=encode_json(answer)))

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 import bsg_data
 import bsg_models
-from bsg_cli.find import describe_things
+from bsg_cli.find import describe_place, describe_things
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import (
     Hours,
@@ -32,7 +32,7 @@ from bsg_data.observation.partial_graph import MoreRooms as MoreRoomsNumber
 from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.observation.robot_json import drop_empty, note_building, note_rooms
 from bsg_data.recipes import Record, name_fault
-from bsg_models.robot.looks import SaidLook
+from bsg_models.robot.looks import SaidCost, SaidLook
 from bsg_models.robot.words import find_room
 from bsg_models.search.knowledge import Task
 
@@ -160,6 +160,16 @@ class Where(_Request):
     task: Task = "single"
 
 
+class NextPlace(_Request):
+    """Which piece of furniture to look at next, to find a thing."""
+
+    thing: Name
+    here: Id | None = None  # None: where the robot is
+    at: Id | None = None  # None: the middle of the room
+    look: SaidCost | None = None
+    chance: Score = LOOK_CHANCE
+
+
 class Expected(_Request):
     """Which unseen classes a room may hold."""
 
@@ -279,6 +289,12 @@ class Robot:
         asked = said.model_dump(include={"robots", "look", "chance", "task"})
         return describe_things(self.seen, said.thing, here=here, **asked)
 
+    def next_place(self, said: NextPlace) -> Answer:
+        """Answer which piece of furniture to look at next."""
+        here = self._require_room(said.here)
+        asked = said.model_dump(include={"at", "look", "chance"})
+        return describe_place(self.seen, said.thing, here=here, **asked)
+
     def expected(self, said: Expected) -> Answer:
         """Answer what a room may hold, the likeliest first."""
         return {"room": said.room, "expected": [*map(asdict, self.seen.expected(said.room))]}
@@ -332,6 +348,7 @@ TOPICS: Mapping[str, tuple[type[_Request], Callable[[Robot, Any], Answer]]] = Ma
         "describe": (Describe, Robot.describe),
         "more_rooms": (MoreRooms, Robot.more_rooms),
         "where": (Where, Robot.where),
+        "next_place": (NextPlace, Robot.next_place),
         "expected": (Expected, Robot.expected),
     }
 )

@@ -18,12 +18,18 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from bsg_cli.serve.bounds import MOST_BYTES, Fault, confess, refuse
 from bsg_cli.serve.doors import EventStreams
-from bsg_cli.serve.questions import Contents, Expect, Find, Found, Service
+from bsg_cli.serve.questions import Contents, Expect, Find, Found, GoTo, NextPlace, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
 from bsg_data.inputs.documents import parse_json
+from bsg_data.recipes import SaidRecord
 from bsg_data.spelling import SHOWN, ask_if_meant
 
+_QUESTIONS: dict[str, type[SaidRecord]] = {
+    "/find": Find,
+    "/next_place": NextPlace,
+    "/expect": Expect,
+}
 _FAULTS = {
     400: "not JSON, or an unknown Host",
     404: "no such path",
@@ -70,11 +76,15 @@ def make_app(service: Service) -> FastAPI:
         """Say in which rooms things probably are, and which room to search first."""
         return service.find(asked)
 
+    async def next_place(asked: NextPlace) -> GoTo:
+        """Say which piece of furniture to look at next, to find one thing."""
+        return service.next_place(asked)
+
     async def expect(asked: Expect) -> Contents:
         """Say what rooms probably hold that was not seen yet, of one room or of all."""
         return service.expect(asked)
 
-    for answer in (find, expect):
+    for answer in (find, next_place, expect):
         app.post(f"/{answer.__name__}", operation_id=answer.__name__)(answer)
     return app
 
@@ -135,7 +145,7 @@ async def _explain_question(request: Request, error: Exception) -> JSONResponse:
         most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
         said = f"expected at most {most}, found {found or 'more'}"
     if fault["type"] == "extra_forbidden":
-        keys = (Find if request.url.path == "/find" else Expect).model_fields
+        keys = _QUESTIONS[request.url.path].model_fields
         hint = ask_if_meant(where, keys) or f"known are {', '.join(keys)}"
         said = f"is no key; {hint}"
     return refuse(422, f"{where}: {said}", code="question-malformed", where=where)
@@ -143,7 +153,7 @@ async def _explain_question(request: Request, error: Exception) -> JSONResponse:
 
 async def _explain_path(request: Request, error: Exception) -> JSONResponse:
     status, what = error.status_code, f"{request.method} {request.url.path[:SHOWN]}"  # type: ignore[attr-defined]
-    said = f"expected POST /find, /expect or /mcp, or GET /openapi.json; found {what}"
+    said = f"expected POST /find, /next_place, /expect or /mcp, or GET /openapi.json; found {what}"
     return refuse(status, said, code="path-unknown")
 
 

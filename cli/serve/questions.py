@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 
 import bsg_data
 import bsg_models
-from bsg_cli.find import describe_things
+from bsg_cli.find import describe_place, describe_things
 from bsg_data.files import AnyPath
 from bsg_data.first_fault import Keyed, Listed
 from bsg_data.inputs.documents import parse_json
@@ -17,7 +17,7 @@ from bsg_data.observation.partial_graph import Id, Score, Text, reclassify
 from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.recipes import Record, SaidRecord
 from bsg_models.belief.graph_file import parse_graph
-from bsg_models.robot.looks import SaidLook
+from bsg_models.robot.looks import SaidCost, SaidLook
 from bsg_models.search.knowledge import Task
 
 MOST_ROOMS = 500  # of a map
@@ -41,12 +41,22 @@ Things = Annotated[
     BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
     Field(min_length=1, max_length=MOST_THINGS, description="What to look for, in any words."),
 ]
+OneThing = Annotated[Text, Field(description="What to look for, in any words.")]
 # Models of agents fill in every field: null and "" mean that it is left out.
 _Blank = BeforeValidator(lambda said: None if said == "" else said)
 Here = Annotated[
     Id | None,
     _Blank,
     Field(description="The room where the robot is, by id or label; ways are measured from it."),
+]
+HereSaid = Annotated[Id, Field(description="The room where the robot is, by id or label.")]
+At = Annotated[
+    Id | None,
+    _Blank,
+    Field(
+        description="The piece of furniture where the robot is, by id; null: it is in the middle "
+        "of the room."
+    ),
 ]
 Robots = Annotated[
     Annotated[Keyed[Id, Id], Field(max_length=MOST_ROBOTS)] | None,
@@ -59,6 +69,13 @@ Look = Annotated[
     Field(
         description="Cost of looking into a room, in the unit of the ways: of every room, or room "
         "-> cost; null: estimated from its size and what is left of it."
+    ),
+]
+LookAt = Annotated[
+    SaidCost | None,
+    _Blank,
+    Field(
+        description="Cost of a look at a piece of furniture, in the unit of the ways; null: 2.5 m."
     ),
 ]
 Chance = Annotated[
@@ -99,6 +116,18 @@ class Find(SaidRecord):
     look: Look = None
     chance: Chance = None
     task: AnyTask = None
+    labels: Labels = None
+
+
+class NextPlace(SaidRecord):
+    """Which piece of furniture to look at next."""
+
+    map: Map
+    thing: OneThing
+    here: HereSaid
+    at: At = None
+    look: LookAt = None
+    chance: Chance = None
     labels: Labels = None
 
 
@@ -173,6 +202,21 @@ class Found(Record):
     notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
 
 
+class GoTo(Record):
+    """The piece of furniture to look at next."""
+
+    thing: str
+    room: Annotated[
+        str | None,
+        Field(description="Its room; `explore`: find new rooms; null: nothing is left to search."),
+    ]
+    piece: Annotated[
+        str | None,
+        Field(description="Its id; null: enter the room, or look about in it for more furniture."),
+    ]
+    notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
+
+
 class Content(Record):
     """What a room probably holds that was not seen."""
 
@@ -224,6 +268,23 @@ class Service:
         )
         return Found.model_validate({**facts, "notes": seen.notes})
 
+    def next_place(self, asked: NextPlace) -> GoTo:
+        """Return the piece of furniture to look at next.
+
+        Raises:
+            BSGError: if the map is malformed, or a name means nothing.
+        """
+        seen = self._open(asked)
+        facts = describe_place(
+            seen,
+            asked.thing,
+            here=asked.here,
+            at=asked.at,
+            look=asked.look,
+            chance=LOOK_CHANCE if asked.chance is None else asked.chance,
+        )
+        return GoTo.model_validate({**facts, "notes": seen.notes})
+
     def expect(self, asked: Expect) -> Contents:
         """Return what rooms probably hold.
 
@@ -243,7 +304,7 @@ class Service:
         ]
         return Contents(rooms=tuple(contents), model=seen.model, notes=seen.notes)
 
-    def _open(self, asked: Find | Expect) -> bsg_models.SeenBuilding:
+    def _open(self, asked: Find | NextPlace | Expect) -> bsg_models.SeenBuilding:
         file = parse_graph(asked.map, path=Path("map"), labels=asked.labels)
         if (found := len(file.graph.rooms)) > MOST_ROOMS:
             raise bsg_data.RecipeError(

@@ -11,14 +11,15 @@ from mcp.server.lowlevel import Server
 from starlette.types import ASGIApp
 
 from bsg_cli.serve.answer import call
-from bsg_cli.serve.questions import Contents, Expect, Find, Found
+from bsg_cli.serve.questions import Contents, Expect, Find, Found, GoTo, NextPlace
 from bsg_data.files import encode_json
 from bsg_data.recipes import Record
 
 _INSTRUCTIONS = (
-    "Say where things probably are in a building that a robot has partly seen, and which room to "
-    "search first. Send the whole map with every question: nothing is remembered. In the simplest "
-    'map every room lists the things that were seen there: {"kitchen": ["sink"], "hall": []}. '
+    "Say where things probably are in a building that a robot has partly seen, which room to "
+    "search first, and which piece of furniture to look at next. Send the whole map with every "
+    "question: nothing is remembered. In the simplest map every room lists the things that were "
+    'seen there: {"kitchen": ["sink"], "hall": []}. '
     "Names of rooms are read as their kind (kitchen, bedroom_2). A partial graph can also say what "
     "looks have missed (`looks`), and how sure an object is there (`score`)."
 )
@@ -31,6 +32,12 @@ _TOOLS: dict[
         Found,
         "Say in which rooms things probably are, and which room to search first.",
     ),
+    "next_place": (
+        "/next_place",
+        NextPlace,
+        GoTo,
+        "Say which piece of furniture to look at next, to find one thing.",
+    ),
     "expect_things": (
         "/expect",
         Expect,
@@ -41,7 +48,7 @@ _TOOLS: dict[
 
 
 def make_server(app: ASGIApp) -> Server[Any]:
-    """Return the server of the two tools, which ask an application."""
+    """Return the server of the tools, which ask an application."""
 
     async def list_tools(*_: Any) -> types.ListToolsResult:
         tools = [

@@ -32,6 +32,7 @@ TOPICS = {
     "describe": "room",
     "more_rooms": "number",
     "where": "thing",
+    "next_place": "thing",
     "expected": "room",
 }
 SECONDS = 10.0  # that a question waits for its answer

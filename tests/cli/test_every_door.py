@@ -183,6 +183,68 @@ def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
         assert plain(told) == answer, door
 
 
+HOUSE: Map = {
+    "scene_id": "house",
+    "building_kind": "home",
+    "rooms": [
+        {"id": "kitchen", "label": "Big kitchen", "floor_in_view": 0.9, "position": [0, 0, 0]},
+        {"id": "bedroom", "floor_in_view": 0.7, "position": [5, 0, 0]},
+        {"id": "bathroom", "visited": False, "position": [0, 5, 0]},
+    ],
+    "objects": [
+        {"id": "counter", "room": "kitchen", "category": "counter", "position": [-1, 0, 0]},
+        {"id": "fridge", "room": "kitchen", "category": "refrigerator", "position": [1, 1, 0]},
+        {"id": "cup", "room": "kitchen", "category": "mug", "on": "counter"},
+        {"id": "bed", "room": "bedroom", "category": "bed", "position": [6, 1, 0]},
+    ],
+    "adjacency": [["kitchen", "bedroom"], ["kitchen", "bathroom"]],
+}
+LOOKED = {**HOUSE, "looks": [{"room": "kitchen", "thing": "milk", "at": "fridge"}]}
+NEXT_PLACES: dict[str, tuple[Map, str, Map, Map]] = {  # map, thing, the rest, what a person expects
+    "milk": (HOUSE, "milk", {"here": "bedroom"}, {"room": "kitchen", "piece": "fridge"}),
+    "milk, not in the fridge": (
+        LOOKED,
+        "milk",
+        {"here": "Big kitchen", "at": "fridge"},
+        {"room": "kitchen", "piece": "counter"},
+    ),
+    "a mug that was seen": (
+        HOUSE,
+        "mug",
+        {"here": "bedroom", "at": "bed", "look": 0.5, "chance": 0.6},
+        {"room": "kitchen", "piece": "counter"},
+    ),
+    "a room without furniture": (
+        HOUSE,
+        "toothbrush",
+        {"here": "bedroom"},
+        {"room": "bathroom", "piece": None},
+    ),
+    "rooms not found yet": (
+        {**SIMPLE, "more_rooms": True},
+        "toilet",
+        {"here": "kitchen"},
+        {"room": EXPLORE, "piece": None},
+    ),
+    "nothing left": (SEARCHED, "lamp", {"here": "b"}, {"room": None, "piece": None}),
+}
+
+
+@pytest.mark.parametrize("kind", NEXT_PLACES)
+def test_every_door_names_the_same_piece_of_furniture(kind: str, service: Any) -> None:
+    said, thing, rest, expected = NEXT_PLACES[kind]
+    seen = open_graph(said)
+    go = seen.next_place(thing, **rest)
+    assert expected == (asdict(go) if go else {"room": None, "piece": None})
+    answer = {"thing": thing, **expected}
+    ros = Robot(open_graph(said)).answer("next_place", {"thing": thing, **rest})
+    assert ros == {"topic": "next_place", **answer}
+    question = {"map": said, "thing": thing, **rest}
+    doors = ask_service(service, question, path="/next_place", tool="next_place")
+    for door, told in doors.items():
+        assert told == {**answer, "notes": [*seen.notes]}, door
+
+
 def test_the_questions_have_answers_of_every_kind() -> None:
     """So that doors that agree also say something."""
     predictor = Predictor()

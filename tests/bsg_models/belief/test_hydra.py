@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-from dsg_files import Graph, node, robot_graph, symbol, write_graph
+from dsg_files import Graph, edge, node, robot_graph, symbol, write_graph
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_beliefs import CLASS_SPACE, make_belief
@@ -28,7 +28,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import read_belief, write_belief
-from bsg_models.belief.graph_file import open_graph_file, read_graph
+from bsg_models.belief.graph_file import open_graph_file, parse_graph, read_graph
 from bsg_models.belief.hydra import annotate_hydra, strip_hydra
 from bsg_models.errors import HydraError
 
@@ -242,6 +242,50 @@ def test_labels_without_names(
     found = [obj.raw_category for obj in file.graph.objects]
     assert found[:3] == [*expected, "chair"], "a name of one's own comes before a number's"
     assert len(file.notes) == notes
+
+
+def say_on(graph: Graph, thing: int, on: str) -> None:
+    """Say on what O(thing) lies."""
+    (one,) = (node for node in graph["nodes"] if node["id"] == symbol("O", thing))
+    one["attributes"]["metadata"] = {"bsg": {"on": on}}
+
+
+def test_what_lies_on_what_is_said_in_metadata(tmp_path: Path) -> None:
+    graph = robot_graph()
+    say_on(graph, 5, "O(2)")
+    path = write_graph(tmp_path / "flat.json", graph)
+    seen = read_graph(path)
+    assert {obj.name: obj.on for obj in seen.objects if obj.on} == {"O(5)": "O(2)"}
+    annotate_hydra(believe_something(seen), path, tmp_path / "out.json")
+    assert read_graph(tmp_path / "out.json") == seen
+
+
+@pytest.mark.parametrize(("thing", "on"), [(5, "O(9)"), (5, "O(5)"), (5, "O(99)"), (2, "O(5)")])
+def test_a_thing_on_what_cannot_hold_it_is_refused_as_in_our_json(thing: int, on: str) -> None:
+    """It is in another room, itself, nowhere, or on the thing."""
+    graph = robot_graph()
+    say_on(graph, 5, "O(2)")
+    say_on(graph, thing, on)
+    with refuses(RobotGraphError, "graph-malformed", "flat.json"):
+        parse_graph(graph, path=Path("flat.json"))
+
+
+def test_an_edge_between_objects_does_not_say_which_lies_on_the_other() -> None:
+    """Spark-DSG takes the two for siblings, whichever was written first; so nothing is guessed."""
+    graph, before = robot_graph(), parse_graph(robot_graph(), path=Path("flat.json"))
+    graph["edges"] += [edge(("O", 2), ("O", 5)), edge(("O", 9), ("O", 2))]
+    file = parse_graph(graph, path=Path("flat.json"))
+    assert file.graph == before.graph
+    (note,) = {*file.notes} - {*before.notes}
+    assert note.startswith("2 edges between objects not read: Spark-DSG does not say which")
+    assert not any("edge" in said for said in before.notes), "agents are none"
+    dsg = pytest.importorskip("spark_dsg")
+    siblings = dsg.DynamicSceneGraph()
+    for number in (2, 5):
+        thing = dsg.NodeSymbol("O", number)
+        siblings.add_node("OBJECTS", thing, dsg.ObjectNodeAttributes())
+    siblings.insert_edge(dsg.NodeSymbol("O", 2), dsg.NodeSymbol("O", 5))
+    assert not any(one.has_parent() or one.has_children() for one in siblings.nodes)
 
 
 def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:

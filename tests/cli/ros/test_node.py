@@ -144,6 +144,9 @@ def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: st
         ("rooms", 0), ("names", 0), ("ways", 2), ("objects", 1)
     }  # fmt: skip
     assert {frame for _, _, frame, _ in marks[1:]} == {"map"}
+    assert robot.ask("next_place", "milk")["room"] == "kitchen"
+    while "milk" not in str(robot.hear("markers")):
+        pass
     robot.say("reset", None)
     assert robot.hear("reset") == "0 rooms and 0 objects"
     assert robot.hear_graph(lambda graph: not graph["rooms"])["objects"] == []

@@ -93,6 +93,22 @@ def test_what_lies_on_what_and_looks_at_furniture_are_heard() -> None:
     assert [one.at for one in robot.seen.graph.looks] == ["fridge 1"]
 
 
+def test_a_robot_asks_for_the_next_piece_of_furniture_from_where_it_is() -> None:
+    robot = Robot(open_graph({"kitchen": ["counter", "fridge"], "hall": []}))
+    assert robot.hear("next_place", "milk")["code"] == "room-unsaid"
+    say(robot, "entered", room="kitchen")
+    go = robot.hear("next_place", "milk")
+    assert go == {"topic": "next_place", "thing": "milk", "room": "kitchen", "piece": "fridge 1"}
+    say(robot, "looked", thing="milk", at="fridge 1")
+    asked = {"id": 7, "thing": "milk", "at": "fridge 1", "look": 1, "chance": 0.9}
+    then = robot.seen.next_place("milk", here="kitchen", at="fridge 1", look=1, chance=0.9)
+    assert then is not None
+    assert say(robot, "next_place", **asked) == {"id": "7", **go, "piece": then.piece}
+    assert then.piece == "counter 1"
+    for wrong, code in ({"at": "bed"}, "piece-unknown"), ({"look": -1}, "request-malformed"):
+        assert say(robot, "next_place", **asked | wrong)["code"] == code
+
+
 @pytest.mark.parametrize(("text", "more"), [("3", 3), ("true", True), ('{"number": true}', True)])
 def test_rooms_that_are_not_found_are_a_number_or_true(
     robot: Robot, text: str, more: object

@@ -90,7 +90,11 @@ def test_every_kind_of_map_is_read_as_open_graph_reads_it(
 def test_questions_and_answers_are_as_openapi_says(address: str) -> None:
     described = httpx2.get(f"{address}/openapi.json").json()
     said = {"map": SIMPLE, "things": ["bed", "sofa", "banana"], "here": "hall"}
-    schemas = {"/find": said, "/expect": {"map": SIMPLE, "room": "hall"}}
+    schemas = {
+        "/find": said,
+        "/next_place": {"map": SIMPLE, "thing": "bed", "here": "hall", "look": 2, "chance": 0.7},
+        "/expect": {"map": SIMPLE, "room": "hall"},
+    }
     team = {**said, "robots": {"a": "hall"}, "look": {"hall": 2}, "chance": 0.7, "task": "all"}
     for path, question in [*schemas.items(), ("/find", team)]:
         post = described["paths"][path]["post"]
@@ -158,6 +162,30 @@ def test_a_fault_says_where_it_is(
     fault = answer.json()
     assert (answer.status_code, fault["code"]) == (422, code)
     assert fault["error"].startswith(place), fault
+
+
+@pytest.mark.parametrize(
+    ("question", "code", "said"),
+    [
+        ({"here": "attic"}, "room-unknown", "map: no room 'attic'"),
+        ({"here": None}, "question-malformed", "here: "),
+        ({"here": ""}, "question-malformed", "here: "),
+        ({"at": "fridge"}, "piece-unknown", "'fridge': expected the id of an object of the room"),
+        ({"look": -1}, "question-malformed", "look: "),
+        ({"look": {"hall": 1}}, "question-malformed", "look: "),
+        ({"chance": 0}, "chance-zero", "chance: expected above 0"),
+        ({"thing": "flibber"}, "thing-unknown", "no model here can look for"),
+        ({"thing": ["sink"]}, "question-malformed", "thing: "),
+        ({"things": "sink"}, "question-malformed", "things: is no key; did you mean thing?"),
+    ],
+)
+def test_a_fault_in_the_question_of_a_place_says_where_it_is(
+    address: str, question: dict[str, Any], code: str, said: str
+) -> None:
+    asked = {"map": SIMPLE, "thing": "sink", "here": "hall", **question}
+    answer = ask(address, "/next_place", **asked)
+    assert (answer.status_code, answer.json()["code"]) == (422, code)
+    assert answer.json()["error"].startswith(said), answer.json()
 
 
 @pytest.mark.parametrize(

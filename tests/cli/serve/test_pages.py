@@ -41,17 +41,17 @@ def test_the_lines_of_the_client_are_answered(address: str) -> None:
 
 
 def test_the_page_has_all_keys_of_questions_and_answers() -> None:
-    from bsg_cli.serve.questions import Contents, Expect, Find, Found, Thing
+    from bsg_cli.serve.questions import Contents, Expect, Find, Found, GoTo, NextPlace, Thing
 
     page = (DOCS / "robot-software.md").read_text("utf-8").split("\n## HTTP\n")[1]
     questions, answers = page.split("| answer | meaning |")
-    rows = re.findall(r"^\| ([^|]+) \| (`/\w+`|both) \|", questions, re.MULTILINE)
-    for path, kind in (("`/find`", Find), ("`/expect`", Expect)):
-        keys = [key for key, of in rows if of in (path, "both")]
+    rows = re.findall(r"^\| ([^|]+) \| (`/[^|]+`|all) \|", questions, re.MULTILINE)
+    for path, kind in (("`/find`", Find), ("`/next_place`", NextPlace), ("`/expect`", Expect)):
+        keys = [key for key, of in rows if path in of or of == "all"]
         assert {*re.findall(r"`(\w+)`", " ".join(keys))} == {*kind.model_fields}
     keys = " ".join(re.findall(r"^\| ([^|]+) \|", answers, re.MULTILINE))
     shown = {*re.findall(r"`(\w+)`", keys)}
-    assert {*Found.model_fields, *Contents.model_fields} <= shown
+    assert {*Found.model_fields, *GoTo.model_fields, *Contents.model_fields} <= shown
     (places,) = re.findall(r"^\| `places` \| (.*)", answers, re.MULTILINE)
     assert {one.name for one in fields(Place)} <= {*re.findall(r"`(\w+)`", places)}
     (plan,) = re.findall(r"^\| `plan` \| (.*)", answers, re.MULTILINE)

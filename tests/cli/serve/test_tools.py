@@ -28,7 +28,7 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
     async def ask() -> None:
         async with Client(server) as client:
             tools = {tool.name: tool for tool in (await client.list_tools()).tools}
-            assert set(tools) == {"find_things", "expect_things"}
+            assert set(tools) == {"find_things", "next_place", "expect_things"}
             assert all(tool.description and tool.output_schema for tool in tools.values())
 
             question = {"map": SIMPLE, "things": ["microwave"], "here": "hall"}
@@ -53,6 +53,12 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
 
             noun = await client.call_tool("find_things", {"map": SIMPLE, "things": "banana"})
             assert noun.structured_content["things"][0]["class"] is None
+
+            milk = {"map": {"kitchen": ["counter", "fridge"], "hall": []}, "thing": "milk"}
+            go = await client.call_tool("next_place", {**milk, "here": "hall", "at": "", "look": 0})
+            assert go.structured_content["piece"] == "fridge 1"
+            fault = await client.call_tool("next_place", milk)
+            assert "here: Field required" in fault.content[0].text
 
             held = await client.call_tool("expect_things", {"map": SIMPLE, "room": "hall"})
             names = [one["name"] for one in held.structured_content["rooms"][0]["expected"]]
