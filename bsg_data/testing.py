@@ -21,14 +21,15 @@ from bsg_data.checks.graphs import find_faults
 from bsg_data.dataset.manifest import CARD, CROISSANT
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
-from bsg_data.exports.catalogue import EXPORTS
+from bsg_data.exports.catalogue import EXPORTS, EncodedScene
 from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.observation.view import View, sample_hidden
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
+from bsg_data.scene.class_space import load_class_space
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.scene_graph import Box, Room, SceneGraph, is_scene_id
+from bsg_data.scene.scene_graph import BUILDING, Box, Room, SceneGraph, SceneObject, is_scene_id
 from bsg_data.sources.catalogue import SOURCES, open_source
 from bsg_data.sources.hm3d import HEADER, HM3DFolder
 
@@ -277,10 +278,13 @@ class ExportContract:
     name: ClassVar[str]
 
     def graphs(self) -> Iterator[SceneGraph]:
-        """Yield a building whose rooms have places and labels, one without places, and none."""
+        """Yield a building of rooms and objects with and without places, one without, and none."""
         box = Box((0.0, 0.0, 0.0), (4.0, 3.0, 2.5))
         outline = ((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0))
         placed = Room(1, 0, "kitchen", (2.0, 1.5, 1.25), box, 0, 0.0, outline, "kitchen", 12.0)
+        index = load_class_space().class_index("stove")
+        stove = SceneObject(1, 4, 1, "Stove", "stove", index, "classified", None, (1, 1, 0.5), box)
+        things = stove, SceneObject(2, 7, BUILDING, "zzqx")
         for number, rooms in enumerate(((placed, Room(2, 5)), (Room(1, 0),), ())):
             yield SceneGraph(
                 scene_id=f"0000{number}-building",
@@ -289,26 +293,31 @@ class ExportContract:
                 source_split=None,
                 annotation_sha256="0" * 64,
                 rooms=rooms,
-                objects=(),
+                objects=() if number else things,
                 class_map=DEFAULT_CLASS_MAP,
             )
+
+    def encode(self, graph: SceneGraph) -> EncodedScene:
+        """Encode a scene by the row."""
+        return EXPORTS[self.name].encode(graph, load_class_space().classes)
 
     def test_a_scene_has_the_same_files_again(self) -> None:
         """Encode a scene twice."""
         for graph in self.graphs():
-            assert EXPORTS[self.name].encode(graph) == EXPORTS[self.name].encode(graph)
+            assert self.encode(graph) == self.encode(graph)
 
     def test_files_have_names_without_folders(self) -> None:
         """Name files that stay in the folder that they are written to, each of one scene alone."""
         named: list[str] = []
         for graph in self.graphs():
-            named += EXPORTS[self.name].encode(graph).files
+            named += self.encode(graph).files
         assert all(is_scene_id(name) for name in named)
         assert len(set(named)) == len(named)
 
-    def test_rooms_are_counted(self) -> None:
-        """Count at most the rooms that there are, and none without a file."""
+    def test_rooms_and_objects_are_counted(self) -> None:
+        """Count at most those that there are, and none without a file."""
         for graph in self.graphs():
-            encoded = EXPORTS[self.name].encode(graph)
+            encoded = self.encode(graph)
             assert 0 <= encoded.rooms <= len(graph.rooms)
-            assert encoded.files or not encoded.rooms
+            assert 0 <= encoded.objects <= len(graph.objects)
+            assert encoded.files or not (encoded.rooms or encoded.objects)

@@ -18,6 +18,7 @@ from .evaluation.bootstrap import Bootstrap, Estimate
 from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
+from .inputs.whole_buildings import to_pyg
 from .rendering.explorer import View, write_explorer
 from .rendering.recording import write_recording
 from .robot.find_probability import FindProbability
@@ -195,6 +196,7 @@ __all__ = [
     "summary_rows",
     "to_graph",
     "to_networkx",
+    "to_pyg",
     "train_run",
     "validate_config",
     "write_belief",

@@ -23,6 +23,7 @@ class Exported:
     files: int  # number of files
     scenes: int  # number of scenes in them
     rooms: int  # number of rooms in them
+    objects: int  # number of objects in them; 0 for a format of rooms alone
     left_out: tuple[str, ...]  # ids of the scenes without content for the format
     rooms_left_out: int  # number of rooms without content for the format, in all scenes
     # note → number of scenes that it applies to
@@ -60,7 +61,7 @@ def export_dataset(
     with write_results(out, report=None, force=force) as staged:
         graphs = read_scene_graphs(dataset, manifest=data.manifest, held=data.held)
         for done, graph in enumerate(graphs, start=1):
-            encoded = row.encode(graph)
+            encoded = row.encode(graph, data.manifest.class_space.classes)
             for name, content in encoded.files.items():
                 if not is_scene_id(name):
                     message = f"scene {graph.scene_id!r}: {name!r} is no file name"
@@ -68,6 +69,7 @@ def export_dataset(
                 (staged / name).write_bytes(content)
             number["files"] += len(encoded.files)
             number["rooms"] += encoded.rooms
+            number["objects"] += encoded.objects
             number["rooms_left_out"] += len(graph.rooms) - encoded.rooms
             if not encoded.files:
                 left_out.append(graph.scene_id)

@@ -20,6 +20,7 @@ from bsg_data.scene.class_map import Role
 
 Point = tuple[float, float, float]
 BUILDING = 0  # index of the building, which holds the objects of the null region
+# Graphs for PyG know each by its index here; add new ones at the end.
 # A plan says so, a door, stairs, the boxes of two rooms, a robot that went there, or whoever made
 # the data.
 ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")

@@ -20,16 +20,24 @@ from bsg_data.exports.catalogue import EXPORTS
 def export(dataset: Path, to: str, out: Path, force: bool) -> None:
     """Write a dataset in the format of another program.
 
+    graphml: one <scene>.graphml per scene, with the building, its rooms and objects as
+    nodes, for networkx, igraph and other programs for graphs.
+
+    networkx: the same graph as networkx's node-link JSON, <scene>.node-link.json.
+
     habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim;
     it needs geometry.
 
     \b
     Example:
+      bsg-data export dataset --to graphml --out graphs
       bsg-data export dataset --to habitat --out regions
     """
     with progress_bar("export", unit="scene") as report:
         done = bsg_data.export_dataset(dataset, out, to=to, force=force, progress=report)
-    print_text(f"{done.rooms:,} rooms of {done.scenes:,} scenes in {done.files:,} files in {out}")
+    objects = f" and {done.objects:,} objects" if done.objects else ""
+    held = f"{done.rooms:,} rooms{objects} of {done.scenes:,} scenes"
+    print_text(f"{held} in {done.files:,} files in {out}")
     if done.rooms_left_out:
         scenes = f", and all of {len(done.left_out):,} scenes" if done.left_out else ""
         print_text(f"rooms left out, because they have no box: {done.rooms_left_out:,}{scenes}")

@@ -61,7 +61,7 @@ def test_nothing_is_left_of_an_export_that_fails(
     file: str | None, code: str, robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     files = {} if file is None else {file: b""}
-    monkeypatch.setattr(ROW, ExportRow("half", lambda graph: EncodedScene(files, 0)))
+    monkeypatch.setattr(ROW, ExportRow("half", lambda *_: EncodedScene(files, 0)))
     with refuses(DatasetError, code, robots if file is None else "a"):
         export_dataset(robots, tmp_path / "out", to="habitat")
     assert not (tmp_path / "out").exists()

@@ -23,3 +23,13 @@ def test_rooms_are_written_and_counted(tmp_path: Path) -> None:
 def test_an_unknown_format_is_wrong_usage(dataset: Path, tmp_path: Path) -> None:
     result = run("export", dataset, "--to", "unity", "--out", tmp_path / "out", code=2)
     assert "habitat" in result.stderr
+
+
+def test_a_character_that_xml_cannot_hold_is_said(tmp_path: Path) -> None:
+    (tmp_path / "rooms.csv").write_text(
+        "scene,room,category\nflat,hall,la\ufffemp\nhouse,hall,lamp\n"
+    )
+    run("build", "--source", "table", tmp_path / "rooms.csv", "--out", tmp_path / "dataset")
+    done = run("export", tmp_path / "dataset", "--to", "graphml", "--out", tmp_path / "graphs")
+    assert "2 rooms and 2 objects of 2 scenes in 2 files" in done.stdout
+    assert "U+FFFD stands for each (1 scenes)" in done.stdout
