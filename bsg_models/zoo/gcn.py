@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from pydantic import Field
 from torch import nn
+from torch.nn import functional
 from torch_geometric.nn import GCNConv
 
 from bsg_data.arrays import Floats, Ints
@@ -26,6 +27,8 @@ from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs, to_array
 from bsg_models.zoo.network import Network
 from bsg_models.zoo.settings import ModelConfig
+
+_LEAST_RATE = 1e-6  # objects, of a Poisson law
 
 
 class GCNConfig(ModelConfig):
@@ -40,7 +43,8 @@ class GCNConfig(ModelConfig):
     # what follows the last GCNConv: nothing (`linear`), or the same as after the others (`block`),
     # which is the paper's sentence read literally
     last_layer: Literal["linear", "block"] = "linear"
-    likelihood: Literal["mse"] = "mse"  # mean squared error of whole histograms, as in the paper
+    # mean squared error of whole histograms, as in the paper; or the Poisson law of hidden counts
+    likelihood: Literal["mse", "poisson"] = "mse"
 
 
 class _NormalisedConv(GCNConv):  # type: ignore[misc]
@@ -75,6 +79,8 @@ class _NormalisedEdges(Arrays):
 class CECIGCN(Network):
     """Predict the whole histogram of every node of interest from the seen histograms."""
 
+    config: GCNConfig
+
     def __init__(self, config: GCNConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         hidden = [config.width] * (config.depth - 1)
@@ -93,18 +99,30 @@ class CECIGCN(Network):
         return _NormalisedEdges.of(list_edges(seen, self.inputs.edges), len(seen.inputs))
 
     def forward(self, nodes: Nodes) -> torch.Tensor:
-        """Return predicted totals E″ × O″, `[N, C]`; a linear last layer may go below 0."""
+        """Return predicted totals E″ × O″, `[N, C]`; with `mse`, a linear layer may go below 0."""
         x: torch.Tensor = nodes.x
         for layer, convolution in enumerate(self.convolutions):
             x = convolution(x, nodes.edges.pairs, nodes.edges.weights)
             if layer < len(self.blocks):
                 x = self.blocks[layer](x)
-        return x
+        is_rate = self.config.likelihood == "poisson"
+        return nodes.x + functional.softplus(x) if is_rate else x
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
-        """Return the mean squared error of the totals over nodes and classes (section IV-A)."""
-        errors = torch.where(nodes.known, self(nodes) - nodes.y, 0.0)
-        return (errors * errors).sum() / self.cells_of(nodes).clamp(min=1)
+        """Return the mean loss over nodes and classes: by `mse` as in section IV-A."""
+        losses = torch.where(nodes.known, self._losses(nodes, self(nodes)), 0.0)
+        return losses.sum() / self.cells_of(nodes).clamp(min=1)
+
+    def _losses(self, nodes: Nodes, totals: torch.Tensor) -> torch.Tensor:
+        """Return the loss of each cell `[N, C]`."""
+        if self.config.likelihood == "mse":
+            errors: torch.Tensor = totals - nodes.y
+            return errors * errors
+        rates = (totals - nodes.x).clamp(min=_LEAST_RATE)
+        losses: torch.Tensor = functional.poisson_nll_loss(
+            rates, nodes.y - nodes.x, log_input=False, full=True, reduction="none"
+        )
+        return losses
 
     def cells_of(self, nodes: Nodes) -> torch.Tensor:
         """Return the number of known cells."""
@@ -112,10 +130,10 @@ class CECIGCN(Network):
         return count
 
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
-        """Return the squared error of the totals, clipped at 0, and the number of cells."""
-        known = nodes.known.numpy()
-        errors = (self._predict_totals(nodes) - nodes.y.numpy())[known]
-        return float((errors**2).sum()), errors.size
+        """Return the sum of the losses, of totals clipped at 0, and the number of cells."""
+        totals = torch.from_numpy(self._predict_totals(nodes))
+        losses = to_array(self._losses(nodes, totals)[nodes.known])
+        return float(losses.sum()), losses.size
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the totals, clipped at 0, and the hidden counts that follow."""

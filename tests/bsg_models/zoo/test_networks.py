@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pytest
 import torch
 from one_building import observe_building, surround_rooms
+from scipy.stats import poisson
 from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
@@ -276,3 +277,19 @@ def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
         if layer < len(model.blocks):
             x = model.blocks[layer](x)
     torch.testing.assert_close(model(nodes), x)
+
+
+def test_the_gcn_of_poisson_laws_loses_what_scipy_says() -> None:
+    config = GCNConfig(depth=2, width=8, dropout=0.0, likelihood="poisson")
+    model = CECIGCN(config, ModelInputs(classes=2)).eval()
+    seen = observe_building([[4, 2], [3, 0], [1, 2]])
+    targets = np.array([[7, 2], [5, 0], [2, 2]])
+    expected = model.expect(seen)
+    assert (expected.expected >= seen.inputs).all(), "hidden counts are never below 0"
+    law = poisson(expected.expected - seen.inputs)
+    loss, cells = model.validation_loss(model.nodes_of(seen, targets))
+    assert cells == targets.size
+    # torch takes Stirling's formula for the factorial of counts above 1.
+    exact = -law.logpmf(targets - seen.inputs).sum()
+    assert loss == pytest.approx(exact, abs=0.03 * cells)
+    assert model.loss(model.nodes_of(seen, targets)).item() == pytest.approx(loss / cells)
