@@ -47,6 +47,7 @@ _STEPS = {"train": "run", "combine": "run", "measure": "model"}  # step of the w
 @out_option("Folder of the results.  [default: leaderboard]")
 @workers_option
 @seed_option()
+@number_option("--seeds", "Number of seeds that train each model, from --seed on.", default=1)
 @force_option
 def main(
     dataset: Path,
@@ -60,7 +61,9 @@ def main(
     """Train and measure models of the zoo in cross-validation.
 
     The dataset stays unchanged. Each model is trained once for each mask, or once in all if its
-    configuration names a mask. After an interruption, run the same command again to continue.
+    configuration names a mask. With --seeds 3, each is trained by three seeds: values are means
+    over them, and intervals hold buildings and seeds. After an interruption, run the same command
+    again to continue.
 
     \b
     Example:
@@ -73,6 +76,7 @@ def main(
     bsg_models.refuse_finished(out, force=force)
     recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
     folds = f"{recipe.folds} folds of {len(recipe.masks)} masks, each with {recipe.draws} draws"
+    folds += f", by {recipe.seeds} seeds" if recipe.seeds > 1 else ""
     print_note(f"{len(chosen)} models in {folds}")
     warn_of_recordings(bsg_data.read_manifest(dataset))
     try:

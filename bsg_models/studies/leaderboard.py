@@ -2,11 +2,15 @@
 
     OUT/MASK/dataset          a copy of the dataset, in folds, with pairs
     OUT/MASK/fold-K/MODEL     a run trained on that kind of mask, without fold K
+    OUT/MASK/seed-S/fold-K/MODEL    the same by a further seed, S above that of the leaderboard
     OUT/leaderboard.json      written last, with leaderboard.md and leaderboard.png
 
 Each model is trained on every kind of mask of the leaderboard and measured on the same kind. A
 configuration that names its own mask, such as `mixed`, is trained once, on that mask, and measured
 on every kind. All models meet the same masks of the same buildings, and the same resamples.
+
+With several seeds, every model whose training depends on one is trained by each: its start, its
+order and its own masks differ. Folds and masks of the tests stay.
 
 A stopped leaderboard continues: finished runs of the same configuration and dataset are kept.
 """
@@ -22,7 +26,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from pydantic import field_validator
+from pydantic import Field, field_validator
 
 from bsg_data.dataset import commit
 from bsg_data.dataset.dataset import Dataset
@@ -38,7 +42,7 @@ from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
 from bsg_data.results import name_staged, refuse_datasets, write_folder
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import ConfigError, TrainingError
-from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.bootstrap import Bootstrap, average_seeds
 from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import scenes_of
@@ -48,7 +52,7 @@ from bsg_models.runs.run_log import Ended, read_log
 from bsg_models.studies.stored_pairs import stream_batches
 from bsg_models.training.training import combine_runs, member_config, train_run
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import EnsembleConfig
+from bsg_models.zoo.ensemble import EnsembleConfig, is_by_seed
 from bsg_models.zoo.model import one_thread
 
 DATASET = "dataset"
@@ -63,6 +67,7 @@ class LeaderboardRecipe(Record):
     folds: int = 5  # number of folds; every building is tested on once
     draws: int = 5  # masks of every building
     seed: int = 0  # of the folds, the masks and the trainings
+    seeds: int = Field(default=1, ge=1)  # number that train each model: seed, seed + 1, …
     resamples: int = 200  # number of bootstrap resamples of the buildings
 
     @field_validator("masks")
@@ -76,11 +81,13 @@ class LeaderboardRecipe(Record):
 class ModelResult:
     """One model on one kind of mask."""
 
-    metrics: Bootstrap  # mean over the folds, with values on every resample of the buildings
-    # time of a training, mean over the folds; for an ensemble, including its members
+    # mean over the folds and seeds, with values on every resample of the buildings and seeds
+    metrics: Bootstrap
+    # time of a training, mean over the folds and seeds; for an ensemble, including its members
     seconds: float
     # kind of mask of the training, if the model names its own; else None
     trained_on: str | None = None
+    seeds: int = 1  # number that trained it in each fold
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,17 +135,19 @@ def make_leaderboard(
     out = out.absolute()  # a worker may run in another folder
     runs = plan_runs(models, recipe)
     for place in runs:
-        for fold in range(recipe.folds):
-            refuse_links(out, run_of(out / place.mask, place.name, fold))
+        for seed in range(recipe.seeds):
+            for fold in range(recipe.folds):
+                refuse_links(out, run_of(out / place.mask, place.name, fold, seed=seed))
     with hold(out):
         for mask in dict.fromkeys((*recipe.masks, *(place.mask for place in runs))):
             prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
         for what, is_ensemble in (("train", False), ("combine", True)):
             tasks = [
-                (out / place.mask, place.name, fold, run, recipe)
+                (out / place.mask, place.name, fold, seed, run, recipe)
+                for seed in range(recipe.seeds)
                 for fold in range(recipe.folds)
                 for place, run in runs.items()
-                if bool(run.members) == is_ensemble
+                if bool(run.members) == is_ensemble and seed < run.seeds
             ]
             run_all(_make_run, tasks, executor=executor, progress=partial(report, what))
         shown = [
@@ -154,17 +163,18 @@ def make_leaderboard(
 
 
 class Place(NamedTuple):
-    """Where the runs of a model are, one per fold."""
+    """Where the runs of a model are, one per seed and fold."""
 
     mask: str  # kind of mask that it is trained on
     name: str  # of the model
 
 
 class PlannedRun(NamedTuple):
-    """A run of a leaderboard, the same for every fold."""
+    """A run of a leaderboard, the same for every seed and fold."""
 
     config: RunConfig
     members: Mapping[str, str]  # of an ensemble: member → name of its run, of the same mask
+    seeds: int = 1  # number that train it
 
 
 def plan_runs(
@@ -173,20 +183,22 @@ def plan_runs(
     """Return the runs that the models of a leaderboard need; models share equal runs.
 
     An ensemble reuses a run of the leaderboard if its configuration is the one it needs. Otherwise
-    the member is trained once more, as `ENSEMBLE+MEMBER`.
+    the member is trained once more, as `ENSEMBLE+MEMBER`. Members are trained by every seed.
     """
     runs = {
-        _place_of(config, name, mask): PlannedRun(config, {})
+        _place_of(config, name, mask): PlannedRun(
+            config, {}, recipe.seeds if is_by_seed(config) else 1
+        )
         for mask in recipe.masks
         for name, config in models.items()
     }
-    for place, (config, _) in list(runs.items()):
+    for place, (config, *_) in list(runs.items()):
         if isinstance(config.model, EnsembleConfig):
             members = {
                 member: _plan_member(runs, place, member, member_config(config, member), recipe)
                 for member in config.model.members
             }
-            runs[place] = PlannedRun(config, members)
+            runs[place] = PlannedRun(config, members, recipe.seeds)
     return runs
 
 
@@ -200,8 +212,9 @@ def _plan_member(
     """Plan the run of an ensemble's member unless it is planned; return its name."""
     mask, name = ensemble.mask, member
     for name in (member, f"{ensemble.name}+{member}"):
-        planned = runs.setdefault(Place(mask, name), PlannedRun(needed, {})).config
-        if fit_to(planned, recipe, mask=mask) == fit_to(needed, recipe, mask=mask):
+        planned = runs.setdefault(Place(mask, name), PlannedRun(needed, {}))
+        if fit_to(planned.config, recipe, mask=mask) == fit_to(needed, recipe, mask=mask):
+            runs[Place(mask, name)] = planned._replace(seeds=recipe.seeds)
             return name
     raise ConfigError(
         f"{name!r} is the name of a run that {ensemble.name} needs; rename this model"
@@ -214,23 +227,30 @@ def _place_of(config: RunConfig, name: str, mask: str) -> Place:
 
 
 def fit_to(
-    config: RunConfig, recipe: LeaderboardRecipe, *, mask: str, fold: int | None = None
+    config: RunConfig,
+    recipe: LeaderboardRecipe,
+    *,
+    mask: str,
+    fold: int | None = None,
+    seed: int = 0,
 ) -> RunConfig:
-    """Return a configuration for one kind of mask and one fold.
+    """Return a configuration for one kind of mask, one fold and one of the leaderboard's seeds.
 
-    The leaderboard's seed is added to its seeds. A mask that the configuration names is kept.
+    That seed, the leaderboard's own plus the number `seed`, is added to the configuration's seeds.
+    A mask that the configuration names is kept.
     """
-    drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=recipe.seed)
+    more = recipe.seed + seed
+    drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=more)
     if config.data.own_strategy:
         own = config.data.mask
-        drawn = own.model_copy(update={"seed": own.seed + recipe.seed})
+        drawn = own.model_copy(update={"seed": own.seed + more})
     data = config.data.under(drawn).model_copy(update={"fold": fold})
-    return config.model_copy(update={"data": data, "seed": config.seed + recipe.seed})
+    return config.model_copy(update={"data": data, "seed": config.seed + more})
 
 
-def run_of(folder: Path, name: str, fold: int) -> Path:
-    """Return the folder of a run below that of a mask."""
-    return folder / f"fold-{fold}" / name
+def run_of(folder: Path, name: str, fold: int, *, seed: int = 0) -> Path:
+    """Return the folder of a run below that of a mask; seeds have numbers from 0, the first."""
+    return (folder / f"seed-{seed}" if seed else folder) / f"fold-{fold}" / name
 
 
 def prepare_dataset(source: Path, copy: Path, recipe: LeaderboardRecipe, *, mask: str) -> None:
@@ -276,16 +296,17 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
 
 
 def _make_run(
-    folder: Path, name: str, fold: int, planned: PlannedRun, recipe: LeaderboardRecipe
+    folder: Path, name: str, fold: int, seed: int, planned: PlannedRun, recipe: LeaderboardRecipe
 ) -> None:
-    """Train a model for one fold, or combine the runs of an ensemble, unless that is done."""
-    config = fit_to(planned.config, recipe, mask=folder.name, fold=fold)
-    data, run = Dataset.open(folder / DATASET), run_of(folder, name, fold)
+    """Train a model for one fold and seed, or combine an ensemble's runs, unless that is done."""
+    config = fit_to(planned.config, recipe, mask=folder.name, fold=fold, seed=seed)
+    data, find_run = Dataset.open(folder / DATASET), partial(run_of, folder, fold=fold, seed=seed)
+    run = find_run(name)
     if not planned.members:
         if not is_finished(run, config, data):
             deque(train_run(config, data.path, run, force=True), maxlen=0)
         return
-    members = {member: run_of(folder, one, fold) for member, one in planned.members.items()}
+    members = {member: find_run(one) for member, one in planned.members.items()}
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
             raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
@@ -295,23 +316,31 @@ def _make_run(
 def _measure(
     out: Path, mask: str, name: str, planned: PlannedRun, recipe: LeaderboardRecipe
 ) -> ModelResult:
-    """Measure one model over all folds, on one kind of mask; its time includes its members'."""
+    """Measure one model over all folds and seeds, on one kind of mask.
+
+    Its time includes its members'.
+    """
     own = planned.config.data.own_strategy
     data, folder = Dataset.open(out / mask / DATASET), out / (own or mask)
-    folds = [
-        Fold(scenes_of(data, "test", fold=fold), _predict(run_of(folder, name, fold), data, fold))
-        for fold in range(recipe.folds)
-    ]
-    with one_thread():
-        found = measure(folds, resamples=recipe.resamples, seed=recipe.seed)
-    trainings = (
-        entry.seconds
-        for fold in range(recipe.folds)
-        for one in (name, *planned.members.values())
-        for entry in read_log(run_of(folder, one, fold))
-        if isinstance(entry, Ended)
-    )
-    return ModelResult(found, sum(trainings) / recipe.folds, own)
+    scenes = [scenes_of(data, "test", fold=fold) for fold in range(recipe.folds)]
+    found, seconds = [], 0.0
+    for seed in range(planned.seeds):
+        find_run = partial(run_of, folder, seed=seed)
+        folds = [
+            Fold(some, _predict(find_run(name, fold), data, fold))
+            for fold, some in enumerate(scenes)
+        ]
+        with one_thread():
+            found.append(measure(folds, resamples=recipe.resamples, seed=recipe.seed))
+        seconds += sum(
+            entry.seconds
+            for fold in range(recipe.folds)
+            for one in (name, *planned.members.values())
+            for entry in read_log(find_run(one, fold))
+            if isinstance(entry, Ended)
+        )
+    mean = seconds / (planned.seeds * recipe.folds)
+    return ModelResult(average_seeds(found, seed=recipe.seed), mean, own, planned.seeds)
 
 
 def _predict(run: Path, data: Dataset, fold: int) -> Iterator[tuple[Truth, Expectation]]:

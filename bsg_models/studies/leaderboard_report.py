@@ -70,7 +70,7 @@ def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
         notes: list[str] = []
         for mask, results in board.results.items():
             with noting_failures(notes):
-                _plot(results, staged / f"{mask}.png", mask)
+                _plot(results, staged / f"{mask}.png", mask, seeds=board.recipe.seeds)
                 figures.append(out / f"{mask}.png")
         write_bytes(staged / _TABLE, write_markdown(board).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
@@ -91,14 +91,16 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
     """Return a leaderboard as JSON.
 
     `masks` → mask → model → `seconds`, `trained_on` (a kind of mask), `metrics` (value, interval,
-    nodes), and the values of `compare`.
+    nodes), and the values of `compare`; with several seeds, the number of `seeds` that trained it.
     """
+    several = board.recipe.seeds > 1
     masks: dict[str, Any] = {}
     for mask, results in board.results.items():
         masks[mask] = {
             name: {
                 "seconds": round(result.seconds, 2),
                 "trained_on": result.trained_on or mask,
+                **({"seeds": result.seeds} if several else {}),
                 **{k: _plain(v) for k, v in compare(results, name).items()},
                 "metrics": {k: _plain(e) for k, e in result.metrics.estimates().items()},
             }
@@ -106,7 +108,7 @@ def write_json(board: Leaderboard) -> dict[str, Any]:
         }
     return {
         "evaluator_version": EVALUATOR_VERSION,
-        "recipe": board.recipe.model_dump(mode="json"),
+        "recipe": board.recipe.model_dump(mode="json", exclude=None if several else {"seeds"}),
         "dataset": {
             "sources": [one.model_dump(mode="json") for one in board.manifest.sources],
             "class_space": board.manifest.class_space.name,
@@ -140,9 +142,17 @@ def rank_models(results: _Results) -> list[str]:
     return sorted(results, key=lambda name: results[name].metrics.point[_RANKED_BY])
 
 
+def say_means(seeds: int) -> tuple[str, str]:
+    """Return what the values of a leaderboard are means over, and its intervals are over."""
+    if seeds == 1:
+        return "the folds", "buildings"
+    return f"the folds and {seeds} seeds", "buildings and seeds"
+
+
 def write_markdown(board: Leaderboard) -> str:
     """Return a leaderboard as a Markdown document."""
     recipe, totals = board.recipe, board.manifest.totals
+    means, intervals = say_means(recipe.seeds)
     lines = [
         "# Leaderboard",
         "",
@@ -150,8 +160,8 @@ def write_markdown(board: Leaderboard) -> str:
         f"{escape_markdown(board.manifest.class_space.name)}; {recipe.folds} folds by building, "
         f"{recipe.draws} masks of every test building that hide {100 * recipe.fraction:g} %, "
         f"seed {recipe.seed}. "
-        "Values and training times are means over the folds; ± is half the 95 % interval over "
-        "buildings. Bold marks the best of a column, and each model that the paired interval "
+        f"Values and training times are means over {means}; ± is half the 95 % interval over "
+        f"{intervals}. Bold marks the best of a column, and each model that the paired interval "
         "cannot distinguish from it. docs/evaluation.md defines the metrics.",
         "",
     ]
@@ -161,9 +171,12 @@ def write_markdown(board: Leaderboard) -> str:
         for name, result in results.items()
         if result.trained_on
     }
+    once = "" if recipe.seeds > 1 else "once, "
+    if recipe.seeds > 1:
+        lines += [_say_seeds(board), ""]
     for name, mask in trained.items():
         lines += [
-            f"{mark_code(name)} was trained once, on {mark_code(mask)} masks, and is the same "
+            f"{mark_code(name)} was trained {once}on {mark_code(mask)} masks, and is the same "
             "model in every table.",
             "",
         ]
@@ -176,6 +189,23 @@ def write_markdown(board: Leaderboard) -> str:
         every = {escape_markdown(n): list(map(_cell, e.values())) for n, e in estimates.items()}
         lines += _lines({"metric": [f"`{metric}`" for metric in metrics], **every})
     return "\n".join(lines)
+
+
+def _say_seeds(board: Leaderboard) -> str:
+    """Return by which seeds the models were trained, and what their number does not show."""
+    seed, seeds = board.recipe.seed, board.recipe.seeds
+    once = [
+        mark_code(name)
+        for name, result in next(iter(board.results.values())).items()
+        if result.seeds == 1
+    ]
+    but = f"; {', '.join(once)} once, because no seed changes them" if once else ""
+    return (
+        f"Each model was trained by {seeds} seeds, {seed} to {seed + seeds - 1}{but}. All are "
+        f"tested on folds and masks of seed {seed}. On average, {seeds} seeds show "
+        f"{100 * (seeds - 1) / seeds:.0f} % of the variance that a seed adds: the intervals hold "
+        "too little of it."
+    )
 
 
 def _tables_of(results: _Results) -> Iterator[str]:
@@ -257,9 +287,10 @@ def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
     return None if estimate is None or np.isnan(estimate.value) else estimate.encode()
 
 
-def _plot(results: _Results, path: Path, mask: str) -> None:
+def _plot(results: _Results, path: Path, mask: str, *, seeds: int) -> None:
     headlines = (*_HIDDEN, *_WHOLE, *(_UNVISITED if mask != "uniform" else ()))
     labels = {name: head_value(name) for name in headlines}
     estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
-    title = f"`{mask}` masks; 95 % intervals over buildings; dashed: the best; grey: outside"
+    over = say_means(seeds)[1]
+    title = f"`{mask}` masks; 95 % intervals over {over}; dashed: the best; grey: outside"
     plot_leaderboard(estimates, labels, path, title=title)

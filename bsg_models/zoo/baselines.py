@@ -41,6 +41,8 @@ class _TrainMeanConfig(ModelConfig):
 class _InputModel(BeliefModel):
     """Predict hidden = 0."""
 
+    by_seed = False
+
     def predict(self, seen: Observation) -> Expectation:
         """Return an expectation of nothing hidden."""
         inputs = seen.inputs.astype(np.float64)
@@ -52,6 +54,8 @@ class _DoubledModel(BeliefModel):
 
     At f = 1/2 this doubles what was seen, hence the name. Normalised, it equals the input.
     """
+
+    by_seed = False
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the input scaled up."""
@@ -67,6 +71,7 @@ class _TrainMeanModel(BeliefModel):
     the objects, whatever is seen.
     """
 
+    by_seed = False
     room_mean: Floats  # [C]
     building_mean: Floats  # [C]
 

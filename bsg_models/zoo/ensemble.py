@@ -104,6 +104,11 @@ def can_resume(config: RunConfig) -> bool:
     )
 
 
+def is_by_seed(config: RunConfig) -> bool:
+    """Return whether another seed may train another model; an ensemble counts as such."""
+    return bool(getattr(ZOO[config.model.family].make, "by_seed", True))
+
+
 def make_model(
     config: RunConfig,
     *,

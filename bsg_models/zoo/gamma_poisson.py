@@ -54,6 +54,7 @@ class GammaPoissonConfig(ModelConfig):
 class GammaPoissonModel(BeliefModel):
     """Shrink each room's counts to its class; the building is the sum of its rooms."""
 
+    by_seed = False
     shape: Floats  # [C] a of the Gamma prior
     rate: Floats  # [C] b of the Gamma prior
     tilts: Floats  # [J, C] log factors of the first true counts; only with `tilted`

@@ -46,6 +46,7 @@ class BeliefModel(ABC):
     learns is in its state, so one checkpoint format serves all models.
 
     Attributes:
+        by_seed: whether its training depends on a seed; if not, one training shows all.
         config: its settings.
         inputs: what it can read.
         origin: the checkpoint that it was restored from; None if it was not restored.
@@ -54,6 +55,7 @@ class BeliefModel(ABC):
     """
 
     by_gradient: ClassVar[bool] = False
+    by_seed: ClassVar[bool] = True
     origin: str | None = None
     notes: tuple[str, ...] = ()
     untaught: Bools | None = None

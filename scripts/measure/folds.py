@@ -1,8 +1,9 @@
 """Measure each model of a leaderboard on the buildings that it was not trained on.
 
 `NAME@MASK` names a model by its configuration and the mask of its training; its runs are
-`BOARD/MASK/fold-K/NAME`. A tally says what each node adds to some means; means are over nodes or
-cells, and buildings can be resampled.
+`BOARD/MASK/fold-K/NAME`. If several seeds trained it, these are the runs of the first, which is
+enough here. A tally says what each node adds to some means; means are over nodes or cells, and
+buildings can be resampled.
 """
 
 from __future__ import annotations
@@ -112,7 +113,7 @@ def open_dataset(board: Path, name: str) -> Dataset:
 
 
 def open_folds(board: Path, name: str) -> Iterator[FoldModel]:
-    """Yield the model of every fold of `NAME@MASK`."""
+    """Yield the model of every fold of `NAME@MASK`, trained by the first seed."""
     data = open_dataset(board, name)
     model, _, mask = name.partition("@")
     for fold in range(len(data.splits)):

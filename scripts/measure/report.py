@@ -3,12 +3,13 @@
     bsg-leaderboard hm3d --masks uniform,rooms --out board
     python scripts/measure/report.py leaderboard --leaderboard board --out docs/results/figures.json
 
-`leaderboard` reads the board's numbers. The others measure its models again, each on the
-buildings that it was not trained on: `masks` under every mask and in every view of a room,
-`rooms_found` in buildings that are still being found, `ablation` as differences from `--base`,
-`fixtures` by P(another one | one is seen), `room_size` with and without floor area and room label,
-`search` by the cost that beliefs save: in the paper's worlds, where a robot has looked into what it
-enters; and, in the last world that is named, where looks cost something, and for several robots.
+`leaderboard` reads the board's numbers. The others measure its models again, each on the buildings
+that it was not trained on, as the first of several seeds trained it: `masks` under every mask and
+in every view of a room, `rooms_found` in buildings that are still being found, `ablation` as
+differences from `--base`, `fixtures` by P(another one | one is seen), `room_size` with and without
+floor area and room label, `search` by the cost that beliefs save: in the paper's worlds, where a
+robot has looked into what it enters; and, in the last world that is named, where looks cost
+something, and for several robots.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.surroundings import EVIDENCE as SURROUNDINGS
 from bsg_models.evaluation.bootstrap import Bootstrap, estimate_value
-from bsg_models.studies.leaderboard_report import REPORT
+from bsg_models.studies.leaderboard_report import REPORT, say_means
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import TEAM, SearchRequest
@@ -86,6 +87,7 @@ Tables = list[ResultsTable]
 def report_leaderboard(options: argparse.Namespace) -> Tables:
     """Return a table a mask, and one of the rooms not entered where a mask leaves some."""
     board = json.loads((options.leaderboard / REPORT).read_text("utf-8"))
+    means, intervals = say_means(board["recipe"].get("seeds", 1))
     tables = []
     for mask, models in board["masks"].items():
         ranked = sorted(models, key=lambda name: _metric(models[name], "hidden_nll")["value"])
@@ -99,7 +101,7 @@ def report_leaderboard(options: argparse.Namespace) -> Tables:
             for name in ranked
         ]
         header = ("model", *COLUMNS, "NLL ÷ gamma-poisson", "training, s")
-        reading = "Values are means over the folds; ± is half the 95 % interval over buildings."
+        reading = f"Values are means over {means}; ± is half the 95 % interval over {intervals}."
         tables.append(ResultsTable(f"Masks: {mask}", header, rows, reading))
         rows = [
             [f"`{name}`", *(_halved(_metric(models[name], one)) for one in UNVISITED.values())]

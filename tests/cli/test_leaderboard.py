@@ -28,9 +28,11 @@ def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None
     assert "## Masks: rooms" in (tmp_path / "board" / "leaderboard.md").read_text("utf-8")
     assert (tmp_path / "board" / "rooms.png").is_file()
     assert "--force replaces it" in run(*words, "--models", "doubled", code=1).stderr
-    run(*words, "--models", "doubled", "--masks", "rooms", "--force")
+    words = (*words, "--models", "doubled", "--masks", "rooms", "--force", "--seeds", "2")
+    assert "by 2 seeds" in run(*words).stderr
     report = json.loads((tmp_path / "board" / "leaderboard.json").read_text("utf-8"))
     assert set(report["masks"]["rooms"]) == {"doubled"}
+    assert report["recipe"]["seeds"] == 2
 
 
 @pytest.mark.parametrize(

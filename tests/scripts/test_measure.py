@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -147,6 +148,14 @@ def test_every_building_is_asked_about_once_by_a_model_that_never_saw_it(board: 
     data = Dataset.open(board / "uniform" / "dataset")
     for number, one in enumerate(open_folds(board, "mixture@uniform")):
         assert one.scenes == data.splits[f"fold-{number}"]
+
+
+def test_of_several_seeds_the_first_is_opened(board: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(board, tmp_path / "board"))
+    shutil.copytree(copy / "rooms" / "fold-0", copy / "rooms" / "seed-1" / "fold-0")
+    assert list_models(copy) == list_models(board)
+    runs = [one.run for one in open_folds(copy, "mixture@rooms")]
+    assert runs == [copy / "rooms" / f"fold-{fold}" / "mixture" for fold in range(3)]
 
 
 def test_masks_are_those_that_the_leaderboard_stored(board: Path) -> None:

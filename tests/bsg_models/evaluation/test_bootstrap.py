@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from bsg_data.arrays import Floats
-from bsg_models.evaluation.bootstrap import Bootstrap, Rule, estimate_value, weigh_buildings
+from bsg_models.evaluation.bootstrap import (
+    Bootstrap,
+    Rule,
+    average_seeds,
+    estimate_value,
+    weigh_buildings,
+)
+
+# One number for each of two seeds (rows) and three buildings (columns).
+TABLE = np.array([[1.0, 4.0, 7.0], [3.0, 5.0, 13.0]])
 
 
 def bootstrap_mean(values: Floats, *, resamples: int, seed: int = 0) -> Bootstrap:
@@ -68,3 +79,51 @@ def test_differences_and_ratios_are_paired() -> None:
     assert (ratio.value, ratio.low, ratio.high) == pytest.approx((2, 2, 2))
     apart = ours.estimate("mean")
     assert apart.high > other.estimate("mean").low  # unpaired intervals overlap by far
+
+
+def train_twice(table: Floats, *, resamples: int) -> Bootstrap:
+    """Return the mean over the buildings and two seeds of a number for each, `[2, B]`."""
+    return average_seeds([bootstrap_mean(row, resamples=resamples) for row in table])
+
+
+def test_resamples_of_two_seeds_and_three_buildings_by_brute_force() -> None:
+    """Each of the 27 draws of buildings comes with each of the 4 draws of seeds, equally often."""
+    every = [
+        np.mean([TABLE[s, b] for s in seeds for b in buildings])
+        for seeds in product(range(2), repeat=2)
+        for buildings in product(range(3), repeat=3)
+    ]
+    found = train_twice(TABLE, resamples=20_000)
+    assert found.point == {"mean": 5.5}
+    drawn = found.resampled["mean"]
+    values, times = np.unique(np.round(every, 9), return_counts=True)
+    known, often = np.unique(np.round(drawn, 9), return_counts=True)
+    np.testing.assert_allclose(known, values)
+    np.testing.assert_allclose(often / len(drawn), times / len(every), atol=0.01)
+    low, high = np.quantile(every, [0.025, 0.975]) - np.mean(every) + 5.5
+    interval = found.estimate("mean")
+    assert (interval.low, interval.high) == pytest.approx((low, high), abs=0.1)
+
+
+def test_seeds_that_differ_widen_an_interval_and_equal_ones_leave_it() -> None:
+    """Two seeds at -1 and 1 around every building: the mean of two draws has the variance 1/2."""
+    values = np.random.default_rng(0).normal(3, 2, 60)
+    alone = bootstrap_mean(values, resamples=4000)
+    same = train_twice(np.stack([values, values]), resamples=4000)
+    np.testing.assert_allclose(same.resampled["mean"], alone.resampled["mean"])
+    apart = train_twice(np.stack([values - 1, values + 1]), resamples=4000)
+    more = apart.resampled["mean"].var() - alone.resampled["mean"].var()
+    assert more == pytest.approx(1 / 2, abs=0.03)
+    one = average_seeds([alone])  # one seed says what it said
+    assert one.point == alone.point
+    np.testing.assert_array_equal(one.resampled["mean"], alone.resampled["mean"])
+
+
+def test_differences_are_paired_by_seeds() -> None:
+    """A seed that is bad for both does not widen their difference; without seeds, it does."""
+    ours, other = train_twice(TABLE, resamples=40), train_twice(TABLE + 2, resamples=40)
+    gap = ours.difference(other, "mean")
+    assert (gap.value, gap.low, gap.high) == pytest.approx((-2, -2, -2))
+    unseeded = bootstrap_mean(TABLE.mean(axis=0), resamples=40)  # is trained once
+    against = ours.difference(unseeded, "mean")
+    assert against.low < against.value == 0 < against.high

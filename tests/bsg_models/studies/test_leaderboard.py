@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,19 +17,29 @@ from bsg_data.errors import DatasetError
 from bsg_data.recipes import MaskRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.errors import ConfigError
+from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.measurement import Fold, measure
+from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.run_folder import BEST
+from bsg_models.studies import leaderboard
 from bsg_models.studies.leaderboard import (
+    DATASET,
+    Leaderboard,
     LeaderboardRecipe,
     Place,
     fit_to,
     make_leaderboard,
     plan_runs,
+    prepare_dataset,
     run_of,
 )
-from bsg_models.training.training import member_config
+from bsg_models.studies.leaderboard_report import write_json, write_markdown
+from bsg_models.training.learning_curve import EpochReport
+from bsg_models.training.training import member_config, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.ensemble import is_by_seed
 from bsg_models.zoo.settings import DataConfig
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
@@ -210,3 +222,123 @@ def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
     fitted = fit_to(searching, recipe, mask="rooms", fold=0)
     assert fitted.data.mask.withhold == 0.08
     assert DataConfig.model_validate(fitted.data.model_dump()) == fitted.data
+
+
+SEEDED: Mapping[str, RunConfig] = {
+    "gamma-poisson": find_config("gamma-poisson"),
+    "ceci-sage": MODELS["ceci-sage"],
+}
+TWO = LeaderboardRecipe(masks=("uniform",), folds=3, draws=2, resamples=20, seeds=2)
+ONE = TWO.model_copy(update={"seeds": 1})
+
+
+def list_runs(out: Path) -> set[str]:
+    return {path.parent.relative_to(out).as_posix() for path in out.rglob(BEST)}
+
+
+def measure_seed(data: Dataset, seed: int, name: str) -> Bootstrap:
+    """Measure the runs of one seed on the pairs of a leaderboard's dataset."""
+    runs = [run_of(data.path.parent, name, fold, seed=seed) for fold in range(len(data.splits))]
+    return measure(
+        [
+            Fold(scenes_of(data, "test", fold=fold), leaderboard._predict(run, data, fold))
+            for fold, run in enumerate(runs)
+        ]
+    )
+
+
+def documents(board: Leaderboard) -> tuple[object, str]:
+    """Return what a leaderboard says, JSON and Markdown, with no training time."""
+    results = {
+        mask: {name: replace(result, seconds=0.0) for name, result in models.items()}
+        for mask, models in board.results.items()
+    }
+    timeless = replace(board, results=results)
+    return write_json(timeless), write_markdown(timeless)
+
+
+def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
+    unsplit: Path, tmp_path: Path
+) -> None:
+    """With one seed, runs and documents are those of a leaderboard without seeds."""
+    out = tmp_path / "board"
+    one = make_leaderboard(unsplit, out, SEEDED, ONE)
+    usual = {f"uniform/fold-{fold}/{name}" for fold in range(3) for name in SEEDED}
+    assert list_runs(out) == usual
+    assert "seeds" not in write_json(one)["recipe"]
+    assert "seeds" not in write_markdown(one)
+    stamps = {path: path.stat().st_mtime_ns for path in out.rglob(BEST)}
+    two = make_leaderboard(unsplit, out, SEEDED, TWO)
+    assert list_runs(out) == usual | {f"uniform/seed-1/fold-{fold}/ceci-sage" for fold in range(3)}
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
+    runs = [run_of(out / "uniform", "ceci-sage", 1, seed=seed) / BEST for seed in range(2)]
+    first, second = (load_checkpoint(run).header for run in runs)
+    assert (first.config.seed, second.config.seed) == (0, 1)
+    assert first.tensors_sha256 != second.tensors_sha256
+    before, after = (board.results["uniform"] for board in (one, two))
+    assert [after[name].seeds for name in SEEDED] == [1, 2]
+    counted, nll = "gamma-poisson", "rooms/hidden_nll"
+    assert after[counted].metrics.estimate(nll) == before[counted].metrics.estimate(nll)
+    data = Dataset.open(out / "uniform" / DATASET)
+    points = [before["ceci-sage"].metrics.point[nll], measure_seed(data, 1, "ceci-sage").point[nll]]
+    assert points[0] != points[1]
+    assert after["ceci-sage"].metrics.point[nll] == pytest.approx(np.mean(points))
+    text = write_markdown(two)
+    assert "trained by 2 seeds, 0 to 1; `gamma-poisson` once" in text
+    assert "95 % interval over buildings and seeds" in text
+    assert write_json(two)["masks"]["uniform"]["ceci-sage"]["seeds"] == 2
+
+
+def test_a_leaderboard_of_seeds_that_was_stopped_says_what_an_unbroken_one_says(
+    unsplit: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is stopped in its fifth training, the second of the second seed."""
+    models = {"ceci-sage": SEEDED["ceci-sage"]}
+    unbroken = make_leaderboard(unsplit, tmp_path / "unbroken", models, TWO)
+    out, train, begun = tmp_path / "stopped", leaderboard.train_run, []
+
+    def stop(*words: Any, **options: Any) -> Iterator[EpochReport]:
+        begun.append(words[2])
+        if len(begun) == 5:
+            raise KeyboardInterrupt
+        return train(*words, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(leaderboard, "train_run", stop)
+        with pytest.raises(KeyboardInterrupt):
+            make_leaderboard(unsplit, out, models, TWO)
+    stamps = {path: path.stat().st_mtime_ns for path in out.rglob(BEST)}
+    assert len(stamps) == 4
+    again = make_leaderboard(unsplit, out, models, TWO)
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
+    assert documents(again) == documents(unbroken)
+    for run in list_runs(out):
+        assert (out / run / BEST).read_bytes() == (tmp_path / "unbroken" / run / BEST).read_bytes()
+
+
+def test_an_ensemble_has_its_members_by_every_seed(unsplit: Path, tmp_path: Path) -> None:
+    """Also those that no seed changes, and they are then the same by every seed."""
+    models = {"gamma-poisson": MODELS["gamma-poisson"], "pair": MODELS["pair"]}
+    out = tmp_path / "board"
+    board = make_leaderboard(unsplit, out, models, TWO).results["uniform"]
+    members = {f"uniform/seed-1/fold-0/{name}" for name in (*models, "train-mean")}
+    assert members < list_runs(out)
+    assert [board[name].seeds for name in models] == [2, 2]
+    for name in ("gamma-poisson", "train-mean"):
+        runs = [run_of(out / "uniform", name, 0, seed=seed) / BEST for seed in range(2)]
+        assert len({load_checkpoint(run).header.tensors_sha256 for run in runs}) == 1
+
+
+@pytest.mark.parametrize("name", [name for name in ZOO if not is_by_seed(find_config(name))])
+def test_a_model_that_no_seed_changes_is_the_same_by_another(
+    name: str, unsplit: Path, tmp_path: Path
+) -> None:
+    recipe = TWO.model_copy(update={"draws": 1, "masks": ("rooms",)})
+    data = tmp_path / "board" / "rooms" / DATASET
+    prepare_dataset(unsplit, data, recipe, mask="rooms")
+    states = []
+    for seed in range(2):
+        config = fit_to(find_config(name), recipe, mask="rooms", fold=0, seed=seed)
+        list(train_run(config, data, tmp_path / f"run-{seed}"))
+        states.append(load_checkpoint(tmp_path / f"run-{seed}" / BEST).header.tensors_sha256)
+    assert states[0] == states[1]

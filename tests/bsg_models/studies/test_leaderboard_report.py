@@ -95,6 +95,18 @@ def test_a_model_of_a_hostile_name_is_no_markup() -> None:
     assert f"| {escaped} | " in text
 
 
+def test_a_model_with_a_mask_of_its_own_is_trained_once_by_each_seed() -> None:
+    made = board({"train-mean": 0.5, "ours": 0.3})
+    results = made.results["rooms"]
+    results["ours"] = replace(results["ours"], trained_on="mixed", seeds=3)
+    assert "`ours` was trained once, on `mixed` masks" in write_markdown(made)
+    seeded = replace(made, recipe=RECIPE.model_copy(update={"seed": 7, "seeds": 3}))
+    text = write_markdown(seeded)
+    assert "`ours` was trained on `mixed` masks" in text
+    assert "by 3 seeds, 7 to 9; `train-mean` once" in text
+    assert "show 67 % of the variance" in text
+
+
 def test_the_documents_say_the_same_as_the_board() -> None:
     made = board({"train-mean": 0.5, "gamma-poisson": 0.4, "ours": 0.3})
     text = write_markdown(made)
