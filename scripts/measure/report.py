@@ -49,6 +49,7 @@ from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import TEAM, SearchRequest
 
 MASKS = ("uniform", "rooms", "frontier", "explore", "search", "tour")
+STEP_MASKS = ("uniform", "rooms")
 FOUND = (1, 2, 3, 5, 8, None)  # rooms that the robot has found; None: all
 _FEW = 3  # rooms: then a building has more masks, since one shows little
 MODEL = "model@training mask"
@@ -253,6 +254,27 @@ def report_ablation(options: argparse.Namespace) -> Tables:
     return [ResultsTable("Difference from the base, by mask", ("variant", *MASKS), rows, reading)]
 
 
+def report_steps(options: argparse.Namespace) -> Tables:
+    """Return how likely each model makes what is hidden, and what it gains on the one before."""
+    rows, before = [], None
+    for name in _models(options):
+        found = {mask: _under(options, name, tally_likelihood, mask=mask) for mask in STEP_MASKS}
+        cells = []
+        for mask, one in found.items():
+            gained = before and format_estimate(one.difference(before[mask], "nll"), signed=True)
+            cells += [f"{_nll(one):.3f}", gained or "–"]
+        rows.append([f"`{name}`", *cells])
+        before = found
+    columns = [
+        column for mask in STEP_MASKS for column in (f"NLL, `{mask}` ↓", "against the row above")
+    ]
+    reading = (
+        "Each row changes the one above. The hidden NLL over the classes of all rooms, and paired "
+        f"differences {INTERVAL}; below 0 is better."
+    )
+    return [ResultsTable("From the paper's network to ours", ("model", *columns), rows, reading)]
+
+
 def report_fixtures(options: argparse.Namespace) -> Tables:
     """Return P(another one | a room shows exactly one): the truth, and what each model says."""
     names = _models(options)
@@ -445,6 +467,7 @@ MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
     "masks": report_masks,
     "rooms_found": report_rooms_found,
     "ablation": report_ablation,
+    "steps": report_steps,
     "fixtures": report_fixtures,
     "room_size": report_room_size,
     "search": report_searches,
