@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY, load_script
@@ -224,3 +225,16 @@ def test_the_three_rooms_of_the_paper_are_answered_as_the_page_says() -> None:
         for room in seen.rooms
     ]
     assert row == f"| ours | {' | '.join(', '.join(one[:3]) for one in unseen)} |"
+
+
+def test_the_shares_of_the_three_rooms_are_those_of_the_page() -> None:
+    page = (DOCS / "belief.md").read_text("utf-8").splitlines()
+    (row,) = (line for line in page if line.startswith("| ours, as shares |"))
+    shown = [cell.strip() for cell in row.strip("|").split("|")][1:]
+    predictor = Predictor()
+    belief = predictor(read_robot_graph(DOCS / "office.json"))
+    for room, said in enumerate(shown, 1):
+        shares = belief.expected[room] / belief.expected[room].sum()
+        unseen = [c for c in np.argsort(-shares) if belief.inputs[room, c] == 0]
+        ours = [f"{predictor.classes[c]} {100 * shares[c]:.0f} %" for c in unseen[:3]]
+        assert said == ", ".join(ours)

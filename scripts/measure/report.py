@@ -6,10 +6,11 @@
 `leaderboard` reads the board's numbers. The others measure its models again, each on the buildings
 that it was not trained on, as the first of several seeds trained it: `masks` under every mask and
 in every view of a room, `rooms_found` in buildings that are still being found, `ablation` as
-differences from `--base`, `fixtures` by P(another one | one is seen), `room_size` with and without
-floor area and room label, `search` by the cost that beliefs save: in the paper's worlds, where a
-robot has looked into what it enters; and, in the last world that is named, where looks cost
-something, and for several robots.
+differences from `--base`, `steps` as differences from the model before, `fixtures` by P(another one
+| one is seen), `room_size` with and without floor area and room label, `search` by the cost that
+beliefs save: in the paper's worlds, where a robot has looked into what it enters; and, in the last
+world that is named, where looks cost something, and for several robots. `told` is that of real
+layouts alone.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ from bsg_models.evaluation.bootstrap import Bootstrap, estimate_value
 from bsg_models.studies.leaderboard_report import REPORT, say_means
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
-from bsg_models.studies.search_request import TEAM, SearchRequest
+from bsg_models.studies.search_request import ROUTING, TEAM, SearchRequest
 
 MASKS = ("uniform", "rooms", "frontier", "explore", "search", "tour")
 STEP_MASKS = ("uniform", "rooms")
@@ -366,6 +367,17 @@ def report_searches(options: argparse.Namespace) -> Tables:
     return [*tables, _report_looks(options, first), _report_teams(options, first)]
 
 
+def report_told(options: argparse.Namespace) -> Tables:
+    """Return what is saved in real layouts by models that are told different things of rooms."""
+    rows = []
+    for name in _models(options):
+        (result,) = _search(options, name, worlds=WORLDS[-1:], task="single")
+        rows += [[f"`{name}`", f"`{p}`", _saved(result, p)] for p in PLANNERS if p != "oracle"]
+    rows.append(["none", f"`{ROUTING}`", _saved(result, ROUTING)])
+    reading = f"Cost saved in `{WORLDS[-1]}`, task `single`, in per cent, {INTERVAL}."
+    return [ResultsTable("What is told", ("belief of", "planner", "saved"), rows, reading)]
+
+
 def _report_looks(options: argparse.Namespace, name: str) -> ResultsTable:
     """Return what planners save where looks cost something, a column a chance that they find."""
     columns = [
@@ -471,6 +483,7 @@ MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
     "fixtures": report_fixtures,
     "room_size": report_room_size,
     "search": report_searches,
+    "told": report_told,
 }
 
 
