@@ -26,7 +26,14 @@ from typing import Any
 import numpy as np
 import yaml
 from results import ResultsTable, format_estimate, write_figures
-from storeys import Storey, describe_world, open_storeys
+from storeys import (
+    Put,
+    Storey,
+    describe_world,
+    open_storeys,
+    put_anywhere,
+    put_as_people_say,
+)
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.tables import format_text
@@ -62,11 +69,12 @@ def open_own() -> Iterator[Any]:
         yield open_world(get_data_folder() / f"{name}.yaml")
 
 
-def build_world(storey: Storey, *, seed: int) -> Any:
+def build_world(storey: Storey, *, seed: int, put: Put = put_anywhere) -> Any:
     """Return a storey as a world of pyrobosim."""
     with tempfile.TemporaryDirectory() as folder:
+        said = describe_world(storey, Path(folder), seed=seed, put=put)
         file = Path(folder) / "world.yaml"
-        file.write_text(yaml.safe_dump(describe_world(storey, Path(folder), seed=seed)), "utf-8")
+        file.write_text(yaml.safe_dump(said), "utf-8")
         return open_world(file)
 
 
@@ -101,7 +109,12 @@ def know_world(world: Any, *, model: str) -> SeenBuilding:
         for room in world.rooms
     ]
     furniture = [
-        {"id": one.name, "room": one.parent.name, "category": _word(one.category)}
+        {
+            "id": one.name,
+            "room": one.parent.name,
+            "category": _word(one.category),
+            "position": [float(one.pose.x), float(one.pose.y), 0.0],
+        }
         for one in world.locations
     ]
     ways = [[way.room_start.name, way.room_end.name] for way in world.hallways]
@@ -134,6 +147,7 @@ class Search:
     metres: float = 0.0
     seconds: float = 0.0
     found: bool = False
+    at: str | None = None  # the furniture at which it looked last
     path: list[tuple[float, float]] = field(default_factory=list)
     begun: float = 0.0  # seconds, when it reached the first piece of the room
     whole: list[tuple[str, float]] = field(default_factory=list)  # room, seconds of all of it
@@ -153,6 +167,7 @@ class Search:
     def look(self, place: Any) -> None:
         """Go to a piece of furniture, open it, detect, and report what is there."""
         robot, self.room = self.world.robots[0], place.parent.parent.name
+        self.at = place.parent.name
         begins = len(self.left[self.room]) == len(list_places(self.world)[self.room])
         self.left[self.room].remove(place)
         if robot.location is place or self.go(place):
@@ -194,7 +209,7 @@ def list_places(world: Any) -> dict[str, list[Any]]:
     }
 
 
-Choice = Callable[[Search], str | None]
+Choice = Callable[[Search], Any]  # the name of a room to search, a place to look at, or None
 
 
 def by_belief(search: Search) -> str | None:
@@ -216,7 +231,21 @@ def by_list(search: Search) -> str:
     return min(rooms, key=lambda room: search.looks[room])
 
 
+def by_piece(search: Search) -> Any:
+    """Return the place that our `next_place` names, after saying where the last look missed."""
+    if search.at is not None:
+        search.seen.looked(search.room, _word(search.thing), at=search.at, chance=1.0)
+    go = search.seen.next_place(
+        _word(search.thing), here=search.room, at=search.at, look=LOOK * SPEED
+    )
+    left = [] if go is None else search.left.get(go.room, [])
+    named = [place for place in left if place.parent.name == go.piece]
+    return named[0] if named else (left or [None])[0]
+
+
 CHOICES: Mapping[str, Choice] = {"next_room": by_belief, "nearest": by_distance, "first": by_list}
+OF_PIECES: Mapping[str, Choice] = {"next_place": by_piece, "next_room": by_belief}
+OF_PIECES |= {"nearest": by_distance}
 
 
 def find(
@@ -230,7 +259,11 @@ def find(
     robot.known_objects = set()
     search = Search(world, know_world(world, model=model), thing, start, luck, list_places(world))
     while search.left and not search.found:
-        if (room := choose(search)) not in search.left:
+        chosen = choose(search)
+        if hasattr(chosen, "parent"):
+            search.look(chosen)
+            continue
+        if (room := chosen) not in search.left:
             break  # nowhere to go
         looks = search.looks[room]
         while looks == search.looks[room] and not search.found:
@@ -268,11 +301,16 @@ def draw_questions(world: Any, *, seed: int) -> list[Question]:
 
 
 def search_all(
-    world: Any, questions: Sequence[Question], *, model: str, luck: int | None = None
+    world: Any,
+    questions: Sequence[Question],
+    *,
+    model: str,
+    luck: int | None = None,
+    choices: Mapping[str, Choice] = CHOICES,
 ) -> list[Row]:
     """Return the searches of some questions."""
     return [
-        [find(world, one, choose, model=model, luck=luck) for choose in CHOICES.values()]
+        [find(world, one, choose, model=model, luck=luck) for choose in choices.values()]
         for one in questions
     ]
 
@@ -286,7 +324,13 @@ def average(worlds: Sequence[Sequence[Row]]) -> np.ndarray:
     return np.array([np.mean(world, axis=0) for world in every])
 
 
-def report(title: str, worlds: Sequence[Sequence[Row]], *, model: str) -> ResultsTable:
+def report(
+    title: str,
+    worlds: Sequence[Sequence[Row]],
+    *,
+    model: str,
+    choices: Mapping[str, Choice] = CHOICES,
+) -> ResultsTable:
     """Return a table of means over worlds, with intervals."""
     found = average(worlds)
     resamples = 2000 if len(found) >= LEAST_BUILDINGS else 0
@@ -300,13 +344,13 @@ def report(title: str, worlds: Sequence[Sequence[Row]], *, model: str) -> Result
             *(_cell(means[number, unit]) for unit in (0, 1)),
             *(_cell(saved[number, unit]) if number else "–" for unit in (0, 1)),
         ]
-        for number, name in enumerate(CHOICES)
+        for number, name in enumerate(choices)
     ]
     header = ("searcher", "found, %", "metres", "seconds", "% of metres", "% of seconds")
     several = "95 % intervals over worlds" if resamples else "too few worlds for intervals"
     reading = (
         f"{sum(map(len, worlds))} questions in {len(found)} worlds, {several}; beliefs of "
-        f"{model}. The last columns are what `next_room` saves of this row's cost."
+        f"{model}. The last columns are what `{next(iter(choices))}` saves of this row's cost."
     )
     return ResultsTable(title, header, lines, reading)
 
@@ -408,6 +452,7 @@ def main(argv: Sequence[str]) -> None:
             own[beside].append(search_all(world, questions, model=SHIPPED))
     data, models = open_models(options)
     made: dict[bool, list[list[Row]]] = {False: [], True: []}  # by whether it misses some
+    put: list[list[Row]] = []  # with things where people say
     for number, (scene, storey) in enumerate(islice(open_storeys(data, models), options.worlds)):
         seed = options.seed + number
         world = build_world(storey, seed=seed)
@@ -415,12 +460,16 @@ def main(argv: Sequence[str]) -> None:
         for misses, searches in made.items():
             luck = seed if misses else None
             searches.append(search_all(world, questions, model=models[scene], luck=luck))
+        world = build_world(storey, seed=seed, put=put_as_people_say)
+        questions = draw_questions(world, seed=seed)
+        put.append(search_all(world, questions, model=models[scene], choices=OF_PIECES))
         print(f"{number + 1} of {options.worlds} worlds", file=sys.stderr, flush=True)
     shipped = f"`{SHIPPED}`"
     held = f"`{SHIPPED}@{MASK}`, trained on other buildings" if options.leaderboard else shipped
     tables = [
         report("Worlds made from buildings", made[False], model=held),
         report(f"A detector that misses {100 * MISSES:.0f} %", made[True], model=held),
+        report("Things where people say", put, model=held, choices=OF_PIECES),
         report("pyrobosim's own worlds", own[False], model=shipped),
         report("The same, from rooms that hold the thing", own[True], model=shipped),
         fit_looks([*made[False], *made[True]]),

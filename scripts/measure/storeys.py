@@ -2,19 +2,20 @@
 
 Rooms are the boxes of the dataset, without overlaps. A way of `DOOR` metres leads through the wall
 between adjacent rooms. The dataset does not say where in a room something is: one piece of
-furniture of each class stands at a random place, and each thing lies in or on a random piece. What
-does not fit is left out.
+furniture of each class stands at a random place, and each thing lies in or on a random piece, or on
+one that people say. What does not fit is left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from furniture import people
 from shapely import get_coordinates, maximum_inscribed_circle, unary_union
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -35,6 +36,9 @@ FURNITURE += ("sink", "stove", "table", "wardrobe", "washing machine")
 THINGS = ("bag", "basket", "blanket", "book", "bottle", "box", "clothes", "computer", "lamp")
 THINGS += ("microwave", "paper", "pillow", "plant", "tableware", "towel", "toy", "tv", "vase")
 Row = Mapping[str, Any]  # of a dataset's table
+# With a room and the words of its pieces, the place of the piece on which a thing lies.
+Put = Callable[[np.random.Generator, str, Sequence[str]], int]
+_LEAST = 0.01  # share of a piece of which people were not asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +91,17 @@ def find_storey(
             for index, name in names.items()
         },
     )
+
+
+def put_anywhere(draw: np.random.Generator, _: str, pieces: Sequence[str]) -> int:
+    """Return a piece of furniture on which a thing lies, each as likely."""
+    return int(draw.integers(len(pieces)))
+
+
+def put_as_people_say(draw: np.random.Generator, room: str, pieces: Sequence[str]) -> int:
+    """Return a piece, as likely as people say that things are on such furniture of such a room."""
+    shares = people("", room.rpartition("_")[0].replace("_", " "), pieces) + _LEAST
+    return int(draw.choice(len(pieces), p=shares / shares.sum()))
 
 
 def join_words(name: str) -> str:
@@ -149,9 +164,11 @@ def join_rooms(rooms: Iterable[int], pairs: Iterable[tuple[int, int]]) -> list[s
     return parts
 
 
-def describe_world(storey: Storey, folder: Path, *, seed: int) -> dict[str, Any]:
+def describe_world(
+    storey: Storey, folder: Path, *, seed: int, put: Put = put_anywhere
+) -> dict[str, Any]:
     """Return a storey as pyrobosim's YAML, with its metadata in a folder."""
-    furniture, things = furnish(storey, np.random.default_rng(seed))
+    furniture, things = furnish(storey, np.random.default_rng(seed), put=put)
     sides = [(STAND, 0.0), (-STAND, 0.0), (0.0, STAND), (0.0, -STAND)]
     piece = {
         "footprint": {"type": "box", "dims": [SIDE, SIDE], "height": 0.5},
@@ -192,7 +209,7 @@ def describe_world(storey: Storey, folder: Path, *, seed: int) -> dict[str, Any]
 
 
 def furnish(
-    storey: Storey, draw: np.random.Generator
+    storey: Storey, draw: np.random.Generator, *, put: Put
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return pieces of furniture at random places, and each thing on one of its room's pieces."""
     furniture: list[dict[str, Any]] = []
@@ -201,18 +218,19 @@ def furnish(
     for room, floor in storey.rooms.items():
         middle = floor.representative_point().buffer(SIDE + RADIUS)
         free = floor.buffer(-STAND - 2 * RADIUS, join_style="mitre").difference(doors.union(middle))
-        pieces = []
+        pieces, words = [], []
         for category in sorted({*storey.holds[room]} & {*FURNITURE}):
             if (place := _draw_place(free, draw)) is None:
                 break
             free = free.difference(place.buffer(STAND + SIDE + RADIUS))
             pieces.append(join_words(f"{category} in {room}"))
+            words.append(category)
             said = {"name": pieces[-1], "category": join_words(category), "parent": room}
             furniture.append(said | {"pose": _place(place.x, place.y)})
+        held = [thing for thing in storey.holds[room] if thing in THINGS and pieces]
         things += [
-            {"category": join_words(thing), "parent": str(draw.choice(pieces))}
-            for thing in storey.holds[room]
-            if thing in THINGS and pieces
+            {"category": join_words(thing), "parent": pieces[put(draw, room, words)]}
+            for thing in held
         ]
     return furniture, things
 
