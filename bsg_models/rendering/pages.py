@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -31,6 +32,7 @@ class Table:
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    folded: bool = False  # at the end, and opened by a click
 
 
 def write_report(
@@ -38,16 +40,16 @@ def write_report(
     *,
     title: str,
     facts: Sequence[str],
-    findings: Mapping[str, Mapping[str, Sequence[str]]],
     tables: Sequence[Table],
     figures: Mapping[str, Path],
-    explorer: str | None,
+    findings: Mapping[str, Mapping[str, Sequence[str]]] = MappingProxyType({}),
+    explorer: str | None = None,
 ) -> None:
-    """Write an evaluation as one self-contained page. A failed write leaves no partial file.
+    """Write results as one self-contained page. A failed write leaves no partial file.
 
-    `facts` are paragraphs: what was measured, on which buildings. `findings` are heading → verdict
-    → the metrics with it. Tables after the first are folded. `figures` are caption → PNG file, and
-    `explorer` is a page of `explorer_page`, shown in a frame.
+    `facts` are paragraphs: what was measured, on which buildings. `figures` are caption → PNG file.
+    `findings` are heading → verdict → the metrics with it, and `explorer` is a page of
+    `explorer_page`, shown in a frame.
     """
     pictures = {
         caption: base64.b64encode(image.read_bytes()).decode() for caption, image in figures.items()
