@@ -104,7 +104,8 @@ def _find_table(measurement: str, title: str) -> dict[str, Any]:
 
 def _describe_measurement(name: str) -> tuple[str, ...]:
     made = _read_figures()[name]["made"]
-    return name, f"`{made['command']}`", made["date"], made.get("dataset", "–")
+    date = f"{made['date']} at {made['commit']}" if "commit" in made else made["date"]
+    return name, f"`{made['command']}`", date, made.get("dataset", "–")
 
 
 def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:

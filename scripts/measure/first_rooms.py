@@ -1,7 +1,7 @@
 """Measure what models say at a robot's start: in small homes, and with a detector of few words.
 
     bsg-leaderboard hm3d --masks uniform,rooms --out board
-    python scripts/measure/first_rooms.py --leaderboard board --out first_rooms.md
+    python scripts/measure/first_rooms.py --leaderboard board --models universal@mixed --out FIGURES
 
 `small_homes.json` has ten homes by hand: rooms with the objects that were seen in them, half of
 each, and there is one more room that was not entered.

@@ -1,6 +1,6 @@
 """Measure a model that was trained on one source on buildings of another.
 
-    python scripts/measure/transfer.py --hm3d hm3d --behavior behavior --runs runs --out transfer.md
+    python scripts/measure/transfer.py --hm3d hm3d --behavior behavior --runs runs --out FIGURES
 
 The script trains the model on HM3D, on BEHAVIOR and on both, in folds by building. It tests each on
 the buildings of the held-out fold: those of HM3D, the homes of BEHAVIOR, and the other buildings of
