@@ -21,17 +21,18 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.tables import Rows
 
 _ELEMENTS = {".css": "style", ".js": "script"}
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the report, of text."""
+    """A table of a page; a caption may have several lines."""
 
     caption: str
     header: Sequence[str]
-    rows: Sequence[Sequence[str]]
+    rows: Rows
     folded: bool = False  # at the end, and opened by a click
 
 
