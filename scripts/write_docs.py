@@ -171,8 +171,9 @@ def _tell_robots() -> list[str]:
             f"**loses**: {lost[0]} s against {lost[1]} s",
         ),
         (
-            "objects expected in a room not entered, from the first room found to the last",
-            f"{said[0]:.2f} to {said[-1]:.2f} times those there",
+            "objects expected in rooms not entered ÷ objects there (1 is right), however many "
+            "rooms the robot has found",
+            f"{said[0]:.2f} to {said[-1]:.2f}",
         ),
     ]
     return format_markdown(rows, header=("task", "with `universal` (95 % interval)"))

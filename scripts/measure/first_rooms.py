@@ -79,7 +79,7 @@ def report_homes(models: Sequence[str], homes: Sequence[Home]) -> ResultsTable:
         "home with the fewest to that with the most. Half of every other room was seen."
     )
     header = ("model", "told besides objects", *SINGLE, "objects in the next room")
-    return ResultsTable("Another one of what is one of a kind", header, rows, reading)
+    return ResultsTable("A second one in small homes", header, rows, reading)
 
 
 def limit_detector(seen: Observation, known: Bools) -> Observation:
