@@ -73,7 +73,7 @@ from .studies.leaderboard_report import (
     summary_rows,
 )
 from .studies.run_summary import RunSummary, plot_run, summarise_run
-from .studies.savings import Saving, WorldResult
+from .studies.savings import Saving, WorldResult, tabulate_savings
 from .studies.sealed_results import check_results
 from .studies.search_report import SearchReport, report_search
 from .studies.search_request import SearchRequest, StudyRecipe, choose_default_run
@@ -194,6 +194,7 @@ __all__ = [
     "summarise_model",
     "summarise_run",
     "summary_rows",
+    "tabulate_savings",
     "to_graph",
     "to_networkx",
     "to_pyg",

@@ -99,7 +99,8 @@ def main(
     for mask, results in board.results.items():
         header, rows = bsg_models.summary_rows(results)
         print_text(f"`{mask}` masks:\n{format_text(rows, header=header)}\n")
-    print_text(f"table: {report.table}; every metric: {report.report}; figures:")
+    print_text(f"page: {report.page}; table: {report.table}; every metric: {report.report}")
+    print_text("figures:")
     print_text("\n".join(f"  {path}" for path in report.figures))
 
 

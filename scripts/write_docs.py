@@ -104,7 +104,8 @@ def _find_table(measurement: str, title: str) -> dict[str, Any]:
 
 def _describe_measurement(name: str) -> tuple[str, ...]:
     made = _read_figures()[name]["made"]
-    return name, f"`{made['command']}`", made["date"], made.get("dataset", "–")
+    date = f"{made['date']} at {made['commit']}" if "commit" in made else made["date"]
+    return name, f"`{made['command']}`", date, made.get("dataset", "–")
 
 
 def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
@@ -170,8 +171,9 @@ def _tell_robots() -> list[str]:
             f"**loses**: {lost[0]} s against {lost[1]} s",
         ),
         (
-            "objects expected in a room not entered, from the first room found to the last",
-            f"{said[0]:.2f} to {said[-1]:.2f} times those there",
+            "objects expected in rooms not entered ÷ objects there (1 is right), however many "
+            "rooms the robot has found",
+            f"{said[0]:.2f} to {said[-1]:.2f}",
         ),
     ]
     return format_markdown(rows, header=("task", "with `universal` (95 % interval)"))

@@ -94,10 +94,15 @@ def test_the_source_and_the_mask_make_a_sound_dataset_under_their_own_terms() ->
 
 
 def test_the_model_is_evaluated_with_the_metric() -> None:
-    run("bsg-evaluate dataset --model run --out evaluation")
+    """In every form of the results: the metric has no place of its own, and follows ours."""
+    done = run("bsg-evaluate dataset --model run --out evaluation --html page.html")
     report = json.loads(Path("evaluation/evaluation.json").read_text("utf-8"))
-    for name in ("rooms/total_error", "building/total_error"):
-        assert "mean-rate" in report["metrics"][name]
+    short = Path("page.html").read_text("utf-8").split("</table>")[0]
+    for name, label in (("rooms", "total error ↓"), ("building", "total error, building ↓")):
+        value = report["metrics"][f"{name}/total_error"]["mean-rate"]["value"]
+        (row,) = re.findall(rf"^{label} +(\S+)", done.stdout, re.MULTILINE)
+        assert float(row) == pytest.approx(value, rel=0.01)
+        assert f">{label}</td>" in short
 
 
 def test_the_leaderboard_takes_the_model_and_the_mask() -> None:

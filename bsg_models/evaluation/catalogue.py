@@ -69,6 +69,11 @@ def list_values() -> tuple[str, ...]:
     return tuple(names)
 
 
+def list_added_values() -> tuple[str, ...]:
+    """Return the names of all values of metrics that installed packages add."""
+    return tuple(name for name in list_values() if name.split("/")[1] not in _OURS)
+
+
 def label_value(name: str) -> str:
     """Return the label of a value in tables."""
     metric, node_set, part = find_value(name)

@@ -14,11 +14,11 @@ import numpy as np
 
 from bsg_data.errors import RecipeError
 from bsg_models.evaluation.bootstrap import Bootstrap
-from bsg_models.evaluation.catalogue import find_value, label_value
+from bsg_models.evaluation.catalogue import find_value, label_value, list_added_values
 
 _Verdict = Literal["better", "not distinguishable", "worse"]
 
-# The values that are shown first, by topic.
+# The values that are shown first, by topic; those of metrics of other packages follow.
 HEADLINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "what is hidden": (
@@ -70,7 +70,7 @@ def judge_all(
     """Return what is compared → verdict → the headlines with this verdict.
 
     The first run is compared with doubling what was seen, every other run with the first. A
-    headline that is not defined for both has no verdict.
+    headline that is not defined for both, or has no better side, has no verdict.
     """
     judged: dict[str, dict[str, list[str]]] = {}
     for run in runs:
@@ -79,7 +79,8 @@ def judge_all(
         rival = "doubling what was seen" if is_first else runs[0]
         labels: dict[str, list[str]] = {"better": [], "not distinguishable": [], "worse": []}
         for name in list_headlines(bootstraps):
-            if not np.isnan(bootstraps[run].point[name] - other.point[name]):
+            has_side = find_value(name)[0].less is not None
+            if has_side and not np.isnan(bootstraps[run].point[name] - other.point[name]):
                 labels[judge(bootstraps[run], other, name)].append(label_value(name))
         heading = f"{run}, compared with {rival} (by 95 % intervals of the paired difference)"
         judged[heading] = {verdict: some for verdict, some in labels.items() if some}
@@ -88,10 +89,10 @@ def judge_all(
 
 def list_headlines(bootstraps: Mapping[str, Bootstrap]) -> list[str]:
     """Return the names of the headlines that are defined for any of some models, in order."""
+    ours = [name for group in HEADLINES.values() for name in group]
     return [
         name
-        for group in HEADLINES.values()
-        for name in group
+        for name in (*ours, *list_added_values())
         if not all(np.isnan(one.point[name]) for one in bootstraps.values())
     ]
 

@@ -15,22 +15,25 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.tables import Rows
 
 _ELEMENTS = {".css": "style", ".js": "script"}
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the report, of text."""
+    """A table of a page; a caption may have several lines."""
 
     caption: str
     header: Sequence[str]
-    rows: Sequence[Sequence[str]]
+    rows: Rows
+    folded: bool = False  # at the end, and opened by a click
 
 
 def write_report(
@@ -38,16 +41,16 @@ def write_report(
     *,
     title: str,
     facts: Sequence[str],
-    findings: Mapping[str, Mapping[str, Sequence[str]]],
     tables: Sequence[Table],
     figures: Mapping[str, Path],
-    explorer: str | None,
+    findings: Mapping[str, Mapping[str, Sequence[str]]] = MappingProxyType({}),
+    explorer: str | None = None,
 ) -> None:
-    """Write an evaluation as one self-contained page. A failed write leaves no partial file.
+    """Write results as one self-contained page. A failed write leaves no partial file.
 
-    `facts` are paragraphs: what was measured, on which buildings. `findings` are heading → verdict
-    → the metrics with it. Tables after the first are folded. `figures` are caption → PNG file, and
-    `explorer` is a page of `explorer_page`, shown in a frame.
+    `facts` are paragraphs: what was measured, on which buildings. `figures` are caption → PNG file.
+    `findings` are heading → verdict → the metrics with it, and `explorer` is a page of
+    `explorer_page`, shown in a frame.
     """
     pictures = {
         caption: base64.b64encode(image.read_bytes()).decode() for caption, image in figures.items()

@@ -148,7 +148,12 @@ def _write_page(
         else {},
         tables=[
             Table("In short", ["metric", *estimates], headline_rows(comparison)),
-            Table("Every metric", ["metric", "nodes", *estimates], metric_rows(comparison)),
+            Table(
+                "Every metric",
+                ["metric", "nodes", *estimates],
+                metric_rows(comparison),
+                folded=True,
+            ),
         ],
         figures=figures,
         explorer=explorer,

@@ -3,7 +3,7 @@
     OUT/MASK/dataset          a copy of the dataset, in folds, with pairs
     OUT/MASK/fold-K/MODEL     a run trained on that kind of mask, without fold K
     OUT/MASK/seed-S/fold-K/MODEL    the same by a further seed, S above that of the leaderboard
-    OUT/leaderboard.json      written last, with leaderboard.md and leaderboard.png
+    OUT/leaderboard.json      written last, with leaderboard.html, leaderboard.md and MASK.png
 
 Each model is trained on every kind of mask of the leaderboard and measured on the same kind. A
 configuration that names its own mask, such as `mixed`, is trained once, on that mask, and measured

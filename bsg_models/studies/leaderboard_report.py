@@ -1,6 +1,7 @@
-"""Write the files of a leaderboard: Markdown for people, JSON for programs.
+"""Write the files of a leaderboard: a page and Markdown for people, JSON for programs.
 
 OUT/leaderboard.json    every metric
+OUT/leaderboard.html    the tables and the figures as one page
 OUT/leaderboard.md      the tables
 OUT/MASK.png            a figure for each kind of mask
 OUT/SHA256SUMS          the seal of all files, written last: its presence means finished
@@ -8,7 +9,7 @@ OUT/SHA256SUMS          the seal of all files, written last: its presence means 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,16 +20,23 @@ from bsg_data.files import AnyPath, encode_json, noting_failures, write_bytes
 from bsg_data.results import refuse_other_results, write_results
 from bsg_data.tables import escape_markdown, format_markdown, mark_code
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.evaluation.catalogue import find_value, head_value, label_value
+from bsg_models.evaluation.catalogue import (
+    find_value,
+    head_value,
+    label_value,
+    list_added_values,
+)
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION
 from bsg_models.evaluation.metrics import MOMENTS
 from bsg_models.evaluation.verdict import HEADLINES, judge
 from bsg_models.rendering.figures import plot_leaderboard
+from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 
-REPORT, _TABLE = "leaderboard.json", "leaderboard.md"
+REPORT, _TABLE, _PAGE = "leaderboard.json", "leaderboard.md", "leaderboard.html"
 _REFERENCE = "gamma-poisson"  # the model whose likelihood counts as 1
+_UNKNOWN = "–"
 _CONSTANT = "train-mean"  # the model that predicts the same for every unvisited room
 _HIDDEN, _UNVISITED, _WHOLE = HEADLINES.values()
 _RANKED_BY = "rooms/hidden_nll"
@@ -42,6 +50,7 @@ class LeaderboardReport(NamedTuple):
     summary: dict[str, Any]  # the leaderboard as JSON
     report: Path  # file of the summary
     table: Path  # the Markdown document
+    page: Path  # the same with the figures, as one HTML page
     figures: tuple[Path, ...]  # one per kind of mask
     notes: tuple[str, ...]  # about figures that cannot be drawn
 
@@ -66,15 +75,23 @@ def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
     out = Path(out)
     summary = write_json(board)
     with write_results(out, report=REPORT) as staged:
-        figures: list[Path] = []
+        figures: dict[str, Path] = {}
         notes: list[str] = []
         for mask, results in board.results.items():
             with noting_failures(notes):
                 _plot(results, staged / f"{mask}.png", mask, seeds=board.recipe.seeds)
-                figures.append(out / f"{mask}.png")
+                figures[f"{mask} masks"] = staged / f"{mask}.png"
+        _write_page(board, staged / _PAGE, figures)
         write_bytes(staged / _TABLE, write_markdown(board).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
-    return LeaderboardReport(summary, out / REPORT, out / _TABLE, tuple(figures), tuple(notes))
+    return LeaderboardReport(
+        summary,
+        report=out / REPORT,
+        table=out / _TABLE,
+        page=out / _PAGE,
+        figures=tuple(out / path.name for path in figures.values()),
+        notes=tuple(notes),
+    )
 
 
 def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[str]]]:
@@ -151,30 +168,17 @@ def say_means(seeds: int) -> tuple[str, str]:
 
 def write_markdown(board: Leaderboard) -> str:
     """Return a leaderboard as a Markdown document."""
-    recipe, totals = board.recipe, board.manifest.totals
-    means, intervals = say_means(recipe.seeds)
     lines = [
         "# Leaderboard",
         "",
-        f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
-        f"{escape_markdown(board.manifest.class_space.name)}; {recipe.folds} folds by building, "
-        f"{recipe.draws} masks of every test building that hide {100 * recipe.fraction:g} %, "
-        f"seed {recipe.seed}. "
-        f"Values and training times are means over {means}; ± is half the 95 % interval over "
-        f"{intervals}. Bold marks the best of a column, and each model that the paired interval "
-        "cannot distinguish from it. docs/evaluation.md defines the metrics.",
+        f"{escape_markdown(_say_what(board))} Bold marks the best of a column, and each model that "
+        "the paired interval cannot distinguish from it.",
         "",
     ]
-    trained = {
-        name: result.trained_on
-        for results in board.results.values()
-        for name, result in results.items()
-        if result.trained_on
-    }
-    once = "" if recipe.seeds > 1 else "once, "
-    if recipe.seeds > 1:
-        lines += [_say_seeds(board), ""]
-    for name, mask in trained.items():
+    once = "" if board.recipe.seeds > 1 else "once, "
+    if board.recipe.seeds > 1:
+        lines += [_say_seeds(board, mark_code), ""]
+    for name, mask in _list_trained_once(board).items():
         lines += [
             f"{mark_code(name)} was trained {once}on {mark_code(mask)} masks, and is the same "
             "model in every table.",
@@ -191,11 +195,11 @@ def write_markdown(board: Leaderboard) -> str:
     return "\n".join(lines)
 
 
-def _say_seeds(board: Leaderboard) -> str:
+def _say_seeds(board: Leaderboard, mark: Callable[[str], str] = str) -> str:
     """Return by which seeds the models were trained, and what their number does not show."""
     seed, seeds = board.recipe.seed, board.recipe.seeds
     once = [
-        mark_code(name)
+        mark(name)
         for name, result in next(iter(board.results.values())).items()
         if result.seeds == 1
     ]
@@ -208,15 +212,88 @@ def _say_seeds(board: Leaderboard) -> str:
     )
 
 
+def _say_what(board: Leaderboard) -> str:
+    """Return what was measured, and what the values are."""
+    recipe, totals = board.recipe, board.manifest.totals
+    means, intervals = say_means(recipe.seeds)
+    return (
+        f"{totals.scenes} buildings, {totals.rooms:,} rooms, class map "
+        f"{board.manifest.class_space.name}; {recipe.folds} folds by building, {recipe.draws} "
+        f"masks of every test building that hide {100 * recipe.fraction:g} %, seed {recipe.seed}. "
+        f"Values and training times are means over {means}; ± is half the 95 % interval over "
+        f"{intervals}. docs/evaluation.md defines the metrics."
+    )
+
+
+def _list_trained_once(board: Leaderboard) -> dict[str, str]:
+    """Return model → the kind of mask that it was trained on, if it is one model in all tables."""
+    return {
+        name: result.trained_on
+        for results in board.results.values()
+        for name, result in results.items()
+        if result.trained_on
+    }
+
+
+def _write_page(board: Leaderboard, path: Path, figures: Mapping[str, Path]) -> None:
+    """Write a leaderboard as one page: a table for each mask and topic, and every metric."""
+    once = ", ".join(f"{name} ({mask} masks)" for name, mask in _list_trained_once(board).items())
+    facts = [_say_what(board), *([_say_seeds(board)] if board.recipe.seeds > 1 else [])]
+    write_report(
+        path,
+        title="Leaderboard",
+        facts=[*facts, *([f"One model in every table: {once}."] if once else [])],
+        tables=[
+            table
+            for tabulate in (_tabulate_topics, _tabulate_all)
+            for mask, results in board.results.items()
+            for table in tabulate(mask, results)
+        ],
+        figures=figures,
+    )
+
+
+def _tabulate_topics(mask: str, results: _Results) -> Iterator[Table]:
+    """Yield a table of each topic of headlines, a row for each model, the best first."""
+    ranked = rank_models(results)
+    for topic, headlines in {**HEADLINES, "other packages": list_added_values()}.items():
+        table = {head_value(name): _cells(results, name) for name in headlines}
+        known = {head: cells for head, cells in table.items() if {*cells} != {_UNKNOWN}}
+        if known:
+            more = _compare_columns(results) if headlines == _HIDDEN else {}
+            columns = {"model": ranked, **known, **more}
+            rows = list(zip(*columns.values(), strict=True))
+            yield Table(f"Masks {mask}: {topic}", list(columns), rows)
+
+
+def _tabulate_all(mask: str, results: _Results) -> Iterator[Table]:
+    """Yield the table of every metric, a column for each model."""
+    ranked = rank_models(results)
+    metrics = results[ranked[0]].metrics.point
+    rows = [[name, *_cells(results, name)] for name in metrics]
+    yield Table(f"Every metric, masks {mask}", ["metric", *ranked], rows, folded=True)
+
+
+def _cells(results: _Results, name: str) -> list[str]:
+    """Return a value of every model, the best model first."""
+    return [_cell(results[model].metrics.estimate(name)) for model in rank_models(results)]
+
+
+def _compare_columns(results: _Results) -> _Table:
+    """Return the columns behind the first headlines."""
+    ranked = rank_models(results)
+    compared = [compare(results, name)["nll_over_gamma_poisson"] for name in ranked]
+    return {
+        "NLL / gamma-poisson": list(map(_cell, compared)),
+        "training, s": [f"{results[name].seconds:.1f}" for name in ranked],
+    }
+
+
 def _tables_of(results: _Results) -> Iterator[str]:
     """Yield the tables of one kind of mask: three of headlines, and the paper's Table I."""
     ranked = rank_models(results)
     compared = {name: compare(results, name) for name in ranked}
-    more = {
-        "NLL / gamma-poisson": [_cell(one["nll_over_gamma_poisson"]) for one in compared.values()],
-        "training, s": [f"{results[name].seconds:.1f}" for name in ranked],
-    }
-    yield from _headline_table(results, _HIDDEN, more)
+    yield from _headline_table(results, _HIDDEN, _compare_columns(results))
     some_unvisited = not np.isnan(results[ranked[0]].metrics.point[_UNVISITED[0]])
     if some_unvisited:
         beyond = [_cell(one["unvisited_ap_minus_train_mean"]) for one in compared.values()]
@@ -277,7 +354,7 @@ def _list_best(results: _Results, headline: str) -> Collection[str]:
 
 def _cell(estimate: Estimate | None) -> str:
     if estimate is None or np.isnan(estimate.value):
-        return "–"
+        return _UNKNOWN
     half = (estimate.high - estimate.low) / 2
     value = f"{estimate.value:.4g}"
     return value if np.isnan(half) else f"{value} ± {half:.2g}"

@@ -7,8 +7,10 @@ buildings. Mean and median over single searches differ from it, because a few se
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ from bsg_models.evaluation.bootstrap import (
     estimate_value,
     weigh_buildings,
 )
+from bsg_models.rendering.pages import Table
 from bsg_models.search.knowledge import Task
 from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
 from bsg_models.studies.search_study import Study
@@ -79,6 +82,47 @@ class WorldResult:
     ranked_first: float  # share of the searches whose likeliest room at the start holds an artifact
     chance: float  # the same for a room drawn at random
     savings: dict[str, Saving]  # planner → saving, in the order of the study
+
+
+def tabulate_savings(results: Sequence[WorldResult]) -> Iterator[Table]:
+    """Yield a table for each world, by which the results are sorted: what each planner saves.
+
+    A second line of its caption says how good the first belief is, if there is one.
+    """
+    for _, group in groupby(results, key=lambda one: one.world):
+        tasks = list(group)
+        header = [cell for one in tasks for cell in (f"{one.task}: saved, %", "wins, %")]
+        rows = [
+            [name, *(cell for one in tasks for cell in _cells(one, name))]
+            for name in tasks[0].savings
+        ]
+        yield Table(_caption(tasks[0]), ["planner", *header], rows)
+
+
+def _cells(one: WorldResult, planner: str) -> tuple[str, int]:
+    saving = one.savings[planner]
+    return _percent(saving.saved), round(100 * saving.wins / one.searches)
+
+
+def _caption(one: WorldResult) -> str:
+    buildings = f"{one.buildings} building{'s' if one.buildings > 1 else ''}"
+    title = f"{one.world}: {one.searches:,} searches of {buildings} per task"
+    if math.isnan(one.ranked_first):
+        return title
+    return (
+        f"{title}\nthe likeliest room holds one in {one.ranked_first:.0%} of searches, a random "
+        f"room in {one.chance:.0%}"
+    )
+
+
+def _percent(value: Estimate) -> str:
+    """Return a share in per cent with its interval in whole per cent; a dash if unknown."""
+    if math.isnan(value.value):
+        return "-"
+    text = f"{100 * value.value:.1f}"
+    if math.isnan(value.low):
+        return text
+    return f"{text} ({round(100 * value.low)} to {round(100 * value.high)})"
 
 
 def summarise(study: Study, *, resamples: int = 1000) -> list[WorldResult]:

@@ -2,6 +2,7 @@
 
 OUT/search.json         every result
 OUT/searches.parquet    one row per search
+OUT/search.html         the tables and the box plot as one page
 OUT/savings.png         a box plot over buildings
 OUT/trace.html          one search, room by room, beside the same search by `nearest`
 OUT/SHA256SUMS          the seal of all files, written last: its presence means finished
@@ -21,6 +22,7 @@ from bsg_data.results import StagedFiles, write_files, write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.rendering.animation import write_animation
 from bsg_models.rendering.figures import plot_savings
+from bsg_models.rendering.pages import write_report
 from bsg_models.rendering.recording import RECORDING, write_search
 from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
@@ -32,12 +34,14 @@ from bsg_models.studies.savings import (
     encode_study,
     saving_of_buildings,
     summarise,
+    tabulate_savings,
     write_searches,
 )
 from bsg_models.studies.search_request import BASELINE, SearchRequest, choose_buildings
 from bsg_models.studies.search_study import Study, study_search
 
-_REPORT, _TABLE, _FIGURE, _TRACE = "search.json", "searches.parquet", "savings.png", "trace.html"
+_REPORT, _TABLE, _PAGE = "search.json", "searches.parquet", "search.html"
+_FIGURE, _TRACE = "savings.png", "trace.html"
 
 
 class SearchReport(NamedTuple):
@@ -105,12 +109,13 @@ def report_search(
             model=facts["model"],
             sought=tuple(classes[c] for c in request.artifacts or range(len(classes))),
             report=folder / _REPORT,
-            written={"every search": folder / _TABLE},
+            written={"every search": folder / _TABLE, "tables as one page": folder / _PAGE},
             notes=(),
         )
         with noting_failures(notes):
             if _plot(report, staged / _FIGURE):
                 report.written["box plot over buildings"] = folder / _FIGURE
+        _write_page(report, staged)
         if request.trace is not None:
             _write_replay(data, request, report, staged, replays)
         write_searches(study, staged / _TABLE)
@@ -145,6 +150,21 @@ def _plot(report: SearchReport, path: Path) -> bool:
     of_model = f" with the beliefs of {report.model}" if report.model else ""
     plot_savings(panels, path, title=f"Object search{of_model}", whole="oracle")
     return True
+
+
+def _write_page(report: SearchReport, staged: Path) -> None:
+    """Write the tables of every world and the box plot as one page."""
+    figure = staged / _FIGURE
+    write_report(
+        staged / _PAGE,
+        title=f"Object search: {report.model or 'no model'}",
+        facts=[
+            "What each planner saves of the cost of nearest, which goes to the nearest room, with "
+            "95 % intervals over buildings. Wins are searches that cost less than with nearest."
+        ],
+        tables=list(tabulate_savings(report.results)),
+        figures={"Saved, by building": figure} if figure.is_file() else {},
+    )
 
 
 def _write_replay(

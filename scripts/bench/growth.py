@@ -29,8 +29,7 @@ from bsg_data.dataset.shards import read_table, write_parquet
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
-from bsg_data.scene.scene_graph import building_hash
-from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.hm3d import HM3DFolder, split_scene_id
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_models import EvaluationRequest, report_evaluation
 
@@ -117,13 +116,17 @@ def take(table: pa.Table, scenes: Sequence[str]) -> pa.Table:
 
 
 def rename(table: pa.Table, scenes: Sequence[str], time: int) -> pa.Table:
-    """Return rows of scenes with names that no other time has."""
+    """Return rows of scenes with names that no other time has; each is a building of its own."""
     new = [
-        f"{time * len(scenes) + number:06d}-{building_hash(scene)[:7]}{time:04d}"
+        f"{time * len(scenes) + number:06d}-{split_scene_id(scene)[1][:7]}{time:04d}"
         for number, scene in enumerate(scenes)
     ]
     places = pc.index_in(table["scene_id"], value_set=pa.array(scenes))
-    return table.set_column(0, table.schema.field(0), pa.array(new).take(places.combine_chunks()))
+    named = pa.array(new).take(places.combine_chunks())
+    for column in {"scene_id", "building"} & {*table.column_names}:
+        place = table.schema.get_field_index(column)
+        table = table.set_column(place, table.schema.field(place), named)
+    return table
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
 """Measure what models say at a robot's start: in small homes, and with a detector of few words.
 
     bsg-leaderboard hm3d --masks uniform,rooms --out board
-    python scripts/measure/first_rooms.py --leaderboard board --out first_rooms.md
+    python scripts/measure/first_rooms.py --leaderboard board --models universal@mixed --out FIGURES
 
 `small_homes.json` has ten homes by hand: rooms with the objects that were seen in them, half of
 each, and there is one more room that was not entered.
@@ -79,7 +79,7 @@ def report_homes(models: Sequence[str], homes: Sequence[Home]) -> ResultsTable:
         "home with the fewest to that with the most. Half of every other room was seen."
     )
     header = ("model", "told besides objects", *SINGLE, "objects in the next room")
-    return ResultsTable("Another one of what is one of a kind", header, rows, reading)
+    return ResultsTable("A second one in small homes", header, rows, reading)
 
 
 def limit_detector(seen: Observation, known: Bools) -> Observation:

@@ -1,6 +1,6 @@
 """Measure how much models lose without the true hidden share, and gain by estimates of it.
 
-    python scripts/measure/hidden_share.py --data hm3d --models run --out PAGE
+    python scripts/measure/hidden_share.py --data hm3d --models run --out FIGURES
 
 A mask knows the true share of every half-seen room. A model is asked about the same rooms with the
 true share, with one half, and with uncertain shares that it integrates over. `--look` is ν of an

@@ -1,6 +1,6 @@
 """Compare our decisions with those of POUCT, the planner of pomdp-py, on the same small searches.
 
-    pip install pomdp-py==1.3.5
+    pip install pomdp-py==1.3.5.1
     python scripts/measure/pouct.py --out docs/results/figures.json
 
 One thing is in one of three to seven rooms, by known probabilities. Going costs the way, looking

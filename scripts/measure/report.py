@@ -331,8 +331,9 @@ def report_room_size(options: argparse.Namespace) -> Tables:
             f"unvisited rooms with a known {what}. The difference compares the {what} alone with "
             f"neither, paired, {INTERVAL}. Below 0, the {what} helps."
         )
-        header = ("model", "told neither", f"told the {what}", "told both", "difference")
-        tables.append(ResultsTable(what.capitalize(), (*header, "relative"), rows, reading))
+        told = ("neither area nor label", f"{what} alone", "area and label")
+        header = ("model", *told, "difference", "relative")
+        tables.append(ResultsTable(what.capitalize(), header, rows, reading))
     if not tables:
         raise DatasetError(
             f"{options.leaderboard}: no unvisited room has a known floor area or room label",

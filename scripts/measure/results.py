@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
@@ -19,6 +20,7 @@ from bsg_data.dataset.manifest import encode_manifest
 from bsg_data.files import encode_json, write_bytes
 from bsg_models.evaluation.bootstrap import Estimate
 
+FIGURES = "docs/results/figures.json"
 PACKAGES = ("belief-scene-graphs", "torch", "numpy")
 
 
@@ -85,27 +87,32 @@ def hash_unsplit(data: Dataset) -> str:
 
 
 def format_command(argv: Sequence[str]) -> str:
-    """Return a command as a reader would type it, without `--out` and the folders of this machine.
+    """Return a command as a reader types it in a checkout, without the folders of this machine.
 
-    >>> format_command(["/srv/bsg/scripts/measure/report.py", "masks", "--leaderboard=/srv/board"])
+    Wherever it wrote, the command writes the JSON of this project. `PYTHONPATH` is that of now, if
+    it names folders of the checkout.
+
+    >>> format_command(["/srv/scripts/measure/report.py", "masks", "--leaderboard=/srv/board"])
     'python scripts/measure/report.py masks --leaderboard=board'
+    >>> format_command(["scripts/measure/pouct.py", "--out", "/srv/new.json"])
+    'python scripts/measure/pouct.py --out docs/results/figures.json'
     """
     parts = PurePath(argv[0]).parts
     start = parts.index("scripts") if "scripts" in parts else len(parts) - 1
-    said = [
-        word
-        for before, word in pairwise(["", *argv[1:]])
-        if before != "--out" and word.partition("=")[0] != "--out"
-    ]
-    return " ".join(["python", "/".join(parts[start:]), *map(_without_folders, said)])
+    path = os.environ.get("PYTHONPATH", "")
+    here = path and not any(PurePath(one).is_absolute() for one in path.split(os.pathsep))
+    said = [_without_folders(before, word) for before, word in pairwise(["", *argv[1:]])]
+    command = shlex.join(["python", "/".join(parts[start:]), *said])
+    return f"PYTHONPATH={path} {command}" if here else command
 
 
-def _without_folders(word: str) -> str:
+def _without_folders(before: str, word: str) -> str:
     option, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
-    if PurePath(value).is_absolute() or value.startswith((os.pardir, "~")):
+    if "--out" in (before, option) and value:
+        value = FIGURES
+    elif PurePath(value).is_absolute() or value.startswith((os.pardir, "~")):
         value = PurePath(value).name
-    word = option + equals + value
-    return f"'{word}'" if any(c in word for c in ' *;&|<>()$"') else word
+    return option + equals + value
 
 
 def format_estimate(

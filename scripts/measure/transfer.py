@@ -1,6 +1,6 @@
 """Measure a model that was trained on one source on buildings of another.
 
-    python scripts/measure/transfer.py --hm3d hm3d --behavior behavior --runs runs --out transfer.md
+    python scripts/measure/transfer.py --hm3d hm3d --behavior behavior --runs runs --out FIGURES
 
 The script trains the model on HM3D, on BEHAVIOR and on both, in folds by building. It tests each on
 the buildings of the held-out fold: those of HM3D, the homes of BEHAVIOR, and the other buildings of
@@ -61,9 +61,10 @@ def prepare(sources: dict[str, Path], runs: Path, *, folds: int, seed: int) -> d
             else:
                 shutil.rmtree(copy, ignore_errors=True)
                 shutil.copytree(sources[name], copy)
-        if Dataset.open(copy).manifest.pairs is None:
+        data = Dataset.open(copy)
+        if data.manifest.pairs is None or "fold-0" not in data.splits:  # a split of the source's
             recipe = SplitRecipe(method="folds", ratios=None, folds=folds)
-            dealt = {scene: f"fold-{chosen[scene]}" for scene in Dataset.open(copy).scene_ids}
+            dealt = {scene: f"fold-{chosen[scene]}" for scene in data.scene_ids}
             update_manifest(
                 copy, lambda old, b=recipe, c=dealt: write_splits(old.path, old.manifest, b, c)
             )

@@ -27,6 +27,13 @@ def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None
     assert set(report["masks"]["rooms"]) == {"doubled", "gamma-poisson", "small"}
     assert "## Masks: rooms" in (tmp_path / "board" / "leaderboard.md").read_text("utf-8")
     assert (tmp_path / "board" / "rooms.png").is_file()
+    page = (tmp_path / "board" / "leaderboard.html").read_text("utf-8")
+    short, every = page.split("<details>")
+    for name, one in report["masks"]["rooms"].items():
+        assert f">{name}</td>" in short
+        assert f">{one['metrics']['rooms/hidden_nll']['value']:.4g}" in short
+    assert "rooms/wasserstein_classes/kurtosis" in every
+    assert short.count("data:image/png;base64,") == 1
     assert "--force replaces it" in run(*words, "--models", "doubled", code=1).stderr
     words = (*words, "--models", "doubled", "--masks", "rooms", "--force", "--seeds", "2")
     assert "by 2 seeds" in run(*words).stderr

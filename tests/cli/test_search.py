@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,11 @@ def test_a_study_with_everything(dataset: Path, run: Path) -> None:
     assert len(report["standings"]) == 4
     assert report["standings"][0]["savings"]["nearest"]["saved"]["value"] == 0
     assert (out / "savings.png").stat().st_size > 10_000
+    page = (out / "search.html").read_text("utf-8")
+    rows = re.findall(r"<td[^>]*>greedy-belief</td><td[^>]*>([^<]+)</td>", page)
+    assert rows == re.findall(r"^greedy-belief +(\S+(?: \(.*?\))?)  ", result.stdout, re.MULTILINE)
+    assert len(rows) == page.count("<table>") == 2
+    assert page.count("data:image/png;base64,") == 1
     assert "Looking for" in (out / "trace.html").read_text("utf-8")
     assert "--force" in run_command(dataset, "--model", run, *few, code=1).stderr
 

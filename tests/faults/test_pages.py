@@ -124,7 +124,10 @@ def report(first: int, folder: Path) -> str:
         title=names[0],
         facts=names[1:3],
         findings={names[3]: {names[4]: [names[5]]}},
-        tables=[Table(names[6], names[:2], [names[2:4]]), Table(names[7], names, [names])],
+        tables=[
+            Table(names[6], names[:2], [names[2:4]]),
+            Table(names[7], names, [names], folded=True),
+        ],
         figures={names[1]: folder / "figure.png"},
         explorer=explorer(first),
     )

@@ -32,9 +32,12 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import MaskedBuildings, stack_masked
 from bsg_data.observation.observation import Observation
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import list_room_labels
@@ -235,11 +238,13 @@ def test_rooms_without_area_or_label_are_no_result(board: Path, tmp_path: Path) 
 
 
 def test_one_source_is_tested_on_another(board: Path, tmp_path: Path) -> None:
-    """The other one is of HM3D, too, so that all buildings are of its part."""
+    """The other one is of HM3D, too, so that all buildings are of its part. It has a split."""
     for k in range(6):
         rooms = {0: ["sofa", "tv", "lamp"], 1: ["bed", "lamp"] * (k + 3)}
         write_scene(tmp_path / "raw", f"{900 + k:05d}-zyxwvutsr{k:02d}", annotation_text(rooms))
     build_dataset(HM3DFolder(tmp_path / "raw"), tmp_path / "other")
+    split_dataset(tmp_path / "other", SplitRecipe(ratios=(0.5, 0.25, 0.25)))
+    write_pairs(tmp_path / "other", PairsRecipe(draws=1))
     out = tmp_path / "figures.json"
     load_script("measure/transfer").main(
         [

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from headless_browser import open_page, start_browser
 from hypothesis import given
 from hypothesis import strategies as st
 from random_beliefs import HOSTILE, make_belief
@@ -80,7 +81,7 @@ def report(tmp_path: Path) -> Reader:
         findings={"beside doubling": {"better": ["presence", HOSTILE], "worse": []}},
         tables=[
             Table("In short", ["metric", HOSTILE], [["nll ↓", "0.1 ±0.02"], [HOSTILE, "-"]]),
-            Table("Every metric", ["metric"], [["brier"]]),
+            Table("Every metric", ["metric"], [["brier"]], folded=True),
         ],
         figures={f'"{HOSTILE}': tmp_path / "figure.png"},
         explorer=EXPLORER,
@@ -100,7 +101,7 @@ def test_everything_is_there_as_text_and_in_order(report: Reader) -> None:
     facts = texts(report, "p")
     assert facts[:2] == ["4 buildings & more", HOSTILE]
     assert facts[2].startswith("Orange: objects that the robot saw")
-    headings = ["Look into a building", "beside doubling", "In short", "Figures"]
+    headings = ["In short", "beside doubling", "Look into a building", "Figures"]
     assert texts(report, "h2") == headings
     assert texts(report, "b") == ["better", "worse"]
     assert texts(report, "li") == ["presence", HOSTILE]
@@ -114,3 +115,22 @@ def test_everything_is_there_as_text_and_in_order(report: Reader) -> None:
     assert attributes["img"]["alt"] == f'"{HOSTILE}'
     source = str(attributes["img"]["src"])
     assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == PNG
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("width", [390, 1400])
+def test_the_first_table_is_seen_whole(width: int, tmp_path: Path) -> None:
+    """Of nine models, on a telephone and on a desk: nothing is cut or before it."""
+    models = [f"model-{k} (second run)" for k in range(9)]
+    rows = [[f"metric {k} ↓", *(f"0.{k}25 ±0.001" for _ in models)] for k in range(12)]
+    path = tmp_path / "page.html"
+    table = Table("In short", ["metric", *models], rows)
+    write_report(path, title="Of nine", facts=["Measured."], tables=[table], figures={})
+    view = {"width": width, "height": 800}
+    with start_browser() as browser, open_page(browser, path, viewport=view) as page:
+        top = "document.querySelector('table').getBoundingClientRect().top"
+        assert page.evaluate(top) < 250
+        ends = "[...document.querySelectorAll('td')].map(o => o.getBoundingClientRect().right)"
+        assert max(page.evaluate(ends)) <= width
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.get_by_text("0.325 ±0.001").count() == len(models)
