@@ -12,6 +12,7 @@ dispersion is what held-out words leave uncertain, so a noun is never as sure as
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -39,15 +40,29 @@ _PREPOSITION = re.compile(r" (?:of|for|with|without|from|in|on|to) ")
 _PARTITIVE = re.compile(
     r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
 )
-# How a thing looks and what it is made of say nothing of where it is.
+# How a thing looks, and in which state it is, says nothing of where it is.
 # fmt: off
-_LOOKS = frozenset({
+COLOURS = frozenset({
     "red", "blue", "green", "yellow", "black", "white", "grey", "gray", "brown", "pink", "purple",
-    "orange", "beige", "golden", "silver", "big", "small", "large", "little", "tiny", "huge",
-    "tall", "short", "long", "wide", "narrow", "old", "new", "clean", "dirty", "empty", "full",
-    "round", "square", "broken", "favourite", "favorite", "other", "spare", "best", "warm", "cheap",
-    "fake", "wooden", "plastic", "metal", "leather", "electric", "wireless", "bluetooth", "guest",
+    "orange", "beige", "golden", "silver", "turquoise", "violet", "navy", "dark", "bright",
+    "striped", "colourful", "colorful", "transparent",
 })
+SIZES = frozenset({
+    "big", "small", "large", "little", "tiny", "huge", "tall", "short", "long", "wide", "narrow",
+    "round", "square",
+})
+_STATES = frozenset({
+    "old", "new", "clean", "dirty", "empty", "full", "broken", "favourite", "favorite", "other",
+})
+# What it is made of and who made it does not, either, and tells no thing from another.
+_MAKES = frozenset({
+    "spare", "best", "warm", "cheap", "fake", "nice", "good", "guest", "wooden", "plastic", "metal",
+    "steel", "iron", "leather", "ceramic", "porcelain", "cotton", "wool", "woollen", "linen",
+    "marble", "rubber", "bamboo", "oak", "pine", "glass", "silk", "stainless", "cast", "electric", "wireless", "bluetooth", "digital", "portable",
+    "one", "two", "three", "four", "five", "six",
+    "ikea", "nike", "adidas", "apple", "dell", "canon", "samsung", "dyson", "lego",
+})
+_LOOKS = COLOURS | SIZES | _STATES
 # Plurals that mean something else than their singular, or have none.
 _PLURAL = frozenset({
     "glasses", "clothes", "scissors", "goods", "pants", "shorts", "jeans", "tights", "news", "keys",
@@ -61,7 +76,7 @@ _DETERMINERS = re.compile(
 def split_head(name: str) -> tuple[list[str], str]:
     """Return the words before the head of a name, and the head; empty if there is none.
 
-    Words that only say how it looks are left out; see `looks_of`.
+    Words that only say how it looks, or who made it of what, are left out; see `looks_of`.
 
     >>> split_head("my cup of tea"), split_head("a pair of red running shoes")
     (([], 'cup'), (['running'], 'shoes'))
@@ -70,7 +85,7 @@ def split_head(name: str) -> tuple[list[str], str]:
     words = [word.removesuffix("'s") for word in said.split()[:_MOST_WORDS]]
     bare = _PARTITIVE.sub("", _DETERMINERS.sub("", " ".join(words)))
     words = _PREPOSITION.split(bare, maxsplit=1)[0].split()
-    before = [word for word in words[:-1] if word not in _LOOKS]
+    before = [word for word in words[:-1] if word not in _LOOKS | _MAKES]
     return (before, words[-1]) if words else ([], "")
 
 
@@ -98,7 +113,6 @@ class Noun:
         like: counted things that are most like it, which it is judged by.
         base: b, log of the rate in a room of the mean state.
         vector: v `[K]`.
-        is_whole: whether all words of the name are known.
     """
 
     name: str
@@ -106,7 +120,6 @@ class Noun:
     like: tuple[str, ...]
     base: float
     vector: Floats
-    is_whole: bool = True
 
     def names(self, category: str) -> bool:
         """Return whether a robot's name for an object is this noun, or says more about one.
@@ -157,6 +170,10 @@ class NounTable:
         """The things, the most frequent first."""
         return [word for word, row in self.rows.items() if self.things[row]]
 
+    def knows(self, words: Iterable[str]) -> bool:
+        """Return whether all words are of the table; brands are not."""
+        return all(self._row(word) is not None for word in words)
+
     def find(self, name: str) -> Noun | None:
         """Return what a name means; None if its head is no known thing.
 
@@ -172,9 +189,7 @@ class NounTable:
         weights = np.array([1.0] if not found else [HEAD, *[(1 - HEAD) / len(found)] * len(found)])
         like = tuple(self.counted[one] for one in self.near[row].astype(int))
         vector = weights @ (self.vectors[rows] * self.scale)
-        said = split_head(name)
-        is_whole = all(self._row(word) is not None for word in (*said[0], said[1]))
-        return Noun(name, head, like, float(weights @ self.bases[rows]), vector, is_whole)
+        return Noun(name, head, like, float(weights @ self.bases[rows]), vector)
 
     def _split(self, name: str) -> tuple[list[str], str]:
         """Return the words before the head of a name, and the head: the last word that is a thing.

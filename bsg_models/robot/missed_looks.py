@@ -160,7 +160,7 @@ class _Searched:
         if looks.keys() <= {None}:
             return 1.0
         none: Floats = np.zeros(0)  # it is on a piece that was seen
-        known = furnish(meaning.word, self._room, self._objects, classes=(), unseen=none)
+        known = furnish(meaning.said, self._room, self._objects, classes=(), unseen=none)
         return 1.0 if known is None else known.overlooked(looks)
 
 

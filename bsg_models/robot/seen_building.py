@@ -73,6 +73,7 @@ from bsg_models.robot.looks import AnyLook, cost_looks
 from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks, sum_pieces
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.thing_belief import (
+    SHARE_OF_KIND,
     ThingBelief,
     after_looks,
     believe_class,
@@ -91,7 +92,7 @@ from bsg_models.robot.words import (
     find_meaning,
     find_room,
     find_wider,
-    mean_kind,
+    may_be_one,
     require_word,
     set_hidden_shares,
     tell_apart,
@@ -1071,10 +1072,9 @@ class SeenBuilding:
         thing, read = find_everyday(word), partial(find_meaning, prefer_exact=prefer_exact)
         if not prefer_exact and self._models[0].class_map.lookup(word):
             return read(word, self._class_maps(), nouns=nouns)
-        if thing is None and (thing := find_wider(word)):
-            noun = None if nouns is None else nouns.find(word)
-            if noun is not None and noun.is_whole:
-                return mean_kind(word, thing, noun)
+        more: tuple[str, ...] = ()
+        if thing is None:
+            thing, more = find_wider(word)
         if thing is None:
             return read(word, self._class_maps(), nouns=nouns)
         for name in self._models[0].class_map.classes:
@@ -1087,7 +1087,8 @@ class SeenBuilding:
         except RecipeError:
             found = Meaning(word, None, None, 0, "", is_exact=False)
         how, told = explain_everyday(thing, word), tell_apart(word)
-        return replace(found, word=word, thing=thing, how=how, told=told)
+        is_kind = nouns is not None and bool(more) and nouns.knows(more)
+        return replace(found, word=word, thing=thing, how=how, told=told, is_kind=is_kind)
 
     def _understand_or_none(self, thing: str) -> Meaning | None:
         try:
@@ -1180,9 +1181,12 @@ class SeenBuilding:
             mine = meaning.told
 
             def is_thing(word: str) -> bool:
-                may_be = not (told := tell_apart(word)) or not mine or not mine.isdisjoint(told)
-                is_one = not meaning.is_kind and thing in (find_everyday(word), find_wider(word))
-                return may_be and (is_one or bool(noun and noun.names(word)))
+                is_listed = thing in (find_everyday(word), find_wider(word)[0])
+                told = tell_apart(word)
+                is_one = may_be_one(mine, told) and (
+                    not meaning.is_kind or not mine.isdisjoint(told)
+                )
+                return is_one and (is_listed or bool(noun and noun.names(word)))
 
             return is_thing
         if noun is not None:
@@ -1206,8 +1210,12 @@ class SeenBuilding:
             hidden, none = believe_noun(meaning.noun, belief, read_nouns())
         if meaning.thing is not None:
             likeness = None if meaning.noun is None else hidden.mean[:, 0]
-            listed, of_thing = believe_thing(meaning.thing, self._whole, likeness=likeness)
-            hidden, none = believe_kind(listed, hidden) if meaning.is_kind else (listed, of_thing)
+            hidden, none = believe_thing(
+                meaning.thing,
+                self._whole,
+                likeness=likeness,
+                part=SHARE_OF_KIND if meaning.is_kind else 1.0,
+            )
         is_sought = self._names(meaning)
         if meaning.thing is not None or meaning.noun is not None:
             found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
@@ -1281,7 +1289,7 @@ class SeenBuilding:
     def _furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         belief = self._believe(0)[1]
         return furnish(
-            meaning.word,
+            meaning.said,
             self._whole.rooms[node - 1],
             self._objects_of(node),
             classes=self._models[0].classes,

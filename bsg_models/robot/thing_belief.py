@@ -55,6 +55,7 @@ _ROOMS_OF = {
     "hotel": ("bedroom", "bathroom", "lobby"),
 }
 _OURS, _ELSEWHERE = 0.15, 0.95  # share of these rooms of which a thing is in such a building
+SHARE_OF_KIND = 0.5  # of shoes that are running shoes, and the like
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 
 
@@ -217,7 +218,7 @@ def believe_noun(
 
 
 def believe_thing(
-    thing: Thing, graph: PartialGraph, *, likeness: Floats | None
+    thing: Thing, graph: PartialGraph, *, likeness: Floats | None, part: float = 1.0
 ) -> tuple[CountDistribution, float]:
     """Return the hidden counts of an everyday thing, and P(the building hides none).
 
@@ -232,6 +233,7 @@ def believe_thing(
         graph: with R rooms.
         likeness: `[1 + R]` rates of the thing by what its name means, for rooms of unknown kind;
             None if all are alike.
+        part: share of such things that are of the kind that is sought.
     """
     kinds = [_kinds_of(room) for room in graph.rooms]
     times: Counter[str] = Counter()
@@ -257,7 +259,7 @@ def believe_thing(
         thing.probability_in(kind) for kind in _ROOMS_OF.get(graph.building_kind or "home", ())
     )
     likely = thing.home if ours < _OURS else max(thing.home, _ELSEWHERE)
-    rate = -math.log1p(-min(likely, _MOST_HOMES))
+    rate = -part * math.log1p(-min(likely, _MOST_HOMES))
     seen = np.array([1 - room.hidden_share for room in graph.rooms])
     in_sight = _OF_SMALL if thing.wider != thing.name else _OF_LARGE
     hidden = np.where(seen < 1, 1 - in_sight * seen, 0.0)

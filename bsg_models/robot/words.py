@@ -25,7 +25,7 @@ from bsg_data.scene.name_rules import SHORT, index_words, is_typo, mend, singula
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
-from bsg_models.belief.nouns import Noun, NounTable, looks_of, split_head
+from bsg_models.belief.nouns import COLOURS, SIZES, Noun, NounTable, looks_of, split_head
 
 MOST_CHARACTERS = 100
 _NO_THINGS = "not-things-v1.csv"
@@ -53,7 +53,7 @@ class Meaning:
         is_mended: whether the word is taken for another one, spelled almost like it.
         thing: the row of the table of everyday things, for one that no class holds alone.
         is_kind: whether the row is of things of which this is a kind: shoes, for running shoes.
-        told: words that tell it from other such things: `red` of a red mug.
+        told: words that tell it from other such things: `red` of a red mug, `nokia` of a phone.
     """
 
     word: str
@@ -67,6 +67,11 @@ class Meaning:
     thing: Thing | None = None
     is_kind: bool = False
     told: frozenset[str] = frozenset()
+
+    @property
+    def said(self) -> str:
+        """The name without its place and marks."""
+        return _name_only(self.word)
 
     @property
     def is_class(self) -> bool:
@@ -183,24 +188,24 @@ def _find_mended(word: str) -> Thing | None:
 
 
 @lru_cache(maxsize=4096)
-def find_wider(word: str) -> Thing | None:
-    """Return the everyday thing of which a name without a row says more: shoes, of running shoes.
+def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
+    """Return the everyday thing of which a name without a row says more, and what it says more.
 
-    None for a word that is listed, or that a class map knows as a whole.
+    The longest listed end of the name is the thing: a Miele vacuum cleaner is a vacuum cleaner.
+    None for a name that is listed, or that a class map knows as a whole.
+
+    >>> [(thing.name, told) for thing, told in [find_wider("my Nokia phone")] if thing]
+    [('phone', ('nokia',))]
     """
     said = _name_only(word)
     before, head = split_head(said)
     known = load_class_map().classify(said)
     is_known = known.role != "unmapped" and known.rule != "head noun"
-    return None if is_known or not before or find_everyday(word) else find_everyday(head)
-
-
-def mean_kind(word: str, thing: Thing, noun: Noun) -> Meaning:
-    """Return the meaning of a word that says more of an everyday thing, all of it known words."""
-    how, told = f"{_explain(noun)}, and as a kind of {thing.name!r}", tell_apart(word)
-    return Meaning(
-        word, None, None, 0, how, is_exact=False, noun=noun, thing=thing, is_kind=True, told=told
-    )
+    if not is_known and not find_everyday(word):
+        for number in range(1, len(before) + 1):
+            if thing := _find_listed(" ".join([*before[number:], head])):
+                return thing, tuple(before[:number])
+    return None, ()
 
 
 def tell_apart(word: str) -> frozenset[str]:
@@ -209,7 +214,17 @@ def tell_apart(word: str) -> frozenset[str]:
     >>> [sorted(tell_apart(word)) for word in ("red mug", "my Nokia phone", "wine glass")]
     [['red'], ['nokia'], []]
     """
-    return looks_of(word) | (frozenset(split_head(word)[0]) if find_wider(word) else frozenset())
+    return looks_of(_name_only(word)) | frozenset(find_wider(word)[1])
+
+
+def may_be_one(said: frozenset[str], other: frozenset[str]) -> bool:
+    """Return whether what is told of two things can be true of one: a black phone may be a Nokia.
+
+    A red one is no blue one, a big one no small one, and a Samsung no Nokia.
+    """
+    looks = COLOURS | SIZES
+    parts = [(said & of, other & of) for of in (COLOURS, SIZES)] + [(said - looks, other - looks)]
+    return not any(one and two and one.isdisjoint(two) for one, two in parts)
 
 
 @cache

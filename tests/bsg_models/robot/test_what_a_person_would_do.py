@@ -978,10 +978,17 @@ def test_a_home_of_one_room_is_not_taken_as_whole_without_a_word() -> None:
     ("said", "thing"),
     [
         ("nokia phone", "phone"),
+        ("apple phone", "phone"),
         ("spare batteries", "batteries"),
         ("heinz ketchup", "ketchup"),
         ("leather jacket", "jacket"),
+        ("nike shoes", "shoes"),
+        ("steel knife", "knife"),
+        ("turquoise mug", "mug"),
+        ("two mugs", "mugs"),
+        ("miele vacuum cleaner", "vacuum cleaner"),
         ("sony bluetooth headphones", "headphones"),
+        ("phone in the guest room", "phone"),
         ("kichen knife", "knife"),
     ],
 )
@@ -1005,13 +1012,14 @@ def test_a_kind_of_a_thing_is_where_such_things_are_and_rarer(
 ) -> None:
     asked = see("simple", [])
     assert asked.where(said)[0].room in first
-    assert 0.2 < asked.anywhere(said) < asked.anywhere(thing)
+    assert 0.3 < asked.anywhere(said) < asked.anywhere(thing)
 
 
 def test_a_thing_of_another_brand_is_not_the_one_that_is_sought() -> None:
-    seen = open_graph({"living room": ["samsung phone"], "kitchen": []})
-    assert seen.where("phone")[0].seen == ("samsung phone 1",)
+    seen = open_graph({"living room": ["huawei phone"], "kitchen": []})
+    assert seen.where("phone")[0].seen == ("huawei phone 1",)
     assert not any(place.seen for place in seen.where("nokia phone"))
+    assert seen.where("black phone")[0].seen, "a Huawei may be black"
     seen.looked("kitchen", "phone", chance=1)
     missed = {word: seen.where(word) for word in ("phone", "nokia phone")}
     seen.looked("living room", "nokia phone", chance=1)  # it says nothing of other phones
