@@ -100,8 +100,9 @@ def find_receptacle(word: str) -> Receptacle | None:
 
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
-    listed, whole = _read_keeping(), _spell(word)
-    for said in (whole, whole.rpartition(" ")[2]):  # running shoes lie where shoes do
+    listed, words = _read_keeping(), _spell(word).split(" ")
+    for start in range(len(words)):  # running shoes lie where shoes do
+        said = " ".join(words[start:])
         thing = find_thing(said)
         for name in (said, thing.name if thing else ""):
             if name in listed:

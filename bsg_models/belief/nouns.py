@@ -58,7 +58,8 @@ _STATES = frozenset({
 _MAKES = frozenset({
     "spare", "best", "warm", "cheap", "fake", "nice", "good", "guest", "wooden", "plastic", "metal",
     "steel", "iron", "leather", "ceramic", "porcelain", "cotton", "wool", "woollen", "linen",
-    "marble", "rubber", "bamboo", "oak", "pine", "glass", "silk", "stainless", "cast", "electric", "wireless", "bluetooth", "digital", "portable",
+    "marble", "rubber", "bamboo", "oak", "pine", "glass", "silk", "stainless", "cast", "electric",
+    "wireless", "bluetooth", "digital", "portable",
     "one", "two", "three", "four", "five", "six",
     "ikea", "nike", "adidas", "apple", "dell", "canon", "samsung", "dyson", "lego",
 })
