@@ -99,6 +99,7 @@ def list_expected() -> dict[str, list[str]]:
             size(parquet_pages.MAX_PAGE),
             size(parquet_pages.MAX_WORDS),
             f"{parquet_pages.MAX_PAGES:,} pages",
+            f"{size(parquet_pages.MAX_HEADERS)} of their headers",
             f"{parquet_pages.MAX_COLUMNS:,} columns",
         ],
         "a class map, a configuration, a prior table": [
