@@ -4,9 +4,10 @@
     write_results   files of any folder       in FOLDER/.bsg-unfinished, a rename each, seal last
     write_files     files of one command      in .NAME.unfinished/NAME, a rename each
 
-What is staged stays until all is committed, with a list of the files beside it that are ours. So a
-command that was killed runs again, however often: it may replace those files, while they are as the
-list says, and no others.
+What is written within the block of another is one result with it: nothing is committed before all
+is written. What is staged stays until all is committed, with a list of the files beside it that are
+ours. So a command that was killed runs again, however often: it may replace those files, while they
+are as the list says, and no others.
 
 The seal is `SHA256SUMS`; a folder of results without it is unfinished. `bsg-models verify` and
 `sha256sum -c SHA256SUMS` check it.
@@ -21,7 +22,8 @@ import shutil
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from bsg_data.errors import DatasetError
@@ -244,48 +246,16 @@ def write_results(folder: Path, *, report: str | None, force: bool = True) -> It
     folder = resolve_links(folder)
     staged = folder / UNFINISHED
     refuse_datasets(folder)
-    with _writing(folder), ExitStack() as held:
+    with _joining_command() as command, _writing(folder):
         for is_held in (False, True):  # again: another command may have had the lock
             if is_held:
                 folder.parent.mkdir(parents=True, exist_ok=True)
-                held.enter_context(hold(folder))
+                command.held.enter_context(hold(folder))
             if report is not None:
                 refuse_other_results(folder, report)
                 _refuse_taken(folder / report, staged, force=force)
-        is_new, is_committing = not folder.exists(), False
-        _open_stage(staged)
-        try:
+        with command.staging(_StagedResults(folder, report, force, is_new=not folder.exists())):
             yield staged
-            names = _list_new(staged)
-            sealed = {} if report is None else _list_sealed(folder)
-            for name in names:
-                if report is None:
-                    _refuse_taken(folder / name, staged, force=force)
-                elif name not in sealed:
-                    _refuse_foreign(folder / name, staged)
-            if report is not None:
-                if not sealed:
-                    _refuse_foreign(folder / SEAL, staged)
-                write_seal(staged, names)
-            is_committing = True
-            commit_staged(folder, leaving={*sealed, *list_committed(folder)} - {*names})
-            is_committing = False
-        finally:
-            if not is_committing:  # else the stage tells the next command what is ours
-                with suppress(OSError):
-                    remove_unfinished(folder)
-                    if is_new:
-                        folder.rmdir()  # unless anything is in it
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Turn an error of the disk into one of ours."""
-    try:
-        yield
-    except OSError as error:
-        message = f"{path}: cannot be written ({error.strerror or error})"
-        raise DatasetError(message, code="not-written", where=path) from error
 
 
 @contextmanager
@@ -301,59 +271,211 @@ def write_files(paths: Iterable[Path], *, force: bool) -> Iterator[StagedFiles]:
     staged = StagedFiles(tuple(sorted({path.absolute() for path in paths})))
     for path in staged.paths:
         refuse_file(path, force=force)
-    with _writing(next(iter(staged.paths), Path())), ExitStack() as held:
+    with _joining_command() as command, _writing(staged.where):
         for path in staged.paths:
             path.parent.mkdir(parents=True, exist_ok=True)
-            held.enter_context(hold(path))
+            command.held.enter_context(hold(path))
         for path in staged.paths:  # again: another command may have had the lock
             refuse_file(path, force=force)
-        for path in staged.paths:
-            _open_stage(_stage_of(path))
-        try:
+        with command.staging(staged):
             yield staged
-            staged.commit()
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Turn an error of the disk into one of ours."""
+    try:
+        yield
+    except OSError as error:
+        message = f"{path}: cannot be written ({error.strerror or error})"
+        raise DatasetError(message, code="not-written", where=path) from error
+
+
+@contextmanager
+def _joining_command() -> Iterator[_Command]:
+    """Yield the command whose block this is in, or a new one, and commit that at the end.
+
+    No stage is removed before all is committed: each tells the next command what is ours.
+    """
+    if (outer := _COMMAND.get()) is not None:
+        yield outer
+        return
+    with ExitStack() as held:
+        command = _Command(held)
+        within = _COMMAND.set(command)
+        try:
+            yield command
+            for one in command.outputs:
+                with _writing(one.where):
+                    one.prepare()
         except BaseException:
-            if staged.is_committing:  # the stages tell the next command what is ours
-                raise
-            staged.close()
+            for one in command.outputs:
+                one.give_up()
             raise
-        staged.close()
+        finally:
+            _COMMAND.reset(within)
+        for one in command.outputs:
+            with _writing(one.where):
+                one.commit()
+        for one in command.outputs:
+            one.close()
 
 
 @dataclass(slots=True)
-class StagedFiles:
+class _Command:
+    """What a command writes, which is one result."""
+
+    held: ExitStack  # the locks
+    outputs: list[_Output] = field(default_factory=list)
+
+    @contextmanager
+    def staging(self, output: _Output) -> Iterator[None]:
+        """Add an output; what raises within the block leaves its stages as they were found."""
+        try:
+            output.open()
+            yield
+        except BaseException:
+            output.give_up()
+            raise
+        self.outputs.append(output)
+
+
+_COMMAND: ContextVar[_Command | None] = ContextVar("command", default=None)
+
+
+@dataclass
+class _Output:
+    """What is written by one call, in stages until it is committed."""
+
+    def __post_init__(self) -> None:
+        self._found: dict[Path, bytes | None] = {}  # stage → what it says of a killed command
+
+    @property
+    def where(self) -> Path:
+        """The path that an error names."""
+        raise NotImplementedError
+
+    def list_stages(self) -> list[Path]:
+        """Return the folders in which it is written."""
+        raise NotImplementedError
+
+    def prepare(self) -> None:
+        """Check and flush what was written, and say in the stages what of it will be ours."""
+        raise NotImplementedError
+
+    def commit(self) -> None:
+        """Move what was written to its place."""
+        raise NotImplementedError
+
+    def open(self) -> None:
+        """Make the stages."""
+        for stage in self.list_stages():
+            _refuse_link(stage)
+            self._found[stage] = _read(stage / _OURS)
+            _empty_stage(stage)
+
+    def close(self) -> None:
+        """Remove the stages."""
+        for stage in self.list_stages():
+            shutil.rmtree(stage, ignore_errors=True)
+
+    def give_up(self) -> None:
+        """Remove the stages, but for what a killed command left in them."""
+        with suppress(OSError):
+            for stage, found in self._found.items():
+                if found is None:
+                    shutil.rmtree(stage, ignore_errors=True)
+                else:
+                    _empty_stage(stage)
+                    write_bytes(stage / _OURS, found)
+
+
+@dataclass
+class StagedFiles(_Output):
     """Single files of one command: where each is written until they are committed together."""
 
     paths: tuple[Path, ...]
-    is_committing: bool = False
 
     def __getitem__(self, path: Path) -> Path:
         """Return where to write a file, under its own name; another path stays as it is."""
         own = path.absolute()
         return _stage_of(own) / own.name if own in self.paths else path
 
-    def commit(self) -> None:
-        """Move what was written to its path, once.
+    @property
+    def where(self) -> Path:
+        """The first of them."""
+        return next(iter(self.paths), Path())
 
-        Results that belong to the files are committed after this: until then, and until the end,
-        the stages of the files say that they are of a command that was killed.
-        """
-        if self.is_committing:
-            return
-        written = [path for path in self.paths if self[path].exists()]
-        for path in written:
+    def list_stages(self) -> list[Path]:
+        """Return the stage of each."""
+        return [_stage_of(path) for path in self.paths]
+
+    def prepare(self) -> None:
+        """Flush what was written, and say in its stage that it will be ours."""
+        for path in self._list_written():
             flush_file(self[path])
             _note_ours(_stage_of(path), [(path.name, hash_file(self[path]))])
-        self.is_committing = True
+
+    def commit(self) -> None:
+        """Move what was written to its path."""
+        written = self._list_written()
         for path in written:
             self[path].replace(path)
         for folder in {path.parent for path in written}:
             flush_folder(folder)
 
+    def _list_written(self) -> list[Path]:
+        return [path for path in self.paths if self[path].exists()]
+
+
+@dataclass
+class _StagedResults(_Output):
+    """Files of a folder, with a seal if they have a report."""
+
+    folder: Path
+    report: str | None
+    force: bool
+    is_new: bool  # whether there was no such folder
+    leaving: Collection[str] = ()  # files that are removed
+
+    @property
+    def where(self) -> Path:
+        return self.folder
+
+    def list_stages(self) -> list[Path]:
+        return [self.folder / UNFINISHED]
+
+    def prepare(self) -> None:
+        folder, (staged,) = self.folder, self.list_stages()
+        names = _list_new(staged)
+        sealed = {} if self.report is None else _list_sealed(folder)
+        for name in names:
+            if self.report is None:
+                _refuse_taken(folder / name, staged, force=self.force)
+            elif name not in sealed:
+                _refuse_foreign(folder / name, staged)
+        if self.report is not None:
+            if not sealed:
+                _refuse_foreign(folder / SEAL, staged)
+            write_seal(staged, names)
+        self.leaving = {*sealed, *list_committed(folder)} - {*names}
+        _note_staged(folder)
+
+    def commit(self) -> None:
+        _move_staged(self.folder, self.leaving)
+
     def close(self) -> None:
-        """Remove the stages."""
-        for path in self.paths:
-            shutil.rmtree(_stage_of(path), ignore_errors=True)
+        super().close()
+        self._leave_nothing()
+
+    def give_up(self) -> None:
+        super().give_up()
+        self._leave_nothing()
+
+    def _leave_nothing(self) -> None:
+        if self.is_new:
+            with suppress(OSError):
+                self.folder.rmdir()  # unless anything is in it
 
 
 def _stage_of(path: Path) -> Path:
@@ -366,9 +488,8 @@ def _refuse_link(stage: Path) -> None:
         raise DatasetError(f"{stage}: is a link; remove it", code="link", where=stage)
 
 
-def _open_stage(stage: Path) -> None:
+def _empty_stage(stage: Path) -> None:
     """Make a stage, or empty one, but for what it says of files beside it."""
-    _refuse_link(stage)
     stage.mkdir(parents=True, exist_ok=True)
     for path in stage.iterdir():
         if path.name != _OURS:
@@ -403,13 +524,24 @@ def list_committed(folder: Path) -> set[str]:
 
 def commit_staged(folder: Path, *, leaving: Collection[str] = ()) -> None:
     """Move all files of `UNFINISHED` into the folder, the seal last, and remove others."""
+    _note_staged(folder)
+    _move_staged(folder, leaving)
+
+
+def _note_staged(folder: Path) -> None:
+    """Flush all files of `UNFINISHED`, and say there that they and those of the seal are ours."""
     staged = folder / UNFINISHED
-    names = sorted(_list_new(staged), key=lambda name: name == SEAL)
+    names = _list_new(staged)
     for name in names:
         refuse_links(folder, (folder / name).parent)
         flush_file(staged / name)
     new = [(name, hash_file(staged / name)) for name in names]
     _note_ours(staged, [*_list_sealed(folder).items(), *new])
+
+
+def _move_staged(folder: Path, leaving: Collection[str]) -> None:
+    staged = folder / UNFINISHED
+    names = sorted(_list_new(staged), key=lambda name: name == SEAL)
     (folder / SEAL).unlink(missing_ok=True)
     flush_folder(folder)
     for name in leaving:

@@ -61,7 +61,8 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_MEMBERS:,} files",
             f"{bounds.MAX_ELEMENTS:,} elements",
             f"{bounds.MAX_NESTING} deep",
-            size(bounds.MAX_TAG),
+            f"a tag {size(bounds.MAX_TAG)} and {bounds.MAX_ATTRIBUTES} attributes",
+            f"{bounds.MAX_NAMES:,} names of elements and attributes, of {bounds.MAX_NAME} letters",
             f"{size(bounds.SHEET_LIST)} of lists",
             f"{bounds.MAX_CELLS:,} cells",
             f"{bounds.MAX_SHEET_ROWS:,} rows",
@@ -98,6 +99,7 @@ def list_expected() -> dict[str, list[str]]:
             size(parquet_pages.MAX_PAGE),
             size(parquet_pages.MAX_WORDS),
             f"{parquet_pages.MAX_PAGES:,} pages",
+            f"{size(parquet_pages.MAX_HEADERS)} of their headers",
             f"{parquet_pages.MAX_COLUMNS:,} columns",
         ],
         "a class map, a configuration, a prior table": [

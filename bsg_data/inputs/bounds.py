@@ -47,6 +47,8 @@ MAX_MEMBERS = 10_000  # files in the spreadsheet, which is a zip
 SHEET_LIST = 16 * MIB  # of these, unpacked, the lists of sheets and of files
 MAX_ELEMENTS = 6_000_000  # of the XML that is read; a cell has two or three
 MAX_TAG = MIB  # bytes of a tag of XML
+MAX_ATTRIBUTES = 100  # of a tag; the standard's longest have some twenty
+MAX_NAMES, MAX_NAME = 1_000, 255  # different ones of elements and attributes, letters of each
 S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
 MAX_LISTED = 100_000  # rooms and objects of such a list; the longest real one has 36,538
 MAX_LISTED_SCENES = 1_000  # of such a list; the longest real one has 51

@@ -18,6 +18,7 @@ from bsg_data.inputs.bounds import MIB
 
 MAX_INDEX = 4 * MIB
 MAX_PAGES, MAX_PAGE = 100_000, 64 * MIB  # Arrow takes a page whole
+MAX_HEADERS = 16 * MIB  # of all pages; that of a page takes a hundred bytes
 MAX_WORDS = 16 * MIB  # of the dictionaries of a row group: each word may be in every row
 MAX_COLUMNS, MAX_WIDTH = 1_000, 256  # of values of a fixed width, in bytes
 _MAX_RECORDS = 1_000_000  # structs and members of lists in an index: Arrow takes a kB for each
@@ -61,13 +62,16 @@ def measure_pages(file: BinaryIO, is_read: Callable[[str], bool] = bool) -> Page
         ValueError: if its index or the header of a page cannot be read, or is too large.
     """
     rows, chunks = _read_index(file, is_read)
-    size, pages, words = 0, 0, Counter[int]()
+    size, pages, headers, words = 0, 0, 0, Counter[int]()
     for chunk in chunks:
-        for kind, page in _measure_chunk(file, chunk):
-            size, pages = size + page, pages + 1
+        for kind, header, page in _measure_chunk(file, chunk):
+            size, pages, headers = size + page, pages + 1, headers + header
             words[chunk.group] += page * (kind == _DICTIONARY)
             if pages > MAX_PAGES:
                 raise ValueError(f"more than {MAX_PAGES:,} pages; write larger ones")
+            if headers > MAX_HEADERS:
+                said = "write larger pages, without their least and largest values"
+                raise ValueError(f"over {MAX_HEADERS:,} bytes of headers of pages; {said}")
     if max(words.values(), default=0) > MAX_WORDS:
         raise ValueError(f"over {MAX_WORDS:,} bytes of dictionaries; write it without them")
     return Pages(rows, size)
@@ -145,8 +149,8 @@ def _list_chunks(
         yield _Chunk(start, start + _read(column, 7, _LONG), number)
 
 
-def _measure_chunk(file: BinaryIO, chunk: _Chunk) -> Iterator[tuple[int, int]]:
-    """Yield the type of each page of a chunk, and what it takes, packed or unpacked."""
+def _measure_chunk(file: BinaryIO, chunk: _Chunk) -> Iterator[tuple[int, int, int]]:
+    """Yield the type of each page of a chunk, and the bytes of its header and of it, unpacked."""
     start = chunk.start
     while start < chunk.end:
         file.seek(start)
@@ -161,7 +165,7 @@ def _measure_chunk(file: BinaryIO, chunk: _Chunk) -> Iterator[tuple[int, int]]:
             if _read(_read(page, inner, _STRUCT), field, _INT) in _REPEATS:
                 raise ValueError("texts in a delta encoding; write them plain")
         start += header.at + packed
-        yield kind, max(unpacked, packed)
+        yield kind, header.at, max(unpacked, packed)
     if start != chunk.end:
         raise ValueError("pages that do not end where their column does")
 

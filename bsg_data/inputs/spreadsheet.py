@@ -1,7 +1,8 @@
 """Read the texts of an Excel spreadsheet (`.xlsx`): a zip of XML (ISO/IEC 29500-1, clause 18).
 
 Only the XML of the sheets that are asked for, of the texts that cells share and of the lists that
-lead there is opened. Its elements are counted while they are parsed. Any fault is one ValueError.
+lead there is opened. Its elements and their names are counted while they are parsed: the parser
+keeps every name. Any fault is one ValueError.
 """
 
 from __future__ import annotations
@@ -18,11 +19,14 @@ from xml.parsers import expat
 from bsg_data.inputs.bounded_file import ZIP_DAMAGE
 from bsg_data.inputs.bounds import (
     COBIE,
+    MAX_ATTRIBUTES,
     MAX_CELL,
     MAX_CELLS,
     MAX_ELEMENTS,
     MAX_LETTERS,
     MAX_MEMBERS,
+    MAX_NAME,
+    MAX_NAMES,
     MAX_NESTING,
     MAX_SHEET_COLUMNS,
     MAX_SHEET_ROWS,
@@ -56,13 +60,15 @@ def read_sheets(data: bytes, is_read: Callable[[str], bool]) -> Iterator[tuple[s
 
 
 class _Book:
-    """A spreadsheet, and how many elements of it were parsed."""
+    """A spreadsheet, and how many elements of it were parsed, of which names."""
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
         unpacked = sum(member.file_size for member in archive.infolist())
         if unpacked > COBIE:
             raise ValueError(f"it unpacks to {unpacked:,} bytes; at most {COBIE:,} are read")
         self._archive, self._elements = archive, 0
+        self._names: dict[str, str] = {}  # of elements and attributes, which the parsers add
+        self._known = 0  # of these names, that are within their bounds
 
     def read(self, is_read: Callable[[str], bool]) -> Iterator[tuple[str, SheetRow]]:
         """Yield the rows of the sheets whose titles are read."""
@@ -111,7 +117,7 @@ class _Book:
     def _parse(self, part: str, reader: _Reader) -> Iterator[None]:
         """Parse a file of the archive, and stop after each of its blocks."""
         shown = part[:SHOWN]
-        parser = expat.ParserCreate()
+        parser = expat.ParserCreate(intern=self._names)
         parser.buffer_text, parser.buffer_size = True, _BLOCK
         depth, fed = 0, 0
 
@@ -123,6 +129,12 @@ class _Book:
                 raise ValueError(f"{shown}: nested more than {MAX_NESTING} deep")
             if self._elements > MAX_ELEMENTS:
                 raise ValueError(f"{shown}: more than {MAX_ELEMENTS:,} elements up to here")
+            if len(attributes) > MAX_ATTRIBUTES:
+                raise ValueError(
+                    f"{shown}: a tag of more than {MAX_ATTRIBUTES} attributes; {_AGAIN}"
+                )
+            if len(self._names) > self._known:
+                self._check_names(shown)
             reader.begin(tag.rpartition(":")[2], attributes)
 
         def end(tag: str) -> None:
@@ -149,6 +161,16 @@ class _Book:
         except expat.ExpatError as error:
             what = expat.ErrorString(error.code)
             raise ValueError(f"{shown}, line {error.lineno}: {what}; {_AGAIN}") from error
+
+    def _check_names(self, shown: str) -> None:
+        """Refuse new names of elements and attributes, if they are too many or too long."""
+        if len(self._names) > MAX_NAMES:
+            raise ValueError(
+                f"{shown}: more than {MAX_NAMES:,} names of elements and attributes; {_AGAIN}"
+            )
+        if max(map(len, self._names)) > MAX_NAME:
+            raise ValueError(f"{shown}: a name of more than {MAX_NAME} letters; {_AGAIN}")
+        self._known = len(self._names)
 
     def _open(self, part: str) -> IO[bytes]:
         if part not in self._archive.NameToInfo:

@@ -126,26 +126,13 @@ def report_beliefs(
                 progress(number, total)
 
     with write_files(singles, force=request.force) as staged:
-
-        def write_others() -> None:
-            for row, path in results:
-                if (row, path) != streamed:
-                    _write(row, staged[path], request, views)
-
-        def believe_and_write() -> Iterator[BeliefGraph]:
-            """Commit the other files before the tables, whose commit is the last."""
-            yield from believe_all()
-            write_others()
-            staged.commit()
-
-        if streamed is not None and streamed[0].name == TABLES.name:
-            write_beliefs(believe_and_write(), streamed[1], streamed[0])
-        else:
-            beliefs = believe_all()
-            if streamed is not None:
-                write_beliefs(beliefs, staged[streamed[1]], streamed[0])
-            deque(beliefs, maxlen=0)
-            write_others()
+        beliefs = believe_all()
+        if streamed is not None:
+            write_beliefs(beliefs, staged[streamed[1]], streamed[0])
+        deque(beliefs, maxlen=0)
+        for row, path in results:
+            if (row, path) != streamed:
+                _write(row, staged[path], request, views)
     graphs = tuple(view.belief for view in views)
     notes = tuple(
         (*file.notes, *note_graph(belief.partial, predictor))

@@ -20,7 +20,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
-from bsg_data.results import StagedFiles, refuse_datasets, write_files, write_results
+from bsg_data.results import refuse_datasets, write_files, write_results
 from bsg_models.belief.belief_graph import believe
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
@@ -69,11 +69,12 @@ def report_evaluation(
     if into is not None:
         refuse_datasets(into)
     refuse_run(folder)
-    with ExitStack() as outputs, ExitStack() as results:
-        beside = [outputs.enter_context(write_files(pages, force=force))]
-        staged = results.enter_context(write_results(folder, report=REPORT, force=force))
+    with (
+        write_files(pages, force=force) as beside,
+        write_results(folder, report=REPORT, force=force) as staged,
+    ):
         with ExitStack() as open_files:
-            begin = _Entries(request, staged, outputs, beside, open_files) if into else None
+            begin = _Entries(request, staged, open_files) if into else None
             comparison = compare_runs(request, write=begin, progress=progress)
         summary = encode_comparison(comparison)
         notes: list[str] = []
@@ -92,9 +93,7 @@ def report_evaluation(
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
         for page in pages:
-            _write_page(beside[0][page], comparison, request, figures)
-        for files in beside:
-            files.commit()
+            _write_page(beside[page], comparison, request, figures)
     figures = {what: folder / path.name for what, path in figures.items()}
     return EvaluationReport(
         comparison, summary, folder / REPORT, folder / CLASSES, figures, tuple(notes)
@@ -107,8 +106,6 @@ class _Entries:
 
     request: EvaluationRequest
     staged: Path  # of the results
-    outputs: ExitStack  # which the files beside the results are committed by
-    beside: list[StagedFiles]  # these files
     open_files: ExitStack
 
     def __call__(self, name: str, fold: int | None) -> PredictionWriter:
@@ -118,8 +115,7 @@ class _Entries:
         data, folder = Dataset.open(request.dataset), self.staged if is_part else into
         writer = open_entry(folder, name, data, split=request.split, fold=fold)
         if not is_part:
-            files = self.outputs.enter_context(write_files([writer.path], force=request.force))
-            self.beside.append(files)
+            files = self.open_files.enter_context(write_files([writer.path], force=request.force))
             writer.path = files[writer.path]
         return self.open_files.enter_context(writer)
 

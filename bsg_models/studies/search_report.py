@@ -120,7 +120,6 @@ def report_search(
             _write_replay(data, request, report, staged, replays)
         write_searches(study, staged / _TABLE)
         write_bytes(staged / _REPORT, (encode_json(report.summary, indent=1) + "\n").encode())
-        replays.commit()
     notes += [
         f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
         for world, reasons in study.left_out.items()

@@ -1,13 +1,19 @@
-"""Bounds of a request: bytes, time, kind, and the bytes of all requests together."""
+"""Bounds of a request: bytes, time, kind, and the bytes of all requests together.
+
+Where those are too many, the client whose questions hold most of them gives way.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from functools import partial
 
 import anyio
 from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, Response
-from starlette.types import Receive, Scope, Send
+from starlette.types import Message, Receive, Scope, Send
 
 from bsg_data.inputs.bounds import MIB
 from bsg_data.recipes import Record
@@ -15,6 +21,7 @@ from bsg_data.recipes import Record
 MOST_BYTES = 8 * MIB  # of a question
 MOST_HELD = 256 * MIB  # of all questions at a time
 SECONDS_TO_ASK = 30.0
+_BUSY = "too many large questions at a time; ask again"
 ENDING = "the service ends; ask again when it runs"
 
 Answering = Callable[[Scope, bytes, Receive], Awaitable[Response]]
@@ -38,54 +45,116 @@ def confess() -> JSONResponse:
     return refuse(500, "an error of the service; its terminal says more", code="service-error")
 
 
+@dataclass(eq=False)
+class _Question:
+    """A question that comes, waits or is answered."""
+
+    client: str
+    held: int = 0  # bytes
+    refusal: Response | None = None
+    hearing: anyio.CancelScope | None = None  # while it comes or waits, not while it is answered
+
+    async def hear(self, receive: Receive) -> Message:
+        """Return what the client says next; that it has left, once the question is refused."""
+        if self.refusal is None:
+            with anyio.CancelScope() as self.hearing:
+                try:
+                    return await receive()
+                finally:
+                    self.hearing = None
+        return {"type": "http.disconnect"}
+
+    def refuse(self, why: Response) -> None:
+        """Refuse it now, though its client may not have said all of it."""
+        self.refusal = why
+        if self.hearing is not None:
+            self.hearing.cancel()
+
+
 class Bounds:
     """Reads a question whole, and lets it be answered if it is within its bounds."""
 
     def __init__(self, answer: Answering) -> None:
         self._answer = answer
-        self._held = 0
+        self._questions: dict[_Question, None] = {}
+        self._held = 0  # bytes of all
+        self._is_ending = False
+
+    def end(self) -> None:
+        """Refuse the questions that still come, for the service ends."""
+        self._is_ending = True
+        for question in self._questions:
+            question.refuse(refuse(503, ENDING, code="service-ending"))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
-        body, size = bytearray(), 0
+        client, _ = scope.get("client") or ("", 0)
+        question, body = _Question(client), bytearray()
+        self._questions[question] = None
+        if self._is_ending:
+            question.refuse(refuse(503, ENDING, code="service-ending"))
+        hear = partial(question.hear, receive)
         try:
-            response = await self._read(scope, receive, body)
+            response = await self._read(question, scope, hear, body)
             if response is None:
-                said, size = bytes(body), len(body)
+                said = bytes(body)
                 body.clear()
-                response = await self._answer(scope, said, receive)
+                response = await self._answer(scope, said, hear)
         except anyio.get_cancelled_exc_class():  # nothing else ends a request than the whole end
             response = refuse(503, ENDING, code="service-ending")
         finally:
-            self._held -= size or len(body)
+            self._set_held(question, 0)
+            del self._questions[question]
         with anyio.CancelScope(shield=True), anyio.move_on_after(SECONDS_TO_ASK):
             await response(scope, receive, send)
 
-    async def _read(self, scope: Scope, receive: Receive, body: bytearray) -> Response | None:
+    async def _read(
+        self, question: _Question, scope: Scope, hear: Receive, body: bytearray
+    ) -> Response | None:
         """Read the body; a fault is told once all has come, for then a client listens."""
         fault, more = _check_headers(Headers(scope=scope), scope["method"]), True
         with anyio.move_on_after(SECONDS_TO_ASK) as timer:
             while more:
-                message = await receive()
+                message = await hear()
                 if message["type"] == "http.disconnect":
-                    return refuse(408, "the question has no end", code="question-slow")
-                piece = message.get("body", b"")
+                    late = refuse(408, "the question has no end", code="question-slow")
+                    return question.refusal or late
                 more = message.get("more_body", False)
-                fault = fault or self._check_size(len(body) + len(piece), len(piece))
                 if fault is None:
-                    body += piece
-                    self._held += len(piece)
+                    body += message.get("body", b"")
+                    fault = self._hold(question, len(body))
+                if fault is not None:
+                    body.clear()
         if timer.cancelled_caught:
             said = f"expected a question within {SECONDS_TO_ASK:g} s"
             return refuse(408, said, code="question-slow")
         return fault
 
-    def _check_size(self, asked: int, piece: int) -> Response | None:
-        if asked > MOST_BYTES:
+    def _hold(self, question: _Question, size: int) -> Response | None:
+        """Hold so many bytes of a question; others give way if their clients hold more."""
+        if size > MOST_BYTES:
+            self._set_held(question, 0)
             return _refuse_size()
-        if self._held + piece > MOST_HELD:
-            return refuse(503, "too many large questions at a time; ask again", code="busy")
+        self._set_held(question, size)
+        while self._held > MOST_HELD:
+            largest, busy = self._find_largest(question), refuse(503, _BUSY, code="busy")
+            self._set_held(largest, 0)
+            if largest is question:
+                return busy
+            largest.refuse(busy)
         return None
+
+    def _find_largest(self, question: _Question) -> _Question:
+        """Return the largest question of the client that holds most, the newest of equal ones."""
+        of_clients = Counter[str]()
+        for one in self._questions:
+            of_clients[one.client] += one.held
+        may_go = [one for one in self._questions if one is question or (one.hearing and one.held)]
+        return max(reversed(may_go), key=lambda one: (of_clients[one.client], one.held))
+
+    def _set_held(self, question: _Question, size: int) -> None:
+        self._held += size - question.held
+        question.held = size
 
 
 def _check_headers(headers: Headers, method: str) -> Response | None:

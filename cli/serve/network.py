@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import resource
 import socket
@@ -94,13 +95,17 @@ class _Connection(H11Protocol):  # type: ignore[misc]
 
 
 class _Server(uvicorn.Server):  # type: ignore[misc]
-    """Starts the processes first, and refuses the questions that wait when it is asked to end."""
+    """Starts the processes first, and refuses what comes and waits when it is asked to end."""
 
     def __init__(
-        self, config: uvicorn.Config, processes: Processes, announce: Callable[[], None]
+        self,
+        config: uvicorn.Config,
+        bounds: Bounds,
+        processes: Processes,
+        announce: Callable[[], None],
     ) -> None:
         super().__init__(config)
-        self._processes, self._announce = processes, announce
+        self._bounds, self._processes, self._announce = bounds, processes, announce
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await self._processes.start()
@@ -108,8 +113,15 @@ class _Server(uvicorn.Server):  # type: ignore[misc]
         self._announce()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._bounds.end()
         self._processes.end()
+        asyncio.get_running_loop().call_later(SECONDS_TO_END + 0.5, self._abort)
         await super().shutdown(sockets)
+
+    def _abort(self) -> None:
+        """End the connections whose clients do not read, before uvicorn complains of them."""
+        for connection in [*self.server_state.connections]:
+            connection.transport.abort()
 
 
 def listen(
@@ -124,8 +136,9 @@ def listen(
         hosts: names besides this machine's own that may be in Host.
     """
     processes, most = Processes(model), _allow_files()
+    bounds = Bounds(processes)
     config = uvicorn.Config(
-        KnownHosts(Bounds(processes), hosts=(*LOCAL, *hosts)),
+        KnownHosts(bounds, hosts=(*LOCAL, *hosts)),
         http=functools.partial(_Connection, places=_Places(most)),
         ws="none",
         lifespan="off",
@@ -136,7 +149,7 @@ def listen(
         limit_concurrency=2 * most,  # that have asked, or are about to end
         timeout_graceful_shutdown=SECONDS_TO_END + 1,
     )
-    _Server(config, processes, announce).run(sockets=[door])
+    _Server(config, bounds, processes, announce).run(sockets=[door])
 
 
 def _allow_files() -> int:

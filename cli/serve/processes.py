@@ -59,23 +59,29 @@ class Processes:
         Raises:
             BSGError: if they do not start, or it takes too long.
         """
-        started: list[Answer] = []
-
-        async def start_one() -> None:
-            with suppress(anyio.BrokenWorkerProcess):
-                started.append(await self._ask(None, b""))
-
         number = int(self._limiter.total_tokens)
-        with anyio.move_on_after(SECONDS_TO_LOAD):
-            async with anyio.create_task_group() as tasks:
-                for _ in range(number):
-                    tasks.start_soon(start_one)
-        if len(started) < number:
+        if (started := await self._load(number)) < number:
             raise BSGError(
-                f"{len(started)} of {number} processes that answer started within "
+                f"{started} of {number} processes that answer started within "
                 f"{SECONDS_TO_LOAD:g} s; free some memory, and start again",
                 code="process-missing",
             )
+
+    async def _load(self, number: int) -> int:
+        """Have so many processes load the model at a time; return how many did."""
+        started: list[Answer] = []
+
+        async def load_one() -> None:
+            with suppress(anyio.BrokenWorkerProcess):
+                started.append(await self._ask(None, b""))
+
+        with anyio.move_on_after(SECONDS_TO_LOAD) as running:
+            self._running.add(running)
+            async with anyio.create_task_group() as tasks:
+                for _ in range(number):
+                    tasks.start_soon(load_one)
+        self._running.discard(running)
+        return len(started)
 
     def end(self) -> None:
         """Give what is under way some seconds, and refuse what waits and what comes."""
@@ -101,6 +107,8 @@ class Processes:
                 finally:
                     self._running.discard(running)
             if running.cancelled_caught:
+                if not self._is_ending:  # a new process starts in the time of this client
+                    await self._load(int(self._limiter.available_tokens))
                 said = f"no answer within {SECONDS_TO_ANSWER:g} s; ask about fewer rooms or things"
                 return self._refuse("answer-late", said)
         if answer.traceback:

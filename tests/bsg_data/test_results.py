@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import pytest
 from killed_process import start, wait_for
 from refusals import refuses
 
+from bsg_data import results
 from bsg_data.errors import DatasetError
 from bsg_data.results import (
     SEAL,
@@ -232,6 +233,47 @@ def test_single_files_are_one_result(tmp_path: Path) -> None:
         staged[second].write_text("new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
     assert first.read_text() == second.read_text() == "new"
+
+
+class Killed(BaseException):
+    """Stands for the end of the process."""
+
+
+def test_what_is_written_within_the_block_of_another_is_one_result_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page, folders = tmp_path / "page", (tmp_path / "one", tmp_path / "two")
+    move = results._move_staged
+
+    def work(fault: Exception | None = None) -> None:
+        with write_files([page], force=False) as files:
+            files[page].write_text("new")
+            for folder in folders:
+                with write_results(folder, report="a", force=False) as staged:
+                    (staged / "a").write_text("new")
+                assert (staged / "a").exists(), "it is committed with the rest"
+            if fault:
+                raise fault
+
+    def be_killed(folder: Path, leaving: Collection[str]) -> None:
+        if folder == folders[1]:
+            raise Killed
+        move(folder, leaving)
+
+    with pytest.raises(RuntimeError):
+        work(RuntimeError())
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.setattr(results, "_move_staged", be_killed)
+    with pytest.raises(Killed):
+        work()
+    monkeypatch.undo()
+    assert [(folder / "a").exists() for folder in folders] == [True, False]
+    with pytest.raises(RuntimeError):  # after which it is still known what the killed one left
+        work(RuntimeError())
+    work()
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["one", "page", "two"]
+    for folder in folders:
+        assert sorted(path.name for path in folder.iterdir()) == [SEAL, "a"]
 
 
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")

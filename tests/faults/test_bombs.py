@@ -143,6 +143,7 @@ def _as_varint(number: int) -> bytes:
 
 
 LEVELS = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(7))
+ATTRIBUTES = " ".join(f"a{number}=''" for number in range(60_000))
 ENTITIES = f'<!DOCTYPE sst [<!ENTITY e0 "aaaaaaaaaa">{LEVELS}]><sst><si><t>&e7;</t></si></sst>'
 
 
@@ -248,6 +249,7 @@ BOMBS = {
             "a long comment": (SHARED, "<!--", "a", 200_000_000, "--><sst/>"),
             "60 million cells in a row": (SHEET, "<worksheet><row>", "<c/>", 60_000_000, ""),
             "20 million levels": (SHEET, "", "<a>", 20_000_000, ""),
+            "tags of 60,000 attributes": (SHEET, "", f"<a {ATTRIBUTES}/>", 300, ""),
             "a million sheets": (BOOK, "<a>", '<sheet name="Space"/>', 10**6, "</a>"),
         }.items()
     },

@@ -60,6 +60,18 @@ def test_pages_that_are_too_large_or_too_many_are_refused(monkeypatch: pytest.Mo
                 measure_pages(sink)
 
 
+def test_headers_of_pages_have_a_bound_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    sink = io.BytesIO()
+    words = pa.table({"name": ["a" * 1_000] * 100})  # each twice in the header of its page
+    options = {"use_dictionary": False, "write_batch_size": 1, "data_page_size": 1}
+    pq.write_table(words, sink, **options)
+    monkeypatch.setattr(parquet_pages, "MAX_HEADERS", 100 * 2_100)
+    measure_pages(sink)
+    monkeypatch.setattr(parquet_pages, "MAX_HEADERS", 100 * 2_000)
+    with pytest.raises(ValueError, match="over 200,000 bytes of headers of pages; write larger"):
+        measure_pages(sink)
+
+
 def change_index(file: io.BytesIO, change: Callable[[bytes], bytes]) -> io.BytesIO:
     data = file.getvalue()
     at = len(data) - 8 - int.from_bytes(data[-8:-4], "little")

@@ -10,9 +10,11 @@ import openpyxl
 import pytest
 from book_files import LINKS, SHARED, SHEET, make_book, pack
 
-from bsg_data.inputs.bounds import MAX_CELL, MAX_NESTING
+from bsg_data.inputs.bounds import MAX_ATTRIBUTES, MAX_CELL, MAX_NAME, MAX_NAMES, MAX_NESTING
 from bsg_data.inputs.spreadsheet import SheetRow, read_sheets
 
+ATTRIBUTES = " ".join(f"a{number}=''" for number in range(MAX_ATTRIBUTES + 1))
+TAGS = [f"<n{number}/>" for number in range(MAX_NAMES)]
 READABLE = b"<sst><si><r><t>Na</t></r><rPh><t>nah</t></rPh><r><t>me</t></r></si></sst>"
 
 
@@ -88,6 +90,9 @@ def test_utf_16_is_read_and_its_document_type_is_refused() -> None:
         (put(f"<c><v>{'1' * (MAX_CELL + 1)}</v></c>"), "sheet Space, a cell: expected at most 32,"),
         (put("<a>" * MAX_NESTING), f"{SHEET}: nested more than 100 deep"),
         (put(f"<a b='{'c' * 2**21}'/>"), f"{SHEET}: a tag of more than 1,048,576 bytes"),
+        (put(f"<a {ATTRIBUTES}/>"), f"{SHEET}: a tag of more than 100 attributes; save it again"),
+        (put("".join(TAGS)), f"{SHEET}: more than 1,000 names of elements and attributes; save"),
+        (put(f"<{'a' * (MAX_NAME + 1)}/>"), f"{SHEET}: a name of more than 255 letters; save it"),
         (put("</c>"), f"{SHEET}, line 1: mismatched tag; save it again"),
         (change("_rels/.rels", "officeDocument", "x"), "its _rels/.rels names no workbook"),
         (change("_rels/.rels", "xl/workbook.xml", "b" * 10**6), "there is no _rels/b{74} in it"),
@@ -99,6 +104,15 @@ def test_what_no_program_writes_is_refused_at_its_place(data: bytes, said: str) 
     with pytest.raises(ValueError, match=said) as caught:
         rows(data)
     assert len(str(caught.value)) < 250
+
+
+def test_a_name_counts_once_in_all_files_of_a_spreadsheet() -> None:
+    half = "".join(TAGS[: MAX_NAMES // 2])
+    assert rows(put(f"{half * 3}<c><v>1</v></c>")) == [{0: "1"}]
+    shared = f"<sst>{''.join(TAGS[MAX_NAMES // 2 :])}</sst>".encode()
+    members = {**make_book(), SHEET: f"<worksheet>{half}</worksheet>".encode(), SHARED: shared}
+    with pytest.raises(ValueError, match=f"{SHEET}: more than 1,000 names"):
+        rows(pack(members))
 
 
 def test_a_method_of_packing_that_takes_memory_is_refused() -> None:

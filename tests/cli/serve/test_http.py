@@ -20,7 +20,7 @@ from conftest import REPOSITORY
 import bsg_models
 from bsg_cli.belief import main as belief
 from bsg_cli.serve import main as serve
-from bsg_cli.serve.bounds import MOST_BYTES, MOST_HELD, Bounds
+from bsg_cli.serve.bounds import MOST_BYTES, MOST_HELD, Bounds, refuse
 from bsg_cli.serve.doors import KnownHosts
 from bsg_cli.serve.http import make_app
 
@@ -315,8 +315,9 @@ def test_a_thousand_questions_at_once_are_answered(address: str) -> None:
 def test_a_service_that_is_asked_to_end_refuses_what_waits(
     own_service: tuple[subprocess.Popen[str], str],
 ) -> None:
-    """What is under way is answered; who waits is told so at once."""
+    """What is under way is answered; who waits, or still asks, is told so at once."""
     process, address = own_service
+    half = _open_slowly(address)
     rooms = {f"room {number}": [f"thing {one}" for one in range(8)] for number in range(30)}
     question = {"map": rooms, "things": "mug", "here": "room 1"}
 
@@ -341,6 +342,8 @@ def test_a_service_that_is_asked_to_end_refuses_what_waits(
     assert len(answers) == 100
     assert refused == ["service-ending"] * len(refused)
     assert 0 < len(refused) < 100
+    assert b"service-ending" in half.recv(1_000)
+    half.close()
 
 
 def _open_slowly(address: str) -> socket.socket:
@@ -401,3 +404,73 @@ def test_all_questions_together_have_a_bound(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("bsg_cli.serve.bounds.MOST_HELD", 1)
     assert MOST_BYTES < MOST_HELD
     assert run_bounds(Bounds(_answer_nothing), say(QUESTION)) == (503, "busy")
+
+
+class Asking:
+    """Clients of one service that say their pieces and then wait, and what each was told."""
+
+    def __init__(self, bounds: Bounds) -> None:
+        self._bounds, self.told = bounds, dict[str, str]()
+
+    async def ask(self, name: str, address: str, *pieces: bytes, is_whole: bool = False) -> None:
+        """Ask, and note the code of the answer."""
+        sent: list[dict[str, Any]] = []
+
+        async def send(message: dict[str, Any]) -> None:
+            sent.append(message)
+
+        said = [{"type": "http.request", "body": one, "more_body": True} for one in pieces]
+        said[-1]["more_body"] = not is_whole
+        headers = [(b"content-type", b"application/json")]
+        scope = {"type": "http", "method": "POST", "headers": headers, "client": (address, 1)}
+        await self._bounds(scope, say(*said), send)  # type: ignore[arg-type]
+        self.told[name] = json.loads(sent[1]["body"])["code"]
+
+
+async def _wait_long(_: Any, body: bytes, receive: Callable[[], Any]) -> Any:
+    """Answer small questions at once; large ones wait for a process until they must go."""
+    if len(body) > 10:
+        await receive()
+    return refuse(200, "", code="late" if len(body) > 10 else "answered")
+
+
+@pytest.mark.parametrize("is_whole", [True, False])
+def test_the_client_whose_questions_hold_most_gives_way(
+    is_whole: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_cli.serve.bounds.MOST_HELD", 100)
+
+    async def run() -> None:
+        asking = Asking(Bounds(_wait_long))
+        async with anyio.create_task_group() as tasks:
+
+            def start(*question: Any) -> None:
+                tasks.start_soon(lambda: asking.ask(*question, is_whole=is_whole))
+
+            start("other", "127.0.0.4", b" " * 30)
+            for name in ("first", "second"):
+                start(name, "127.0.0.3", b" " * 10, b" " * 24)
+            await anyio.sleep(0.01)
+            assert asking.told == {}, "all is within the bound"
+            await asking.ask("honest", "127.0.0.1", b" " * 5, is_whole=True)
+            await anyio.sleep(0.01)
+            assert asking.told == {"honest": "answered", "second": "late" if is_whole else "busy"}
+            await asking.ask("third", "127.0.0.3", b" " * 99, is_whole=True)
+            assert asking.told["third"] == "busy", "it would hold most itself"
+            tasks.cancel_scope.cancel()
+
+    anyio.run(run)
+
+
+def test_a_question_that_still_comes_is_refused_when_the_service_ends() -> None:
+    async def run() -> dict[str, str]:
+        bounds = Bounds(_wait_long)
+        asking = Asking(bounds)
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(asking.ask, "half", "127.0.0.3", b" ")
+            await anyio.sleep(0.01)
+            bounds.end()
+        await asking.ask("next", "127.0.0.3", b" ")
+        return asking.told
+
+    assert anyio.run(run) == {"half": "service-ending", "next": "service-ending"}
