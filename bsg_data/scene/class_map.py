@@ -13,7 +13,7 @@ import unicodedata
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -48,7 +48,7 @@ UNKNOWN = "unknown"  # the category of a nameless object
 _SYNONYMS, _REAL_WORDS = "synonyms-v2.csv", "real-words-v1.csv"
 _RULES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # the files of the rules
 _FORMER_SYNONYMS, _FORMER_VERSION = "synonyms-v1.csv", b"rules 1"
-_MOST_RESOLVED = 2**14  # names that are not listed and whose class is kept at a time
+_MOST_RESOLVED = 2**16  # names that are not listed and whose class is kept: a robot's graph fits in
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 _FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
@@ -179,6 +179,7 @@ class OwnMap(Record):
     structure: bytes | None = None  # NAME.structure.csv
 
 
+@lru_cache(maxsize=64)  # every rule normalises a name again
 def normalise_name(name: str) -> str:
     """Return `name` as NFC, casefolded, trimmed, runs of white space as one space."""
     return " ".join(unicodedata.normalize("NFC", name).casefold().split())

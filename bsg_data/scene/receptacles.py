@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -82,6 +82,7 @@ def read_shares() -> Shares:
     return _read_shares()[1]
 
 
+@lru_cache(maxsize=4096)  # the objects of a room are asked again and again
 def find_receptacle(word: str) -> Receptacle | None:
     """Return the piece of furniture that a word names; None if things do not lie there.
 

@@ -30,6 +30,7 @@ from bsg_models.belief.nouns import Noun, NounTable, looks_of, split_head
 MOST_CHARACTERS = 100
 _NO_THINGS = "not-things-v1.csv"
 _OFFERED = 3  # nouns offered in an error
+_REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be forgotten in turn
 _LISTED = 8  # rooms listed in an error
 _LABELS = 3  # kinds of rooms in a note
 # What follows says where a thing is, not what it is.
@@ -150,7 +151,7 @@ def find_kind(said: str) -> str | None:
     return kind if kind == "person" or not before else None
 
 
-@lru_cache(maxsize=4096)  # the objects of a map are asked again and again
+@lru_cache(maxsize=_REMEMBERED)  # the objects of a map are asked again and again
 def find_everyday(word: str) -> Thing | None:
     """Return the everyday thing that a word names, whatever the thing looks like.
 
@@ -182,7 +183,7 @@ def _find_mended(word: str) -> Thing | None:
     return next(filter(None, map(find_thing, near)), None)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=_REMEMBERED)
 def find_wider(word: str) -> Thing | None:
     """Return the everyday thing of which a name without a row says more: shoes, of running shoes.
 
@@ -203,6 +204,7 @@ def mean_kind(word: str, thing: Thing, noun: Noun) -> Meaning:
     )
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def tell_apart(word: str) -> frozenset[str]:
     """Return the words that tell a thing from others of its row: how it looks, its brand or kind.
 

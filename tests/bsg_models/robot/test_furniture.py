@@ -14,7 +14,7 @@ from bsg_data.observation.partial_graph import KnownRoom, SeenObject
 from bsg_data.scene.receptacles import find_keeping, find_receptacle, read_shares
 from bsg_models.belief.document import decode_belief, encode_belief, to_networkx
 from bsg_models.belief.formats import read_belief, write_belief
-from bsg_models.belief.pieces import furnish
+from bsg_models.belief.pieces import find_pieces, furnish
 from bsg_models.errors import BeliefFileError
 from bsg_models.robot.decision import choose_room
 from bsg_models.robot.seen_building import NOT_SEEN, Destination, Piece, SeenBuilding, open_graph
@@ -77,7 +77,8 @@ def test_the_rates_by_hand() -> None:
     """Two pieces that were seen, one class that is expected, half of the room hidden."""
     room = KnownRoom("k", hidden_share=0.5, room_type="kitchen")
     objects = [SeenObject(w, 1, w, None, None) for w in ("counter", "refrigerator", "spoon")]
-    found = furnish("milk", room, objects, classes=("couch", "sink"), unseen=np.array([0, 0.4]))
+    unseen = np.array([0, 0.4])
+    found = furnish("milk", room, find_pieces(objects), classes=("couch", "sink"), unseen=unseen)
     shares, kept = read_shares(), find_keeping("milk")
     assert found is not None
     assert kept is not None
