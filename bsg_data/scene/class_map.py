@@ -30,6 +30,7 @@ from bsg_data.scene.class_space import (
     read_rows,
 )
 from bsg_data.scene.name_rules import (
+    LONGEST,
     RULES_VERSION,
     Rule,
     change_number,
@@ -64,6 +65,9 @@ class Classified:
     # building; nameless: blank or `unknown`; unmapped: not in the map
     role: Role
     rule: Rule | None = None  # that gave the category; None for a listed name
+
+
+_UNMAPPED = Classified(None, None, "unmapped")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,8 @@ class ClassMap:
             return entry
         if is_nameless(name):
             return Classified(UNKNOWN, None, "nameless")
+        if len(name) > LONGEST and self.former is not None:  # the rules of earlier datasets stay
+            return _UNMAPPED
         found = self._resolved.get(name)
         if found is None:
             found = self._resolve(name)
@@ -127,14 +133,13 @@ class ClassMap:
 
     def _resolve(self, name: str) -> Classified:
         """Resolve a name that is not listed by the rules."""
-        unmapped = Classified(None, None, "unmapped")
         if self.synonyms is None:
-            return unmapped
+            return _UNMAPPED
         if self.former is None:  # it has the rules of earlier datasets
-            return self._follow([normalise_name(name)], self.synonyms) or unmapped
+            return self._follow([normalise_name(name)], self.synonyms) or _UNMAPPED
         readings = dict.fromkeys(map(normalise_name, (name, take_apart(name))))
         found = self._follow([*readings], self.synonyms)
-        return found or self._mend(readings, self.synonyms) or unmapped
+        return found or self._mend(readings, self.synonyms) or _UNMAPPED
 
     def _follow(self, readings: Sequence[str], synonyms: Mapping[str, str]) -> Classified | None:
         """Return what the rules make of a name, by its readings."""

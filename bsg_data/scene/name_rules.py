@@ -33,6 +33,7 @@ _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _ENDINGS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""))
 _MOST_WORDS = 12  # no name of a thing has more
 SHORT = 5  # letters: nearly every name that is no longer resembles another one
+LONGEST = 100  # characters of a name: a longer one names nothing that we know
 _LONG = 30  # letters: no word of a name has more
 _SHORT_WORD = 4  # letters of the shortest word that a longer one can be a typo of
 

@@ -22,7 +22,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import separate, singulars, take_apart
+from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
 from bsg_data.scene.things import find_thing
 
 _PIECES, _SHARES, _KEEPING = (
@@ -91,6 +91,8 @@ def find_receptacle(word: str) -> Receptacle | None:
     >>> find_receptacle("banana") is None
     True
     """
+    if len(word) > LONGEST:
+        return None
     listed = _read_receptacles()
     for key in dict.fromkeys((_spell(word), _spell(take_apart(word)))):
         for form in (key, *singulars(key)):
@@ -99,6 +101,7 @@ def find_receptacle(word: str) -> Receptacle | None:
     return None
 
 
+@lru_cache(maxsize=256)
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
     listed, whole = _read_keeping(), _spell(word)

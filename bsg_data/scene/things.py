@@ -15,7 +15,7 @@ from functools import cache
 from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space, read_published, read_rows
-from bsg_data.scene.name_rules import separate, singulars, take_apart
+from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
 from bsg_data.scene.room_label import known_label, label_of
 from bsg_data.spelling import show_value
 
@@ -66,6 +66,8 @@ def find_thing(word: str) -> Thing | None:
     >>> find_thing("kitchen sofa") is None
     True
     """
+    if len(word) > LONGEST:
+        return None
     listed = _read_things()[1]
     apart = take_apart(word)
     keys = dict.fromkeys((_spell(word), _spell(apart), _spell(_NUMBERED.sub("", apart))))

@@ -31,7 +31,6 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
 from bsg_data.scene.receptacles import (
-    Keeping,
     Receptacle,
     find_keeping,
     find_receptacle,
@@ -69,6 +68,9 @@ _FURNISHED_LIKE: Mapping[str, str] = {
     "staircase": "corridor",
     "toilet": "bathroom",
 }
+
+
+_Labels = tuple[tuple[str, float], ...]  # of a room, with their probabilities
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +184,11 @@ def furnish(
     kept = find_keeping(thing)
     if kept is not None and not kept.weights:
         return None
-    people = _weigh_labels(room) @ _shares(tidy)
+    said = _list_labels(room)
     times = Counter(seen.kinds)
-    each = {kind: _rate(kind, people, kept, room.hidden_share) / n for kind, n in times.items()}
+    each = {k: _rate(k, thing, said, tidy, room.hidden_share) / n for k, n in times.items()}
     more = [
-        float(unseen[row]) * _rate(kind, people, kept, 1.0) / (1 + times[kind])
+        float(unseen[row]) * _rate(kind, thing, said, tidy, 1.0) / (1 + times[kind])
         for row, kind in _furniture_of(classes)
     ]
     left = _OVERLOOKED if room.visited and seen.pieces else 1.0
@@ -194,9 +196,10 @@ def furnish(
     return Furniture(seen.pieces, np.array([*rates, left * sum(more)]))
 
 
-def _rate(kind: Receptacle, people: Floats, kept: Keeping | None, hidden: float) -> float:
+@lru_cache(maxsize=4096)  # rooms of a kind are furnished alike
+def _rate(kind: Receptacle, thing: str, room: _Labels, tidy: float, hidden: float) -> float:
     """Return the rate of all pieces of a kind together: of that people were asked."""
-    rates = people[[*kind.like]]
+    rates, kept = _weigh_pieces(room, tidy)[[*kind.like]], find_keeping(thing)
     if kept is not None:
         own = kept.weigh(kind)
         names = (list_receptacles()[one] for one in kind.like)
@@ -211,11 +214,22 @@ def _shares(tidy: float) -> Floats:
     return np.asarray(tidy * said.belongs + (1 - tidy) * said.untidy)
 
 
-def _weigh_labels(room: KnownRoom) -> Floats:
+def _list_labels(room: KnownRoom) -> _Labels:
+    said = room.room_type
+    return ((said, 1.0),) if isinstance(said, str) else tuple((said or {}).items())
+
+
+@lru_cache(maxsize=64)
+def _weigh_pieces(room: _Labels, tidy: float) -> Floats:
+    """Return the shares of people for each listed piece in a room of these labels."""
+    return np.asarray(_weigh_labels(room) @ _shares(tidy))
+
+
+def _weigh_labels(room: _Labels) -> Floats:
     """Return P(the kinds of rooms that people were asked about), `[K]`; all alike if unknown."""
-    labels, said = read_shares().rooms, room.room_type
+    labels = read_shares().rooms
     weights = np.zeros(len(labels))
-    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said or {})).items():
+    for label, likely in room:
         alike = label if label in labels else _FURNISHED_LIKE.get(label)
         if alike is not None:
             weights[labels.index(alike)] += likely

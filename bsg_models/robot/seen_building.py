@@ -20,7 +20,7 @@ from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar, overload
 
 import numpy as np
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
@@ -56,6 +56,7 @@ from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
 from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish, kind_of
 from bsg_models.robot.decision import (
     Decision,
+    choose_likeliest,
     choose_room,
     choose_rooms,
     order_rooms,
@@ -274,6 +275,7 @@ class SeenBuilding:
         # 0: the building's own, 1: the wide one, 2: that nouns are judged by
         self._models = {0: own}
         self._meanings: dict[str, Meaning] = {}
+        self._unknown: set[str] = set()
         self._named = 0  # the highest number of an id that was given
         self._expectations: dict[int, Expectation] = {}
         self._evidence: PartialGraph | None = None
@@ -873,11 +875,15 @@ class SeenBuilding:
         """
         require_task(task)
         find_planner(planner)
-        starts = [] if here is None else [find_room(self._graph, here)]
-        ways, costs_of_looks = self._cost(costs, look)
-        decision, _ = self._weigh(things, starts, ways, chance, task)
-        start = starts[0] if starts else None
-        node = choose_room(decision, ways, costs_of_looks, here=start, planner=planner)
+        if here is None:
+            if costs is not None or look is not None:
+                self._cost(costs, look)  # what is said must be right, though it does not count
+            node = choose_likeliest(self._weigh(things, [], None, chance, task)[0])
+        else:
+            start = find_room(self._graph, here)
+            ways, costs_of_looks = self._cost(costs, look)
+            decision, _ = self._weigh(things, [start], ways, chance, task)
+            node = choose_room(decision, ways, costs_of_looks, here=start, planner=planner)
         return None if node is None else self._name(node)
 
     @_alone
@@ -1113,9 +1119,14 @@ class SeenBuilding:
         return replace(found, word=word, thing=thing, how=how, told=told)
 
     def _understand_or_none(self, thing: str) -> Meaning | None:
+        if thing in self._unknown:
+            return None
         try:
             return self.understand(thing)
-        except RecipeError:
+        except RecipeError:  # which takes long, to say what may have been meant
+            if len(self._unknown) >= _MOST_MEANINGS:
+                self._unknown.clear()
+            self._unknown.add(thing)
             return None
 
     @_alone
@@ -1178,7 +1189,7 @@ class SeenBuilding:
         self,
         things: str | Sequence[str],
         here: Sequence[int],
-        ways: Ways,
+        ways: Ways | None,
         chance: float,
         task: Task,
     ) -> tuple[Decision, list[ThingBelief]]:
@@ -1192,7 +1203,9 @@ class SeenBuilding:
         beliefs = [self._seek(word).belief for word in distinct]
         nodes = 1 + len(self._whole.rooms)
         looked = [sum_looks(self._looks, self.understand(w), nodes=nodes) for w in distinct]
-        open_ = np.isfinite(ways.costs[list(here)]).sum(axis=0) > (-1 if not here else 0)
+        open_: Bools = np.ones(nodes, dtype=bool)  # from wherever the robot is
+        if ways is not None:
+            open_ = np.asarray(np.isfinite(ways.costs[list(here)]).any(axis=0))
         found = weigh(beliefs, looked, here=here, open_=open_, chance=chance, task=task)
         return found, beliefs
 

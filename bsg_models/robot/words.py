@@ -21,13 +21,13 @@ from bsg_data.scene.class_map import (
     read_real_words,
 )
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import SHORT, index_words, is_typo, mend, singulars
+from bsg_data.scene.name_rules import LONGEST, SHORT, index_words, is_typo, mend, singulars
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.belief.nouns import Noun, NounTable, looks_of, split_head
 
-MOST_CHARACTERS = 100
+MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
 _OFFERED = 3  # nouns offered in an error
 _REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be forgotten in turn
@@ -158,7 +158,7 @@ def find_everyday(word: str) -> Thing | None:
     A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
     one typo is mended.
     """
-    return _find_listed(word) or _find_mended(word)
+    return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
 
 
 def _find_listed(word: str) -> Thing | None:
@@ -189,6 +189,8 @@ def find_wider(word: str) -> Thing | None:
 
     None for a word that is listed, or that a class map knows as a whole.
     """
+    if len(word) > LONGEST:
+        return None
     said = _name_only(word)
     before, head = split_head(said)
     known = load_class_map().classify(said)
