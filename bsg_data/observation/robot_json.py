@@ -234,7 +234,8 @@ def _count_things(looks: Any) -> Any:
         for one in listed
         if isinstance(one, dict) and isinstance(one.get("thing"), str)
     }
-    _require_few(len(things), MAX_ROBOT_SOUGHT, "different things; leave out the oldest looks")
+    what = "different things to look for"
+    _require_few(len(things), MAX_ROBOT_SOUGHT, what, "; leave out old looks")
     return looks
 
 
@@ -242,9 +243,9 @@ def _is_list(said: Any) -> TypeGuard[list[Any] | tuple[Any, ...]]:
     return isinstance(said, list | tuple)
 
 
-def _require_few(found: int, most: int, what: str) -> None:
+def _require_few(found: int, most: int, what: str, hint: str = "") -> None:
     if found > most:
-        raise ValueError(f"expected at most {most:,} {what}, found {found:,}")
+        raise ValueError(f"expected at most {most:,} {what}, found {found:,}{hint}")
 
 
 class _Graph(SaidRecord):

@@ -117,8 +117,8 @@ class ClassMap:
             return entry
         if is_nameless(name):
             return Classified(UNKNOWN, None, "nameless")
-        if len(name) > LONGEST and self.former is not None:  # the rules of earlier datasets stay
-            return _UNMAPPED
+        if len(name) > LONGEST:  # the rules of earlier datasets read it; it is not kept
+            return _UNMAPPED if self.former else self._resolve(name)
         found = self._resolved.get(name)
         if found is None:
             found = self._resolve(name)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import takewhile
 from operator import itemgetter
 from typing import Literal
@@ -64,6 +65,7 @@ def resolve(
                 return
 
 
+@lru_cache(maxsize=64)  # every rule asks again
 def take_apart(name: str) -> str:
     """Return a name with spaces for its brackets, and between the words of its camel case.
 
@@ -73,6 +75,7 @@ def take_apart(name: str) -> str:
     return _CAMEL.sub(" ", re.sub(r"[()]", " ", name))
 
 
+@lru_cache(maxsize=64)
 def separate(name: str) -> str:
     """Return a normalised name with spaces for hyphens and underscores.
 

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import normalise_name
@@ -54,6 +54,7 @@ def list_things() -> tuple[Thing, ...]:
     return _read_things()[0]
 
 
+@lru_cache(maxsize=64)
 def find_thing(word: str) -> Thing | None:
     """Return the thing that a word names, in the singular or plural; None for other words.
 

@@ -145,6 +145,8 @@ def find_kind(said: str) -> str | None:
 
     An old man is a person, but a fire blanket is no event.
     """
+    if len(said) > LONGEST:
+        return None
     before, head = split_head(said)
     kinds = (_read_kinds().get(one) for one in (head, *singulars(head)))
     kind = next(filter(None, kinds), None)
