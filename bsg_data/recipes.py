@@ -19,7 +19,7 @@ from pydantic import (
 from bsg_data.errors import RecipeError
 from bsg_data.first_fault import keep_one_unknown
 from bsg_data.spelling import SHOWN, show_value
-from bsg_data.tables import make_plain
+from bsg_data.tables import make_line
 
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]  # of things, or a probability
 
@@ -50,7 +50,7 @@ def name_fault(error: ValidationError) -> str:
     A word or a number that is wrong is shown, unless the fault is not in it or says it already.
     """
     first = error.errors(include_url=False)[0]
-    where = ".".join(make_plain(str(key)[:SHOWN]) for key in first["loc"]) or "the whole file"
+    where = ".".join(make_line(str(key)[:SHOWN]) for key in first["loc"]) or "the whole file"
     value = first["input"]
     is_shown = isinstance(value, str | int | float) and first["type"] not in _SELF_EXPLAINING
     shown = f", found {show_value(value)}" if is_shown else ""

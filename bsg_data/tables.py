@@ -71,6 +71,17 @@ def make_plain(text: str) -> str:
     return "".join(_MARK if is_obeyed(c) else c for c in text)
 
 
+def make_line(text: str) -> str:
+    r"""Return plain text on one line, so that no name in it can begin another.
+
+    Errors and notes are lines; see `make_plain`.
+
+    >>> make_line("no room a\nError: b")
+    'no room a\ufffdError: b'
+    """
+    return make_plain(text).replace("\n", _MARK)
+
+
 def escape_markdown(text: str) -> str:
     r"""Return text on one line, escaped so that Markdown and HTML show it unchanged.
 

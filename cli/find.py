@@ -8,7 +8,7 @@ from typing import Any
 
 import bsg_models
 from bsg_cli.terminal import print_json, print_note, print_text
-from bsg_data.tables import format_text
+from bsg_data.tables import format_text, make_line
 
 EXPLORE = bsg_models.EXPLORE
 _MOST_ROWS, _MOST_STEPS = 20, 5
@@ -167,7 +167,7 @@ def _print_places(
 def _describe_pieces(place: bsg_models.Place) -> str:
     """Return the likeliest pieces of furniture of a room, if an unseen thing is there."""
     pieces = (
-        f"{piece.name} {'(seen there)' if piece.seen else _percent(piece.if_there)}"
+        f"{make_line(piece.name)} {'(seen there)' if piece.seen else _percent(piece.if_there)}"
         for piece in place.pieces
     )
     return f"{_name(place)}, if it is there: {', '.join(pieces)}"
@@ -210,7 +210,7 @@ def _call(room: str, label: str | None) -> str:
     """Return the id of a room, with its label if it has another one."""
     if room == EXPLORE:
         return str(label)
-    return room if label in (None, room) else f"{room} ({label})"
+    return make_line(room if label in (None, room) else f"{room} ({label})")
 
 
 def _cost(cost: float | None, unit: str | None, *, here: str = "here") -> str:

@@ -23,7 +23,7 @@ from pydantic import ValidationError
 from bsg_data.errors import EXTRA_OF, BSGError, RecipeError, ask_to_install
 from bsg_data.files import encode_json
 from bsg_data.recipes import name_fault
-from bsg_data.tables import is_obeyed, make_plain
+from bsg_data.tables import is_obeyed, make_line, make_plain
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -145,7 +145,7 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
 
         def report(done: int, total: int, said: str = "") -> None:
             bar.total = total
-            bar.set_postfix_str(make_plain(said), refresh=False)
+            bar.set_postfix_str(make_line(said), refresh=False)
             bar.update(done - bar.n)
 
         yield report
@@ -247,5 +247,5 @@ def print_text(text: str, *, nl: bool = True) -> None:
 
 
 def print_note(text: str) -> None:
-    """Print a note on stderr, without control characters."""
-    click.echo(make_plain(text), err=True)
+    """Print a note or an error on stderr: one line without control characters."""
+    click.echo(make_line(text), err=True)

@@ -39,6 +39,11 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_ROBOT_ROOMS:,} rooms",
             f"{bounds.MAX_ROBOT_OBJECTS:,} objects",
             f"{bounds.MAX_CORNERS} corners",
+            f"{bounds.MAX_ALL_CORNERS:,} of all",
+            f"{bounds.MAX_ROBOT_PAIRS:,} pairs",
+            f"{bounds.MAX_ROBOT_TYPES:,} labels",
+            f"{bounds.MAX_ROBOT_KINDS:,} different",
+            f"{bounds.MAX_ROBOT_LOOKS:,} looks for {bounds.MAX_ROBOT_SOUGHT} different",
             f"{bounds.MAX_ROBOT_WORDS:,} words",
         ],
         "Hydra's graph, a belief graph": [

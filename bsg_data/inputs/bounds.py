@@ -36,6 +36,7 @@ MAX_HOUSE_ROOMS = 1_000  # and of any building whose rooms are connected by thei
 MAX_REACHED = 10_000_000  # corners of rooms that doors and stairs are measured to
 MAX_HOUSE_THINGS = 10_000  # objects with what is in them, doors, walls; 150 real houses have 220
 MAX_CORNERS = 256  # of a floor or a footprint
+MAX_ALL_CORNERS = 200_000  # of all footprints of a graph: those that cross themselves are slow
 COBIE = 256 * MIB  # a spreadsheet, `.xlsx`
 MAX_SHEET_ROWS = 1_000_000  # of a sheet of a spreadsheet
 MAX_SHEET_COLUMNS = 64
@@ -65,6 +66,11 @@ BELIEF = 256 * MIB  # a belief graph, JSON
 MAX_ROBOT_ROOMS = 5_000  # a model takes about 100 kB for each where their shares are not known
 MAX_ROBOT_OBJECTS = 50_000  # each takes a kilobyte while a graph is read
 MAX_ROBOT_WORDS = 10_000  # of its detector; the largest published vocabulary has some thousands
+MAX_ROBOT_PAIRS = 100_000  # of connected rooms; 5,000 rooms of a building have some 10,000
+MAX_ROBOT_TYPES = 150_000  # labels of the types of all rooms; a classifier has 60 to 400
+MAX_ROBOT_KINDS = 5_000  # different ones of these
+MAX_ROBOT_LOOKS = 2_000  # that found nothing
+MAX_ROBOT_SOUGHT = 100  # different things of these looks: each is compared with all that was seen
 
 # our own files
 CLASS_MAP = 2 * MIB  # each of its CSV files; a word of it takes kilobytes, for typos

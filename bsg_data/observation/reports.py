@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounds import MAX_ROBOT_LOOKS, MAX_ROBOT_SOUGHT
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.partial_graph import (
     GLIMPSED_SHARE,
@@ -19,7 +20,6 @@ from bsg_data.observation.partial_graph import (
 from bsg_data.scene.class_map import normalise_name
 
 LOOK_CHANCE = 0.8  # P(a look finds a thing that is there), if the robot does not say
-MOST_LOOKS = 2_000  # that a graph keeps
 _ALMOST = 1 - 1e-12  # the chance of any number of looks that may miss
 
 
@@ -163,10 +163,11 @@ def look(graph: PartialGraph, seen: Look) -> PartialGraph:
         else:
             looks.append(one)
     joined = replace(seen, chance=1.0 if seen.chance == 1 else min(1 - missed, _ALMOST))
-    if len(looks) >= MOST_LOOKS:
+    things = {seen.thing, *(one.thing for one in looks)}
+    if len(looks) >= MAX_ROBOT_LOOKS or len(things) > MAX_ROBOT_SOUGHT:
         raise RecipeError(
-            f"{graph.scene_id}: expected at most {MOST_LOOKS:,} looks; `searched` says that a room "
-            "has nothing more",
+            f"{graph.scene_id}: expected at most {MAX_ROBOT_LOOKS:,} looks for at most "
+            f"{MAX_ROBOT_SOUGHT} different things; `searched` says that a room has nothing more",
             code="looks-too-many",
             where=graph.scene_id,
         )

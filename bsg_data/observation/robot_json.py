@@ -30,10 +30,10 @@ The simplest map is read, too: room → the things that were seen there.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeGuard
 
 import numpy as np
 from pydantic import (
@@ -47,7 +47,18 @@ from pydantic import (
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.first_fault import Keyed, Listed, keep_one_unknown
-from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS, MAX_ROBOT_WORDS, ROBOT
+from bsg_data.inputs.bounds import (
+    MAX_ALL_CORNERS,
+    MAX_ROBOT_KINDS,
+    MAX_ROBOT_LOOKS,
+    MAX_ROBOT_OBJECTS,
+    MAX_ROBOT_PAIRS,
+    MAX_ROBOT_ROOMS,
+    MAX_ROBOT_SOUGHT,
+    MAX_ROBOT_TYPES,
+    MAX_ROBOT_WORDS,
+    ROBOT,
+)
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
@@ -66,17 +77,18 @@ from bsg_data.observation.partial_graph import (
     Text,
     spell_id,
 )
-from bsg_data.observation.reports import LOOK_CHANCE, MOST_LOOKS, say_score
+from bsg_data.observation.reports import LOOK_CHANCE, say_score
 from bsg_data.recipes import SaidRecord
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import (
     RoomType,
     Understood,
-    explain_room_type,
+    explain_label,
     explain_rules,
     is_name,
     label_of,
+    list_unknown,
     name_nearest,
     read_room,
 )
@@ -199,6 +211,43 @@ def _list_words(said: Any) -> Any:
     return dict.fromkeys(said) if are_words else said
 
 
+def _count_parts(rooms: Any) -> Any:
+    """Refuse rooms that have too much in all, before any of it is read."""
+    listed = [room for room in rooms if isinstance(room, dict)] if _is_list(rooms) else []
+    corners = sum(len(one) for room in listed if _is_list(one := room.get("footprint")))
+    _require_few(corners, MAX_ALL_CORNERS, "corners of all footprints together")
+    types = [room.get("room_type") for room in listed]
+    labels = sum(len(one) for one in types if isinstance(one, dict))
+    _require_few(labels, MAX_ROBOT_TYPES, "labels of all room types together")
+    kinds: set[str] = set()
+    for one in types:
+        kinds.update([one] if isinstance(one, str) else one if isinstance(one, dict) else ())
+    _require_few(len(kinds), MAX_ROBOT_KINDS, "different labels of room types")
+    return rooms
+
+
+def _count_things(looks: Any) -> Any:
+    """Refuse looks for too many different things."""
+    listed = looks if _is_list(looks) and len(looks) <= MAX_ROBOT_LOOKS else ()
+    things = {
+        one["thing"]
+        for one in listed
+        if isinstance(one, dict) and isinstance(one.get("thing"), str)
+    }
+    what = "different things to look for"
+    _require_few(len(things), MAX_ROBOT_SOUGHT, what, "; leave out old looks")
+    return looks
+
+
+def _is_list(said: Any) -> TypeGuard[list[Any] | tuple[Any, ...]]:
+    return isinstance(said, list | tuple)
+
+
+def _require_few(found: int, most: int, what: str, hint: str = "") -> None:
+    if found > most:
+        raise ValueError(f"expected at most {most:,} {what}, found {found:,}{hint}")
+
+
 class _Graph(SaidRecord):
     format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
     version: Annotated[Literal[1], Number] = 1
@@ -206,12 +255,16 @@ class _Graph(SaidRecord):
     hidden_share: StrictFraction | None = None
     building_kind: Annotated[Text | None, AfterValidator(check_building_kind)] = None
     source: Id | None = None
-    rooms: Annotated[Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS)]
+    rooms: Annotated[
+        Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS), BeforeValidator(_count_parts)
+    ]
     objects: Annotated[Listed[_Object], Field(max_length=MAX_ROBOT_OBJECTS)] = ()
-    adjacency: Listed[tuple[Id, Id]] = ()
+    adjacency: Annotated[Listed[tuple[Id, Id]], Field(max_length=MAX_ROBOT_PAIRS)] = ()
     # A list of words, or the name of a vocabulary; or word → class, as `encode_robot_graph` writes.
     detector: Annotated[Keyed[Text, Text | None] | None, BeforeValidator(_list_words)] = None
-    looks: Annotated[Listed[_Look], Field(max_length=MOST_LOOKS)] = ()
+    looks: Annotated[
+        Listed[_Look], Field(max_length=MAX_ROBOT_LOOKS), BeforeValidator(_count_things)
+    ] = ()
     more_rooms: MoreRooms = None
     stays: Stay | None = None
 
@@ -338,10 +391,10 @@ def _tidy(said: dict[str, Any], path: Path) -> dict[str, Any]:
             found[key] = [_tidy_entry(entry, ids, _KEYS[key]) for entry in entries]
     if isinstance(found.get("objects"), list):
         found["objects"] = _number_objects(found["objects"])
-    if isinstance(found.get("adjacency"), list):
+    pairs = found.get("adjacency")
+    if isinstance(pairs, list) and len(pairs) <= MAX_ROBOT_PAIRS:
         found["adjacency"] = [
-            [*map(spell_id, pair)] if isinstance(pair, list | tuple) else pair
-            for pair in found["adjacency"]
+            [*map(spell_id, pair)] if isinstance(pair, list | tuple) else pair for pair in pairs
         ]
     return found
 
@@ -637,20 +690,20 @@ def note_rooms(rooms: Sequence[KnownRoom]) -> Iterator[str]:
     if plain:
         yield f"{_list(plain)}: read as the kinds that their names say"
     rules: dict[str, str] = {}
-    types: dict[str, str] = {}
+    types: dict[str, None] = {}
     for room in rooms:
         rules.update(explain_rules(room.room_type))
-        types.update(explain_room_type(room.room_type))
+        types.update(dict.fromkeys(list_unknown(room.room_type)))
     if rules:
         made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
         yield f"kinds of rooms read by a rule: {_list(made)}"
     silent = [room.label or room.name for room in rooms if room.room_type is None]
     if dark := [*dict.fromkeys(filter(is_name, silent))]:
-        near = [f"{name[:SHOWN]}{name_nearest(name)}" for name in dark]
-        yield f"{_list(near)}: kind of room unknown; say `room_type`"
+        near = _list(dark, lambda name: f"{name[:SHOWN]}{name_nearest(name)}")
+        yield f"{near}: kind of room unknown; say `room_type`"
     if types:
-        read_as = [f"{word[:SHOWN]!r} as {read}" for word, read in types.items()]
-        yield f"room types that models do not know are read: {_list(read_as)}"
+        read_as = _list([*types], lambda word: f"{word[:SHOWN]!r} as {explain_label(word)}")
+        yield f"room types that models do not know are read: {read_as}"
 
 
 def note_building(graph: PartialGraph) -> Iterator[str]:
@@ -662,7 +715,7 @@ def note_building(graph: PartialGraph) -> Iterator[str]:
         yield f"building kind `{kind}`: no model was taught it; they read it as unknown"
 
 
-def _list(names: Sequence[str]) -> str:
-    """Return the first names, and how many more there are."""
+def _list(names: Sequence[str], show: Callable[[str], str] = str) -> str:
+    """Return the first names as they are shown, and how many more there are."""
     more = f", and {len(names) - _MOST_WORDS:,} more" if len(names) > _MOST_WORDS else ""
-    return ", ".join(names[:_MOST_WORDS]) + more
+    return ", ".join(map(show, names[:_MOST_WORDS])) + more

@@ -13,7 +13,7 @@ import unicodedata
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -30,6 +30,7 @@ from bsg_data.scene.class_space import (
     read_rows,
 )
 from bsg_data.scene.name_rules import (
+    LONGEST,
     RULES_VERSION,
     Rule,
     change_number,
@@ -48,7 +49,7 @@ UNKNOWN = "unknown"  # the category of a nameless object
 _SYNONYMS, _REAL_WORDS = "synonyms-v2.csv", "real-words-v1.csv"
 _RULES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # the files of the rules
 _FORMER_SYNONYMS, _FORMER_VERSION = "synonyms-v1.csv", b"rules 1"
-_MOST_RESOLVED = 2**14  # names that are not listed and whose class is kept at a time
+_MOST_RESOLVED = 2**16  # names that are not listed and whose class is kept: a robot's graph fits in
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 _FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
@@ -64,6 +65,9 @@ class Classified:
     # building; nameless: blank or `unknown`; unmapped: not in the map
     role: Role
     rule: Rule | None = None  # that gave the category; None for a listed name
+
+
+_UNMAPPED = Classified(None, None, "unmapped")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +117,8 @@ class ClassMap:
             return entry
         if is_nameless(name):
             return Classified(UNKNOWN, None, "nameless")
+        if len(name) > LONGEST:  # the rules of earlier datasets read it; it is not kept
+            return _UNMAPPED if self.former else self._resolve(name)
         found = self._resolved.get(name)
         if found is None:
             found = self._resolve(name)
@@ -127,14 +133,13 @@ class ClassMap:
 
     def _resolve(self, name: str) -> Classified:
         """Resolve a name that is not listed by the rules."""
-        unmapped = Classified(None, None, "unmapped")
         if self.synonyms is None:
-            return unmapped
+            return _UNMAPPED
         if self.former is None:  # it has the rules of earlier datasets
-            return self._follow([normalise_name(name)], self.synonyms) or unmapped
+            return self._follow([normalise_name(name)], self.synonyms) or _UNMAPPED
         readings = dict.fromkeys(map(normalise_name, (name, take_apart(name))))
         found = self._follow([*readings], self.synonyms)
-        return found or self._mend(readings, self.synonyms) or unmapped
+        return found or self._mend(readings, self.synonyms) or _UNMAPPED
 
     def _follow(self, readings: Sequence[str], synonyms: Mapping[str, str]) -> Classified | None:
         """Return what the rules make of a name, by its readings."""
@@ -179,6 +184,7 @@ class OwnMap(Record):
     structure: bytes | None = None  # NAME.structure.csv
 
 
+@lru_cache(maxsize=64)  # every rule normalises a name again
 def normalise_name(name: str) -> str:
     """Return `name` as NFC, casefolded, trimmed, runs of white space as one space."""
     return " ".join(unicodedata.normalize("NFC", name).casefold().split())

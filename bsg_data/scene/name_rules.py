@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import takewhile
 from operator import itemgetter
 from typing import Literal
@@ -33,6 +34,7 @@ _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _ENDINGS = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""))
 _MOST_WORDS = 12  # no name of a thing has more
 SHORT = 5  # letters: nearly every name that is no longer resembles another one
+LONGEST = 100  # characters of a name: a longer one names nothing that we know
 _LONG = 30  # letters: no word of a name has more
 _SHORT_WORD = 4  # letters of the shortest word that a longer one can be a typo of
 
@@ -63,6 +65,7 @@ def resolve(
                 return
 
 
+@lru_cache(maxsize=64)  # every rule asks again
 def take_apart(name: str) -> str:
     """Return a name with spaces for its brackets, and between the words of its camel case.
 
@@ -72,6 +75,7 @@ def take_apart(name: str) -> str:
     return _CAMEL.sub(" ", re.sub(r"[()]", " ", name))
 
 
+@lru_cache(maxsize=64)
 def separate(name: str) -> str:
     """Return a normalised name with spaces for hyphens and underscores.
 

@@ -15,14 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import separate, singulars, take_apart
+from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
 from bsg_data.scene.things import find_thing
 
 _PIECES, _SHARES, _KEEPING = (
@@ -82,6 +82,7 @@ def read_shares() -> Shares:
     return _read_shares()[1]
 
 
+@lru_cache(maxsize=4096)  # the objects of a room are asked again and again
 def find_receptacle(word: str) -> Receptacle | None:
     """Return the piece of furniture that a word names; None if things do not lie there.
 
@@ -90,6 +91,8 @@ def find_receptacle(word: str) -> Receptacle | None:
     >>> find_receptacle("banana") is None
     True
     """
+    if len(word) > LONGEST:
+        return None
     listed = _read_receptacles()
     for key in dict.fromkeys((_spell(word), _spell(take_apart(word)))):
         for form in (key, *singulars(key)):
@@ -98,6 +101,7 @@ def find_receptacle(word: str) -> Receptacle | None:
     return None
 
 
+@lru_cache(maxsize=256)
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
     listed, words = _read_keeping(), _spell(word).split(" ")

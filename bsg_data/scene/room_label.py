@@ -254,7 +254,7 @@ def normalise_room(name: str) -> str:
 def check_room_type(said: RoomType | None) -> RoomType | None:
     """Return the type of a room in common labels; probabilities of equal labels are summed.
 
-    A word that no label is known for stays, and counts as unknown; see `explain_room_type`.
+    A word that no label is known for stays, and counts as unknown; see `list_unknown`.
 
     >>> check_room_type("Hallway"), check_room_type({"hall": 0.5, "corridor": 0.25})
     ('corridor', {'corridor': 0.75})
@@ -285,17 +285,24 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
     return next(iter(found)) if list(found.values()) == [1.0] else found or None
 
 
-def explain_room_type(said: RoomType | None) -> dict[str, str]:
-    """Return word → how models read it, of the words of a type that they do not know.
+def list_unknown(said: RoomType | None) -> list[str]:
+    """Return the words of a type that models do not know.
 
-    >>> explain_room_type({"Küche": 0.5, "pharmacy": 0.25, "hall": 0.25})
-    {'Küche': 'unknown (nearest: kitchen)', 'pharmacy': 'storage room'}
+    >>> list_unknown({"Küche": 0.5, "pharmacy": 0.25, "hall": 0.25})
+    ['Küche', 'pharmacy']
     """
-    return {
-        str(word): read if read in list_room_labels() else f"unknown{name_nearest(word)}"
-        for word in _list_words(said)
-        if (read := known_label(word)) != word or read not in list_room_labels()
-    }
+    known = _index_labels()
+    return [str(w) for w in _list_words(said) if w not in known or known_label(w) != w]
+
+
+def explain_label(word: str) -> str:
+    """Return how models read a word that they do not know.
+
+    >>> explain_label("Küche"), explain_label("pharmacy")
+    ('unknown (nearest: kitchen)', 'storage room')
+    """
+    read = known_label(word)
+    return read if read in _index_labels() else f"unknown{name_nearest(word)}"
 
 
 def explain_rules(said: RoomType | None) -> dict[str, str]:

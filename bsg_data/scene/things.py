@@ -10,12 +10,12 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space, read_published, read_rows
-from bsg_data.scene.name_rules import separate, singulars, take_apart
+from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
 from bsg_data.scene.room_label import known_label, label_of
 from bsg_data.spelling import show_value
 
@@ -54,6 +54,7 @@ def list_things() -> tuple[Thing, ...]:
     return _read_things()[0]
 
 
+@lru_cache(maxsize=64)
 def find_thing(word: str) -> Thing | None:
     """Return the thing that a word names, in the singular or plural; None for other words.
 
@@ -66,6 +67,8 @@ def find_thing(word: str) -> Thing | None:
     >>> find_thing("kitchen sofa") is None
     True
     """
+    if len(word) > LONGEST:
+        return None
     listed = _read_things()[1]
     apart = take_apart(word)
     keys = dict.fromkeys((_spell(word), _spell(apart), _spell(_NUMBERED.sub("", apart))))

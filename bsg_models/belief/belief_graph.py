@@ -20,7 +20,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, SeenObject
 from bsg_data.spelling import show_value
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.pieces import furnish
+from bsg_models.belief.pieces import SeenPieces, find_pieces, furnish
 
 Mode = Literal["complete", "unseen"]
 LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
@@ -135,11 +135,15 @@ def _find_pieces(graph: PartialGraph, presence: Floats) -> Callable[[int, int], 
         objects.setdefault(obj.room_index, []).append(obj)
 
     @cache
+    def seen(room: int) -> SeenPieces:
+        return find_pieces(objects.get(room, ()))
+
+    @cache
     def find(room: int, index: int) -> str | None:
         known = furnish(
             classes[index],
             graph.rooms[room - 1],
-            objects.get(room, ()),
+            seen(room),
             classes=classes,
             unseen=presence[room],
         )

@@ -118,21 +118,20 @@ def _read_document(path: Path, named: Path) -> Any:
     if path.suffix == BINARY:
         data = convert(path)
     try:
-        document = parse_json(data, once=b'"nodes"' not in data)
-        if is_dsg(document):
-            return document
         if b'"nodes"' in data:
+            document = parse_json(data, once=False)
+            if is_dsg(document):
+                return document
             del document  # one at a time: two of them would take twice the memory
-            document = parse_json(data)
+        if len(data) > ROBOT:
+            raise RobotGraphError(
+                f"{named}: expected at most {ROBOT:,} bytes", code="file-too-large", where=named
+            )
+        return parse_json(data)
     except ValueError as error:
         raise RobotGraphError(
             f"{named}: no JSON ({str(error)[:200]})", code="json-malformed", where=named
         ) from error
-    if len(data) > ROBOT:
-        raise RobotGraphError(
-            f"{named}: expected at most {ROBOT:,} bytes", code="file-too-large", where=named
-        )
-    return document
 
 
 def _read_standard_input() -> bytes:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -82,14 +82,21 @@ def split_head(name: str) -> tuple[list[str], str]:
     >>> split_head("my cup of tea"), split_head("a pair of red running shoes")
     (([], 'cup'), (['running'], 'shoes'))
     """
+    before, head = _split_head(name)
+    return [*before], head
+
+
+@lru_cache(maxsize=4096)  # every rule splits a name again
+def _split_head(name: str) -> tuple[tuple[str, ...], str]:
     said = re.sub(r"[^\w']|_", " ", normalise_name(name)).rstrip(" 0123456789")
     words = [word.removesuffix("'s") for word in said.split()[:_MOST_WORDS]]
     bare = _PARTITIVE.sub("", _DETERMINERS.sub("", " ".join(words)))
     words = _PREPOSITION.split(bare, maxsplit=1)[0].split()
-    before = [word for word in words[:-1] if word not in _LOOKS | _MAKES]
-    return (before, words[-1]) if words else ([], "")
+    before = tuple(word for word in words[:-1] if word not in _LOOKS | _MAKES)
+    return (before, words[-1]) if words else ((), "")
 
 
+@lru_cache(maxsize=4096)
 def looks_of(name: str) -> frozenset[str]:
     """Return the words of a name that say how the thing looks.
 
@@ -97,6 +104,13 @@ def looks_of(name: str) -> frozenset[str]:
     ['big', 'red']
     """
     return _LOOKS & {*normalise_name(name).split()[:_MOST_WORDS]}
+
+
+@lru_cache(maxsize=4096)  # all that is sought is compared with all that was seen
+def _take_sets(name: str) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the words before the head of a name, and what may be the head's singular."""
+    before, head = _split_head(name)
+    return frozenset(before), frozenset((head, *singulars(head)))
 
 
 def describe_state(expected: Floats) -> Floats:
@@ -127,11 +141,11 @@ class Noun:
 
         A mug may be the red mug, as long as nobody calls it blue.
         """
-        asked, said = split_head(self.name), split_head(category)
-        heads = {said[1], *singulars(said[1])} & {asked[1], *singulars(asked[1])}
-        looks = looks_of(self.name), looks_of(category)
-        may_be = not all(looks) or not looks[0].isdisjoint(looks[1])
-        return bool(heads) and set(asked[0]) <= set(said[0]) and may_be
+        (before, heads), (told, called) = _take_sets(self.name), _take_sets(category)
+        if heads.isdisjoint(called) or not before <= told:
+            return False
+        asked, said = looks_of(self.name), looks_of(category)
+        return not asked or not said or not asked.isdisjoint(said)
 
     def includes(self, name: str) -> bool:
         """Return whether all things of a name are this noun: mugs include red mugs."""

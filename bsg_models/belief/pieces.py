@@ -22,7 +22,7 @@ Bayes' rule.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -31,7 +31,6 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
 from bsg_data.scene.receptacles import (
-    Keeping,
     Receptacle,
     find_keeping,
     find_receptacle,
@@ -69,6 +68,9 @@ _FURNISHED_LIKE: Mapping[str, str] = {
     "staircase": "corridor",
     "toilet": "bathroom",
 }
+
+
+_Labels = tuple[tuple[str, float], ...]  # of a room, with their probabilities
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,32 +116,56 @@ def kind_of(obj: SeenObject) -> Receptacle | None:
     )
 
 
-def find_supports(objects: Iterable[SeenObject]) -> dict[str, str]:
-    """Return the id of an object → that of the piece of furniture on which it is.
+@dataclass(frozen=True, eq=False)
+class SeenPieces:
+    """The furniture that was seen in a room, whatever is sought there.
 
-    A mug on a tray on a table is on the table. What is on no piece that was seen is left out.
+    Attributes:
+        pieces: that are probably there.
+        kinds: of these.
+        on: id of an object → that of the piece on which it is. A mug on a tray on a table is on the
+            table; what is on no piece that was seen is left out.
+        is_furnished: whether any furniture was seen, however doubted.
     """
+
+    pieces: tuple[SeenObject, ...]
+    kinds: tuple[Receptacle, ...]
+    on: Mapping[str, str]
+    is_furnished: bool
+
+
+def find_pieces(objects: Iterable[SeenObject]) -> SeenPieces:
+    """Return the furniture among the objects of a room, and what is on it."""
     by_name = {obj.name: obj for obj in objects}
-    found: dict[str, str] = {}
-    for name, obj in by_name.items():
-        path, below = [name], by_name.get(obj.on or "")
-        while below is not None and below.name not in found and not _is_piece(below):
-            path.append(below.name)
-            below = by_name.get(below.on or "")
-        if below is not None:
-            piece = below.name if _is_piece(below) else found[below.name]
-            found |= dict.fromkeys(path, piece)
-    return found
+    furniture = [(obj, kind) for obj in by_name.values() if (kind := kind_of(obj))]
+    known = [(obj, kind) for obj, kind in furniture if obj.is_evidence]
+    pieces, kinds = tuple(obj for obj, _ in known), tuple(kind for _, kind in known)
+    return SeenPieces(pieces, kinds, _find_supports(by_name, pieces), bool(furniture))
 
 
-def _is_piece(obj: SeenObject) -> bool:
-    return obj.is_evidence and kind_of(obj) is not None
+def _find_supports(
+    by_name: Mapping[str, SeenObject], pieces: Iterable[SeenObject]
+) -> dict[str, str]:
+    """Return the id of an object → that of the piece on which it is; each is followed once."""
+    names = {piece.name for piece in pieces}
+    found: dict[str, str | None] = {}  # None of what is on no piece
+    for first in by_name:
+        path, below = [], first
+        while below in by_name and below not in found:
+            found[below] = None
+            path.append(below)
+            below = by_name[below].on or ""
+            if below in names:
+                break
+        piece = below if path and below in names else found.get(below)
+        found |= dict.fromkeys(path, piece)
+    return {name: piece for name, piece in found.items() if piece is not None}
 
 
 def furnish(
     thing: str,
     room: KnownRoom,
-    objects: Sequence[SeenObject],
+    seen: SeenPieces,
     *,
     classes: tuple[str, ...],
     unseen: Floats,
@@ -150,7 +176,7 @@ def furnish(
     Args:
         thing: any word.
         room: where it may be.
-        objects: that were seen in the room, the pieces of furniture among them.
+        seen: the furniture of the room (`find_pieces`).
         classes: C names.
         unseen: `[C]` P(the room has an unseen object of each class).
         tidy: share of things that lie where they belong, 0 to 1.
@@ -158,21 +184,22 @@ def furnish(
     kept = find_keeping(thing)
     if kept is not None and not kept.weights:
         return None
-    people = _weigh_labels(room) @ _shares(tidy)
-    known = [(obj, kind) for obj in objects if obj.is_evidence and (kind := kind_of(obj))]
-    times = Counter(kind for _, kind in known)
-    rates = [_rate(kind, people, kept, room.hidden_share) / times[kind] for _, kind in known]
+    said = _list_labels(room)
+    times = Counter(seen.kinds)
+    each = {k: _rate(k, thing, said, tidy, room.hidden_share) / n for k, n in times.items()}
     more = [
-        float(unseen[row]) * _rate(kind, people, kept, 1.0) / (1 + times[kind])
+        float(unseen[row]) * _rate(kind, thing, said, tidy, 1.0) / (1 + times[kind])
         for row, kind in _furniture_of(classes)
     ]
-    left = _OVERLOOKED if room.visited and known else 1.0
-    return Furniture(tuple(obj for obj, _ in known), np.array([*rates, left * sum(more)]))
+    left = _OVERLOOKED if room.visited and seen.pieces else 1.0
+    rates = [each[kind] for kind in seen.kinds]
+    return Furniture(seen.pieces, np.array([*rates, left * sum(more)]))
 
 
-def _rate(kind: Receptacle, people: Floats, kept: Keeping | None, hidden: float) -> float:
+@lru_cache(maxsize=4096)  # rooms of a kind are furnished alike
+def _rate(kind: Receptacle, thing: str, room: _Labels, tidy: float, hidden: float) -> float:
     """Return the rate of all pieces of a kind together: of that people were asked."""
-    rates = people[[*kind.like]]
+    rates, kept = _weigh_pieces(room, tidy)[[*kind.like]], find_keeping(thing)
     if kept is not None:
         own = kept.weigh(kind)
         names = (list_receptacles()[one] for one in kind.like)
@@ -187,11 +214,22 @@ def _shares(tidy: float) -> Floats:
     return np.asarray(tidy * said.belongs + (1 - tidy) * said.untidy)
 
 
-def _weigh_labels(room: KnownRoom) -> Floats:
+def _list_labels(room: KnownRoom) -> _Labels:
+    said = room.room_type
+    return ((said, 1.0),) if isinstance(said, str) else tuple((said or {}).items())
+
+
+@lru_cache(maxsize=64)
+def _weigh_pieces(room: _Labels, tidy: float) -> Floats:
+    """Return the shares of people for each listed piece in a room of these labels."""
+    return np.asarray(_weigh_labels(room) @ _shares(tidy))
+
+
+def _weigh_labels(room: _Labels) -> Floats:
     """Return P(the kinds of rooms that people were asked about), `[K]`; all alike if unknown."""
-    labels, said = read_shares().rooms, room.room_type
+    labels = read_shares().rooms
     weights = np.zeros(len(labels))
-    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said or {})).items():
+    for label, likely in room:
         alike = label if label in labels else _FURNISHED_LIKE.get(label)
         if alike is not None:
             weights[labels.index(alike)] += likely

@@ -122,7 +122,7 @@ def weigh(
 
 
 def choose_room(
-    decision: Decision, ways: Ways, look: Floats, *, here: int | None, planner: AnyPlanner
+    decision: Decision, ways: Ways, look: Floats, *, here: int, planner: AnyPlanner
 ) -> int | None:
     """Return the node to go to; None if nothing is left to look for.
 
@@ -130,24 +130,27 @@ def choose_room(
         decision: about N nodes.
         ways: between them.
         look: `[N]` cost of a look.
-        here: the robot's node; None for the likeliest room, wherever it is.
+        here: the robot's node.
         planner: as `find_planner` takes it.
 
     Raises:
         RecipeError: if the planner cannot be used.
     """
-    rooms = decision.candidates() if here is None else decision.candidates(here)
-    if here is None:
-        return int(np.where(rooms, decision.likely, -1.0).argmax()) if rooms.any() else None
     return next_room_by(
         ways.costs,
         here=here,
-        explored=~rooms,
+        explored=~decision.candidates(here),
         presence=decision.finds,
         look=_look(decision, look),
         task=decision.task,
         planner=find_planner(planner),
     )
+
+
+def choose_likeliest(decision: Decision) -> int | None:
+    """Return the node of the likeliest room, wherever it is; None if nothing is left."""
+    rooms = decision.candidates()
+    return int(np.where(rooms, decision.likely, -1.0).argmax()) if rooms.any() else None
 
 
 def order_rooms(decision: Decision, ways: Ways, look: Floats, *, here: int) -> list[int]:

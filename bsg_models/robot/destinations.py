@@ -68,26 +68,29 @@ def list_spots(
         furniture: of the room.
         seen: the things of the kind that were seen in the room.
         node: of the room.
-        on: id of an object → that of its piece (`find_supports`).
+        on: id of an object → that of its piece (`SeenPieces`).
         missed: what looks at the pieces have missed.
     """
     shares = furniture.shares(missed.of_pieces).tolist()
-    loose = is_there(obj for obj in seen if obj.name not in on)
+    lying: dict[str | None, list[SeenObject]] = {}  # None: nobody said on what
+    for obj in seen:
+        lying.setdefault(on.get(obj.name), []).append(obj)
+    loose = is_there(lying.pop(None, ()))
     known = 1 - shares[-1] if furniture.pieces else 1.0
     spots = []
     for piece, share in zip((*furniture.pieces, None), shares, strict=True):
         name = None if piece is None else piece.name
-        lying = [obj for obj in seen if name is not None and on.get(obj.name) == name]
+        here = lying.get(name, ())
         carries = min(1.0, share / known) if known and (piece or not furniture.pieces) else 0.0
         spots.append(
             Spot(
                 node=node,
                 piece=piece,
                 share=share,
-                sure=1 - (1 - is_there(lying)) * (1 - carries * loose),
+                sure=1 - (1 - is_there(here)) * (1 - carries * loose),
                 missed=missed.of_pieces.get(name, 1.0),
                 again=missed.is_last and missed.last == name,
-                seen=tuple(obj.name for obj in lying),
+                seen=tuple(obj.name for obj in here),
             )
         )
     return spots

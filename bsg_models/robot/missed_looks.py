@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.observation.partial_graph import Look, PartialGraph, SeenObject
-from bsg_models.belief.pieces import find_supports, furnish
+from bsg_data.observation.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
+from bsg_models.belief.pieces import find_pieces, furnish
 from bsg_models.robot.words import Meaning
 
 _TRUSTED = 0.8  # P(a thing is where it was seen without doubt), once a look has missed it
@@ -87,13 +87,17 @@ class MissedPieces:
     last: str | None = None
 
 
-def sum_pieces(looks: Sequence[MissedLook], sought: Meaning, *, node: int) -> MissedPieces:
-    """Return what looks have missed of a thing in a room, the last one at the end."""
+def sum_pieces(looks: Sequence[MissedLook], sought: Meaning) -> dict[int, MissedPieces]:
+    """Return the rooms with looks for a thing → what these missed, the last one at the end."""
     covering = [one.look for one in looks if one.covers(sought)]
-    missed = _multiply(look for look in covering if look.room_index == node)
-    if not covering or covering[-1].room_index != node:
-        return MissedPieces(missed)
-    return MissedPieces(missed, is_last=True, last=covering[-1].at)
+    rooms: dict[int, list[Look]] = {}
+    for look in covering:
+        rooms.setdefault(look.room_index, []).append(look)
+    found = {node: MissedPieces(_multiply(some)) for node, some in rooms.items()}
+    if covering:
+        node = covering[-1].room_index
+        found[node] = replace(found[node], is_last=True, last=covering[-1].at)
+    return found
 
 
 def doubt_objects(
@@ -109,10 +113,17 @@ def doubt_objects(
         looks: that missed.
         names: meaning → whether a robot's word for an object names such a thing.
     """
-    of_rooms: dict[int, list[MissedLook]] = {}
+    looked: dict[int, list[MissedLook]] = {}
     for one in looks:
-        of_rooms.setdefault(one.look.room_index, []).append(one)
-    rooms = {node: _Searched(graph, node, some, names) for node, some in of_rooms.items()}
+        looked.setdefault(one.look.room_index, []).append(one)
+    inside: dict[int, list[SeenObject]] = {node: [] for node in looked}
+    for obj in graph.objects:
+        if obj.room_index in inside:
+            inside[obj.room_index].append(obj)
+    rooms = {
+        node: _Searched(graph.rooms[node - 1], inside[node], some, names)
+        for node, some in looked.items()
+    }
     objects = []
     for obj in graph.objects:
         missed = rooms[obj.room_index].miss(obj) if obj.room_index in rooms else 1.0
@@ -125,43 +136,61 @@ def doubt_objects(
 
 
 class _Searched:
-    """A room in which looks have missed."""
+    """A room in which looks have missed. Of each word that was seen there, it decides once."""
 
     def __init__(
         self,
-        graph: PartialGraph,
-        node: int,
-        looks: Sequence[MissedLook],
+        room: KnownRoom,
+        objects: Iterable[SeenObject],
+        looks: Iterable[MissedLook],
         names: Callable[[Meaning], Callable[[str], bool]],
     ) -> None:
-        self._room = graph.rooms[node - 1]
-        self._objects = [obj for obj in graph.objects if obj.room_index == node]
-        self._on = find_supports(self._objects)
-        words = {one.meaning.word: one.meaning for one in looks}
+        self._room, self._seen = room, find_pieces(objects)
+        sought: dict[str, list[MissedLook]] = {}
+        for one in looks:
+            sought.setdefault(one.meaning.word, []).append(one)
         self._sought = [
-            (names(meaning), meaning, _multiply(o.look for o in looks if o.meaning.word == word))
-            for word, meaning in words.items()
+            (names(some[0].meaning), _Missed(some[0].meaning, _multiply(o.look for o in some)))
+            for some in sought.values()
         ]
+        self._named: dict[str, list[_Missed]] = {}  # word of an object → what sought such things
+        self._missed: dict[tuple[str, str | None], float] = {}  # word and piece → see `miss`
 
     def miss(self, obj: SeenObject) -> float:
         """Return P(all looks miss an object that is there)."""
-        missed = 1.0
-        for is_sought, meaning, looks in self._sought:
-            if is_sought(obj.raw_category):
-                missed *= looks.get(None, 1.0) * self._miss_at_pieces(obj, meaning, looks)
-        return missed
+        word, piece = obj.raw_category, self._seen.on.get(obj.name)
+        if word not in self._named:
+            self._named[word] = [one for is_sought, one in self._sought if is_sought(word)]
+        if (word, piece) not in self._missed:
+            missed = 1.0
+            for one in self._named[word]:
+                missed *= one.looks.get(None, 1.0) * self._miss_at_pieces(one, piece)
+            self._missed[word, piece] = missed
+        return self._missed[word, piece]
 
-    def _miss_at_pieces(
-        self, obj: SeenObject, meaning: Meaning, looks: Mapping[str | None, float]
-    ) -> float:
-        """Return P(looks at pieces miss an object); nobody may know on which of them it is."""
-        if obj.name in self._on:
-            return looks.get(self._on[obj.name], 1.0)
-        if looks.keys() <= {None}:
+    def _miss_at_pieces(self, one: _Missed, piece: str | None) -> float:
+        """Return P(looks at pieces miss what is on one; None: nobody knows on which)."""
+        if piece is not None:
+            return one.looks.get(piece, 1.0)
+        if one.somewhere is None:
+            one.somewhere = self._miss_somewhere(one)
+        return one.somewhere
+
+    def _miss_somewhere(self, one: _Missed) -> float:
+        if one.looks.keys() <= {None}:
             return 1.0
         none: Floats = np.zeros(0)  # it is on a piece that was seen
-        known = furnish(meaning.said, self._room, self._objects, classes=(), unseen=none)
-        return 1.0 if known is None else known.overlooked(looks)
+        known = furnish(one.meaning.said, self._room, self._seen, classes=(), unseen=none)
+        return 1.0 if known is None else known.overlooked(one.looks)
+
+
+@dataclass(eq=False, slots=True)
+class _Missed:
+    """What looks for one word have missed in a room."""
+
+    meaning: Meaning
+    looks: Mapping[str | None, float]  # see `_multiply`
+    somewhere: float | None = None  # P(they miss what is on any piece); None until it is asked
 
 
 def _multiply(looks: Iterable[Look]) -> dict[str | None, float]:

@@ -97,4 +97,4 @@ def _note_classless(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
 def _list(names: Sequence[str]) -> str:
     """Return the first names, and how many more there are."""
     more = f", and {len(names) - _MOST_NAMES:,} more" if len(names) > _MOST_NAMES else ""
-    return ", ".join(names[:_MOST_NAMES]) + more
+    return ", ".join(name or "(no name)" for name in names[:_MOST_NAMES]) + more

@@ -20,7 +20,7 @@ from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar, overload
 
 import numpy as np
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Bools, Floats
 from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
@@ -53,9 +53,10 @@ from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, be
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
-from bsg_models.belief.pieces import TIDY, Furniture, find_supports, furnish, kind_of
+from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish, kind_of
 from bsg_models.robot.decision import (
     Decision,
+    choose_likeliest,
     choose_room,
     choose_rooms,
     order_rooms,
@@ -70,7 +71,13 @@ from bsg_models.robot.destinations import (
     list_spots,
 )
 from bsg_models.robot.looks import AnyLook, cost_looks
-from bsg_models.robot.missed_looks import MissedLook, doubt_objects, sum_looks, sum_pieces
+from bsg_models.robot.missed_looks import (
+    MissedLook,
+    MissedPieces,
+    doubt_objects,
+    sum_looks,
+    sum_pieces,
+)
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.thing_belief import (
     SHARE_OF_KIND,
@@ -151,6 +158,15 @@ class ExpectedClass:
     seen: int  # number that was seen there
 
 
+@dataclass(frozen=True, eq=False)
+class _Sought:
+    """A thing that is sought, in the graph as it is now."""
+
+    meaning: Meaning
+    belief: ThingBelief
+    missed: Mapping[int, MissedPieces]  # by node with looks for it
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """A room in the order in which a robot would search."""
@@ -171,6 +187,7 @@ _MOST_HOURS = 1e9
 _LISTED = 8  # objects in an error
 _SHOWN_PIECES = 3  # of each room
 _MOST_MEANINGS = 1000  # words that are remembered
+_MOST_SOUGHT = 32  # of these, what is believed of them
 _LEAST = 1e-12  # a smaller number is not divided by
 
 
@@ -259,6 +276,7 @@ class SeenBuilding:
         # 0: the building's own, 1: the wide one, 2: that nouns are judged by
         self._models = {0: own}
         self._meanings: dict[str, Meaning] = {}
+        self._unknown: set[str] = set()
         self._named = 0  # the highest number of an id that was given
         self._expectations: dict[int, Expectation] = {}
         self._evidence: PartialGraph | None = None
@@ -663,6 +681,8 @@ class SeenBuilding:
         self._graph, self._whole, self._looks = graph, whole, looks
         self._read: dict[int, PartialGraph] = {0: whole}
         self._by_room: dict[int, list[SeenObject]] = {}
+        self._pieces: dict[int, SeenPieces] = {}
+        self._sought: dict[str, _Sought] = {}
 
     def _keep_looks(self, graph: PartialGraph) -> PartialGraph:
         """Return the graph in which looks at a piece that is gone are looks into its room.
@@ -670,6 +690,7 @@ class SeenBuilding:
         They have the chance that the piece had its share of.
         """
         room_of = {obj.name: obj.room_index for obj in graph.objects}
+        left: dict[str, dict[str, float | None]] = {}  # a piece that is gone → scores in its room
         for one in graph.looks:
             meaning = self._understand_or_none(one.thing)
             if one.at is None or room_of.get(one.at) == one.room_index or meaning is None:
@@ -678,13 +699,16 @@ class SeenBuilding:
             if furniture is not None and one.at in furniture.names:
                 missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
                 graph = reports.look(graph, replace(one, at=None, chance=missed))
-                left = {obj.name: obj.score for obj in self._objects_of(one.room_index)}
-                objects = tuple(
-                    replace(obj, score=left.get(obj.name, 0.0)) if obj.on == one.at else obj
-                    for obj in graph.objects
-                )
-                graph = replace(graph, objects=objects)
-        return graph
+                if one.at not in left:
+                    objects = self._objects_of(one.room_index)
+                    left[one.at] = {obj.name: obj.score for obj in objects}
+        if not left:
+            return graph
+        objects = tuple(
+            replace(obj, score=left[obj.on].get(obj.name, 0.0)) if obj.on in left else obj
+            for obj in graph.objects
+        )
+        return replace(graph, objects=objects)
 
     # Questions of the robot
 
@@ -743,8 +767,8 @@ class SeenBuilding:
     def _list_rooms(
         self, thing: str, here: str | None, costs: Costs | None, tidy: float
     ) -> tuple[Place, ...]:
-        meaning = self.understand(thing)
-        belief = self._look_up(thing)
+        sought = self._seek(thing)
+        belief = sought.belief
         known_costs = {} if here is None else self._known_costs(here, costs)
         number = len(self._graph.rooms)
         anywhere = max(float(belief.probability[0]), _LEAST)
@@ -758,7 +782,7 @@ class SeenBuilding:
                 expected=float(belief.expected[node]),
                 seen=tuple(obj.name for obj in belief.seen[node]),
                 cost=known_costs.get(node),
-                pieces=self._best_pieces(belief, meaning, node, tidy),
+                pieces=self._best_pieces(sought, node, tidy),
             )
             for node, room in enumerate(self._graph.rooms, 1)
         ]
@@ -792,7 +816,7 @@ class SeenBuilding:
 
         It is never below that of the likeliest room.
         """
-        return float(self._look_up(thing).probability[0])
+        return float(self._seek(thing).belief.probability[0])
 
     @_alone
     def expected(self, room: str) -> tuple[ExpectedClass, ...]:
@@ -852,11 +876,15 @@ class SeenBuilding:
         """
         require_task(task)
         find_planner(planner)
-        starts = [] if here is None else [find_room(self._graph, here)]
-        ways, costs_of_looks = self._cost(costs, look)
-        decision, _ = self._weigh(things, starts, ways, chance, task)
-        start = starts[0] if starts else None
-        node = choose_room(decision, ways, costs_of_looks, here=start, planner=planner)
+        if here is None:
+            if costs is not None or look is not None:
+                self._cost(costs, look)  # what is said must be right, though it does not count
+            node = choose_likeliest(self._weigh(things, [], None, chance, task)[0])
+        else:
+            start = find_room(self._graph, here)
+            ways, costs_of_looks = self._cost(costs, look)
+            decision, _ = self._weigh(things, [start], ways, chance, task)
+            node = choose_room(decision, ways, costs_of_looks, here=start, planner=planner)
         return None if node is None else self._name(node)
 
     @_alone
@@ -890,7 +918,7 @@ class SeenBuilding:
         Raises:
             RecipeError: as `next_room`, and if there is no such piece.
         """
-        start, meaning = find_room(self._graph, here), self.understand(thing)
+        start, sought = find_room(self._graph, here), self._seek(thing)
         piece = None if at is None else self._find_piece(at, start).name
         ways, costs_of_looks = self._cost(costs, None)
         look_at = LOOK_AT * ways.metre if look is None else read_number("look", look, most=1e9)
@@ -898,7 +926,7 @@ class SeenBuilding:
         spots = [
             spot
             for node in range(1, 1 + len(self._whole.rooms))
-            for spot in self._list_places(belief, meaning, node)
+            for spot in self._list_places(sought, node)
         ]
         unseen = belief.finds_unseen(chance)
         left = decision.finds[:, 0] > 0
@@ -921,11 +949,11 @@ class SeenBuilding:
             return None
         return Destination(self._name(chosen.node), chosen.name)
 
-    def _list_places(self, belief: ThingBelief, meaning: Meaning, node: int) -> list[Spot]:
+    def _list_places(self, sought: _Sought, node: int) -> list[Spot]:
         """Return where to look in a room."""
-        spots = self._list_spots(belief, meaning, node)
+        spots = self._list_spots(sought, node)
         if not spots:
-            return [Spot(node=node, sure=is_there(belief.seen[node]))]
+            return [Spot(node=node, sure=is_there(sought.belief.seen[node]))]
         return leave_rest(spots) if self._whole.rooms[node - 1].visited else spots
 
     @_alone
@@ -1028,9 +1056,10 @@ class SeenBuilding:
         """
         belief, rooms = self._believe(0)[1], np.arange(1 + len(self._graph.rooms))
         chances = np.zeros(belief.inputs.shape)
-        for meaning in {m.word: m for m in (one.meaning for one in self._looks)}.values():
-            if meaning.model == 0 and meaning.is_class:
-                chances[:, meaning.class_index] = 1 - self._sum_looks(meaning, nodes=len(chances))
+        words = {one.meaning.word: one.meaning for one in self._looks}.values()
+        own = {m.class_index: m for m in words if m.model == 0 and m.is_class}
+        for index, meaning in own.items():
+            chances[:, index] = 1 - self._sum_looks(meaning, nodes=len(chances))
         if chances.any():
             belief = replace(belief, hidden_counts=after_looks(belief.hidden_counts, chances))
         # A doubted object is no evidence, and is one of those that were seen all the same.
@@ -1091,9 +1120,14 @@ class SeenBuilding:
         return replace(found, word=word, thing=thing, how=how, told=told, is_kind=is_kind)
 
     def _understand_or_none(self, thing: str) -> Meaning | None:
+        if thing in self._unknown:
+            return None
         try:
             return self.understand(thing)
-        except RecipeError:
+        except RecipeError:  # which takes long, to say what may have been meant
+            if len(self._unknown) >= _MOST_MEANINGS:
+                self._unknown.clear()
+            self._unknown.add(thing)
             return None
 
     @_alone
@@ -1156,7 +1190,7 @@ class SeenBuilding:
         self,
         things: str | Sequence[str],
         here: Sequence[int],
-        ways: Ways,
+        ways: Ways | None,
         chance: float,
         task: Task,
     ) -> tuple[Decision, list[ThingBelief]]:
@@ -1167,10 +1201,12 @@ class SeenBuilding:
         # A thing that is asked for in two words is one thing.
         meanings = {_key_of(self.understand(word)): word for word in reversed(words)}
         distinct = [word for word in words if word in meanings.values()]
-        beliefs = [self._look_up(word) for word in distinct]
+        beliefs = [self._seek(word).belief for word in distinct]
         nodes = 1 + len(self._whole.rooms)
         looked = [sum_looks(self._looks, self.understand(w), nodes=nodes) for w in distinct]
-        open_ = np.isfinite(ways.costs[list(here)]).sum(axis=0) > (-1 if not here else 0)
+        open_: Bools = np.ones(nodes, dtype=bool)  # from wherever the robot is
+        if ways is not None:
+            open_ = np.asarray(np.isfinite(ways.costs[list(here)]).any(axis=0))
         found = weigh(beliefs, looked, here=here, open_=open_, chance=chance, task=task)
         return found, beliefs
 
@@ -1202,8 +1238,17 @@ class SeenBuilding:
 
         return is_of_class
 
-    def _look_up(self, thing: str) -> ThingBelief:
-        meaning = self.understand(thing)
+    def _seek(self, thing: str) -> _Sought:
+        """Return what is known of a thing; a question asks several times."""
+        if thing not in self._sought:
+            meaning = self.understand(thing)
+            found = _Sought(meaning, self._look_up(meaning), sum_pieces(self._looks, meaning))
+            if len(self._sought) >= _MOST_SOUGHT:
+                self._sought.clear()
+            self._sought[thing] = found
+        return self._sought[thing]
+
+    def _look_up(self, meaning: Meaning) -> ThingBelief:
         graph = self._whole
         if meaning.noun is not None:
             graph, belief = self._believe(self._judge)
@@ -1239,17 +1284,15 @@ class SeenBuilding:
         return held.after(1 - self._sum_looks(meaning, nodes=len(seen)))
 
     def _list_pieces(self, thing: str, node: int, tidy: float) -> tuple[Piece, ...]:
-        belief, meaning = self._look_up(thing), self.understand(thing)
-        return self._describe_pieces(belief, self._list_spots(belief, meaning, node, tidy))
+        sought = self._seek(thing)
+        return self._describe_pieces(sought.belief, self._list_spots(sought, node, tidy))
 
-    def _best_pieces(
-        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float
-    ) -> tuple[Piece, ...]:
+    def _best_pieces(self, sought: _Sought, node: int, tidy: float) -> tuple[Piece, ...]:
         """Return the likeliest pieces of a room; none if no furniture was seen there."""
-        if not any(map(kind_of, self._objects_of(node))):
+        if not self._pieces_of(node).is_furnished:
             return ()
-        spots = self._list_spots(belief, meaning, node, tidy)
-        return self._describe_pieces(belief, spots)[:_SHOWN_PIECES]
+        spots = self._list_spots(sought, node, tidy)
+        return self._describe_pieces(sought.belief, spots)[:_SHOWN_PIECES]
 
     def _describe_pieces(self, belief: ThingBelief, spots: Sequence[Spot]) -> tuple[Piece, ...]:
         pieces = (
@@ -1264,20 +1307,24 @@ class SeenBuilding:
         )
         return tuple(sorted(pieces, key=lambda one: (one.piece is None, -one.probability)))
 
-    def _list_spots(
-        self, belief: ThingBelief, meaning: Meaning, node: int, tidy: float = TIDY
-    ) -> list[Spot]:
+    def _list_spots(self, sought: _Sought, node: int, tidy: float = TIDY) -> list[Spot]:
         """Return the pieces of a room where a thing may be, then its rest; none if it stands."""
-        furniture = self._furnish(meaning, node, tidy)
+        furniture = self._furnish(sought.meaning, node, tidy)
         if furniture is None:
             return []
         return list_spots(
             furniture,
-            belief.seen[node],
+            sought.belief.seen[node],
             node=node,
-            on=find_supports(self._objects_of(node)),
-            missed=sum_pieces(self._looks, meaning, node=node),
+            on=self._pieces_of(node).on,
+            missed=sought.missed.get(node, MissedPieces({})),
         )
+
+    def _pieces_of(self, node: int) -> SeenPieces:
+        """Return the furniture of a room, as looks leave it."""
+        if node not in self._pieces:
+            self._pieces[node] = find_pieces(self._objects_of(node))
+        return self._pieces[node]
 
     def _objects_of(self, node: int) -> Sequence[SeenObject]:
         """Return the objects of a room, as looks leave them."""
@@ -1291,7 +1338,7 @@ class SeenBuilding:
         return furnish(
             meaning.said,
             self._whole.rooms[node - 1],
-            self._objects_of(node),
+            self._pieces_of(node),
             classes=self._models[0].classes,
             unseen=belief.presence[node],
             tidy=tidy,
@@ -1300,11 +1347,10 @@ class SeenBuilding:
     def _sum_looks(self, meaning: Meaning, *, nodes: int) -> Floats:
         """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
         missed = sum_looks(self._looks, meaning, nodes=nodes).missed
-        for node in {one.look.room_index for one in self._looks if one.look.at is not None}:
-            furniture = self._furnish(meaning, node)
-            if furniture is not None:
-                pieces = sum_pieces(self._looks, meaning, node=node).of_pieces
-                missed[node] *= furniture.overlooked(pieces)
+        for node, pieces in sum_pieces(self._looks, meaning).items():
+            is_at_pieces = not pieces.of_pieces.keys() <= {None}
+            if is_at_pieces and (furniture := self._furnish(meaning, node)) is not None:
+                missed[node] *= furniture.overlooked(pieces.of_pieces)
         return missed
 
     def _model(self, model: int) -> Predictor:

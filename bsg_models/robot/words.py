@@ -21,15 +21,16 @@ from bsg_data.scene.class_map import (
     read_real_words,
 )
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import SHORT, index_words, is_typo, mend, singulars
+from bsg_data.scene.name_rules import LONGEST, SHORT, index_words, is_typo, mend, singulars
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.belief.nouns import COLOURS, SIZES, Noun, NounTable, looks_of, split_head
 
-MOST_CHARACTERS = 100
+MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
 _OFFERED = 3  # nouns offered in an error
+_REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be forgotten in turn
 _LISTED = 8  # rooms listed in an error
 _LABELS = 3  # kinds of rooms in a note
 # What follows says where a thing is, not what it is.
@@ -149,20 +150,22 @@ def find_kind(said: str) -> str | None:
 
     An old man is a person, but a fire blanket is no event.
     """
+    if len(said) > LONGEST:
+        return None
     before, head = split_head(said)
     kinds = (_read_kinds().get(one) for one in (head, *singulars(head)))
     kind = next(filter(None, kinds), None)
     return kind if kind == "person" or not before else None
 
 
-@lru_cache(maxsize=4096)  # the objects of a map are asked again and again
+@lru_cache(maxsize=_REMEMBERED)  # the objects of a map are asked again and again
 def find_everyday(word: str) -> Thing | None:
     """Return the everyday thing that a word names, whatever the thing looks like.
 
     A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
     one typo is mended.
     """
-    return _find_listed(word) or _find_mended(word)
+    return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
 
 
 def _find_listed(word: str) -> Thing | None:
@@ -187,7 +190,7 @@ def _find_mended(word: str) -> Thing | None:
     return next(filter(None, map(find_thing, near)), None)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=_REMEMBERED)
 def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     """Return the everyday thing of which a name without a row says more, and what it says more.
 
@@ -197,6 +200,8 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     >>> [(thing.name, told) for thing, told in [find_wider("my Nokia phone")] if thing]
     [('phone', ('nokia',))]
     """
+    if len(word) > LONGEST:
+        return None, ()
     said = _name_only(word)
     before, head = split_head(said)
     known = load_class_map().classify(said)
@@ -208,6 +213,7 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     return None, ()
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def tell_apart(word: str) -> frozenset[str]:
     """Return the words that tell a thing from others of its row: how it looks, its brand or kind.
 

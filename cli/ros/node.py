@@ -32,7 +32,7 @@ from bsg_cli.ros.requests import TOPICS, Robot, read_detections
 from bsg_data.files import encode_json, hold, write_bytes
 from bsg_data.observation.robot_json import RobotGraphError, encode_robot_graph
 from bsg_data.spelling import ask_if_meant
-from bsg_data.tables import make_plain
+from bsg_data.tables import make_line
 
 try:
     from vision_msgs.msg import Detection3DArray
@@ -103,7 +103,7 @@ class BeliefNode:
     def _open(self, graph: Any) -> bsg_models.SeenBuilding:
         seen = bsg_models.open_graph(graph or _NOTHING, model=self.model)
         for note in seen.notes:
-            self.log.info(make_plain(note))
+            self.log.info(make_line(note))
         self.log.info(f"{_count(seen)} by {self.model} from {graph or 'no file'}")
         return seen
 
@@ -111,13 +111,13 @@ class BeliefNode:
         """Answer a text."""
         answer = self.robot.hear(topic, message.data)
         if "error" in answer:
-            self.log.warning(make_plain(f"~/{topic}: {answer['error']}"))
+            self.log.warning(make_line(f"~/{topic}: {answer['error']}"))
         elif topic == "where":
             self.thing = answer["things"][0]["thing"]
         elif topic == "next_place":
             self.thing = answer["thing"]
         for note in answer.get("notes", ()):
-            self.log.info(make_plain(f"~/{topic}: {note}"))
+            self.log.info(make_line(f"~/{topic}: {note}"))
         self.answers.publish(String(data=encode_json(answer)))
 
     def detect(self, message: Any) -> None:
@@ -138,7 +138,7 @@ class BeliefNode:
             if len(self.said) >= _MOST_SAID:
                 self.said.clear()
             self.said.add(text)
-            log(make_plain(text))
+            log(make_line(text))
 
     def reset(self, _: Any, answer: Any) -> Any:
         """Begin with the parameter `graph` again."""
@@ -171,7 +171,7 @@ class BeliefNode:
                 write_bytes(self.state, _encode(seen).encode())
                 self.kept = seen.graph
             except bsg_data.BSGError as error:
-                self.log.error(make_plain(str(error)), throttle_duration_sec=10.0)
+                self.log.error(make_line(str(error)), throttle_duration_sec=10.0)
 
 
 def run(ros_args: Sequence[str]) -> None:
@@ -190,7 +190,7 @@ def run(ros_args: Sequence[str]) -> None:
         try:
             for name in _list_unknown(ros_args):
                 hint = ask_if_meant(name, PARAMETERS) or f"parameters are {', '.join(PARAMETERS)}"
-                node.get_logger().warning(make_plain(f"no parameter {name!r}; {hint}"))
+                node.get_logger().warning(make_line(f"no parameter {name!r}; {hint}"))
             belief = BeliefNode(node, held)
             rclpy.spin(node)
         except ParameterException as error:

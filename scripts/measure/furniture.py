@@ -30,7 +30,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
 from bsg_data.scene.receptacles import find_receptacle, read_shares
-from bsg_models.belief.pieces import TIDY, furnish
+from bsg_models.belief.pieces import TIDY, find_pieces, furnish
 from bsg_models.evaluation.bootstrap import Estimate, estimate_value, weigh_buildings
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
 
@@ -65,7 +65,7 @@ def rate(thing: str, room: str, pieces: Sequence[str], *, tidy: float = TIDY) ->
     """Return the shares that the library gives the pieces of a room, unseen ones apart."""
     known = KnownRoom("room", hidden_share=1.0, room_type=room)
     objects = [SeenObject(str(n), 1, one, None, None) for n, one in enumerate(pieces)]
-    found = furnish(thing, known, objects, classes=(), unseen=np.zeros(0), tidy=tidy)
+    found = furnish(thing, known, find_pieces(objects), classes=(), unseen=np.zeros(0), tidy=tidy)
     return np.ones(len(pieces)) if found is None else found.shares({})[:-1]
 
 

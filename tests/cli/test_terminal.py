@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 import bsg_models
-from bsg_cli.terminal import Command, print_json, print_text, progress_bar
+from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
 
 SCRIPT = """
@@ -188,3 +188,8 @@ def test_json_says_what_a_terminal_would_obey_as_escapes(
     assert not any(c in said for c in "\x9b\u202e\u2028\x7f\U000e0001")
     assert "é 🛏" in said
     assert json.loads(said) == {name: [name]}
+
+
+def test_a_note_is_one_line_whatever_a_stranger_wrote(capsys: pytest.CaptureFixture[str]) -> None:
+    print_note("no room 'a\nError: all is well\r\n\u2028b'")
+    assert len(capsys.readouterr().err.splitlines()) == 1

@@ -26,7 +26,7 @@ import pytest
 from book_files import BOOK, SHARED, SHEET, make_book
 from book_files import pack as pack_book
 
-from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS
+from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS, MAX_ROBOT_SOUGHT
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
 SECONDS, BYTES = 20, 2 * 2**30
@@ -222,6 +222,12 @@ LISTS = "[" + "[]," * 20_000_000 + "[]]"
 CORNERS = [[n % 7, n * n % 11] for n in range(3_000)]
 FOOTPRINT = json.dumps({"scene_id": "a", "rooms": [{"id": "b", "footprint": CORNERS}]})
 TWICE = json.dumps({str(n): 0 for n in range(300_000)})[:-1] + ', "7": 1}'
+SPACED = '{"rooms": [], "x": {' + ",".join(f'"{n:x}" :1' for n in range(4_400_000)) + "}}"
+PAIRS = json.dumps({"rooms": [{"id": "a"}, {"id": "b"}], "adjacency": [["a", "b"]] * 1_400_000})
+TYPES = [{f"w{n}x{m}": 0.01 for m in range(60)} for n in range(5_000)]
+KINDS = json.dumps({"rooms": [{"id": f"k{n}", "room_type": one} for n, one in enumerate(TYPES)]})
+CROSSED = [[n * 7 % 11, n * n % 13] for n in range(256)]
+FLOORS = json.dumps({"rooms": [{"id": f"k{n}", "footprint": CROSSED} for n in range(4_900)]})
 BOMBS = {
     # name: what makes the file, its name, what reads it
     "zip of line feeds": (make_zip, "a.zip", ZIP),
@@ -235,6 +241,10 @@ BOMBS = {
     "JSON of 20,000,000 lists": (text(LISTS), "a.json", ROBOT),
     "packed JSON of 20,000,000 lists": (pack(LISTS), "a.json.gz", ROBOT),
     "footprint of 3,000 corners": (text(FOOTPRINT), "a.json", ROBOT),
+    "footprints of 1,254,400 corners": (text(FLOORS), "a.json", ROBOT),
+    "1,400,000 pairs of rooms": (text(PAIRS), "a.json", ROBOT),
+    "300,000 words for kinds of rooms": (text(KINDS), "a.json", ROBOT),
+    "JSON of 4,400,000 keys before spaces": (text(SPACED), "a.json", ROBOT),
     "a long word in 200,000 rows": (make_long_word, "a.parquet", TABLE),
     "a row of 50 million rooms": (make_long_list, "a.parquet", TABLE),
     "20,000 long words": (make_long_words, "a.parquet", TABLE),
@@ -307,11 +317,33 @@ OBJECTS = [
     {"id": f"{one}", "category": f"thing {one} of mine", "room": f"r{one % MAX_ROBOT_ROOMS}"}
     for one in range(MAX_ROBOT_OBJECTS)
 ]
-ROUND = [[math.cos(turn / 20), math.sin(turn / 20)] for turn in range(125)]
+ROUND = [[math.cos(turn / 7), math.sin(turn / 7)] for turn in range(40)]  # crosses no line
 SIMPLE = {f"room {one}": [f"thing {one} {n}" for n in range(10)] for one in range(MAX_ROBOT_ROOMS)}
 LINES = (f'{one},{one:06X},"thing {one}",{one % 5_000}\n' for one in range(1, 490_000))
 KITCHEN = "{label: kitchen, centroid: {x: 1.0, y: 1.25, z: -2.0}, dims: {x: 2, y: 2.5, z: 4}}"
 GRAPH = ("bsg_models.belief.graph_file", "read_graph", "read_graph(path)")
+FIND = ("bsg_models.robot.seen_building", "open_graph", "open_graph(path).where('mug')")
+KITCHEN_OF_PILES = {"id": "k"}
+TABLES = [{"id": f"t{n}", "room": "k", "category": "table"} for n in range(24_000)]
+MUGS = [{"id": f"m{n}", "room": "k", "category": "mug"} for n in range(24_000)]
+CUPS = [{"id": f"{n}", "room": "k", "category": "cup", "on": f"{n + 1}"} for n in range(49_000)]
+PILES: dict[str, dict[str, object]] = {
+    "loose mugs and a look": {
+        "objects": [*TABLES, *MUGS],
+        "looks": [{"room": "k", "thing": "mug", "at": "t1"}],
+    },
+    "a pile of cups": {
+        "objects": [*TABLES[:9], *CUPS, {"id": "49000", "room": "k", "category": "cup"}]
+    },
+    "mugs on tables": {"objects": [*TABLES, *(m | {"on": f"t{m['id'][1:]}"} for m in MUGS)]},
+    "looks for many things": {
+        "objects": [{"room": "k", "category": f"q{n}w mug"} for n in range(49_000)],
+        "looks": [{"room": "k", "thing": f"z{n}e mug"} for n in range(MAX_ROBOT_SOUGHT)],
+    },
+    "long names": {
+        "objects": [{"room": "k", "category": f"q{n}w {'ab cd ' * 75}"} for n in range(49_000)]
+    },
+}
 LARGEST = {
     "robot's graph": (
         text(json.dumps({"scene_id": "a", "rooms": ROOMS, "objects": OBJECTS})),
@@ -324,6 +356,15 @@ LARGEST = {
         ROBOT,
     ),
     "simplest map": (text(json.dumps(SIMPLE)), "a.json", GRAPH),
+    "crossing footprints": (
+        text(json.dumps({"rooms": [{"id": f"{n}", "footprint": CROSSED} for n in range(780)]})),
+        "a.json",
+        GRAPH,
+    ),
+    **{
+        name: (text(json.dumps({"rooms": [KITCHEN_OF_PILES], **said})), "a.json", FIND)
+        for name, said in PILES.items()
+    },
     "annotation": (text("".join(("HM3D Semantic Annotations\n", *LINES))), "a.txt", ANNOTATION),
     "house": (
         make_house(L=1, R=1_000, S=50_000, V=50_000, C=50_000, O=50_000, E=790_000),

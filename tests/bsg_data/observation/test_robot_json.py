@@ -15,10 +15,17 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS
+from bsg_data.inputs.bounds import (
+    MAX_ROBOT_OBJECTS,
+    MAX_ROBOT_PAIRS,
+    MAX_ROBOT_ROOMS,
+    MAX_ROBOT_SOUGHT,
+)
+from bsg_data.observation import reports, robot_json
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_data.observation.partial_graph import (
     KnownRoom,
+    Look,
     SeenObject,
     check_report,
     reclassify,
@@ -522,3 +529,38 @@ def test_a_graph_with_very_many_keys_is_refused_for_the_first(said: Any, why: st
 def test_a_detector_has_a_bound_of_words(said: Any) -> None:
     with refuses(RobotGraphError, "graph-malformed", where="x"):
         parse_robot_graph({"scene_id": "a", "rooms": [], "detector": said}, path=Path("x"))
+
+
+def test_what_a_graph_has_in_all_is_bounded_and_one_at_the_bound_is_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for bound, most in (("ALL_CORNERS", 6), ("ROBOT_TYPES", 4), ("ROBOT_KINDS", 3)):
+        monkeypatch.setattr(robot_json, f"MAX_{bound}", most)
+    corners = [[0, 0], [1, 0], [1, 1]]
+    types = ({"hall": 0.5, "den": 0.2}, {"hall": 0.5, "pantry": 0.2})
+    rooms = [{"id": str(n), "footprint": corners, "room_type": types[n]} for n in range(2)]
+    assert len(parse_robot_graph({"rooms": rooms}, path=Path("x")).rooms) == 2
+    for more in (
+        {"id": "2", "footprint": corners},
+        {"id": "2", "room_type": {"hall": 0.5}},
+        {"id": "2", "room_type": "attic"},
+    ):
+        with refuses(RobotGraphError, "graph-malformed", "x"):
+            parse_robot_graph({"rooms": [*rooms, more]}, path=Path("x"))
+
+
+def test_pairs_of_rooms_and_things_that_looks_sought_are_bounded() -> None:
+    two = {"rooms": [{"id": "a"}, {"id": "b"}]}
+    pairs = [["a", "b"]] * MAX_ROBOT_PAIRS
+    graph = parse_robot_graph({**two, "adjacency": pairs}, path=Path("x"))
+    assert graph.adjacency == ((1, 2),)
+    with refuses(RobotGraphError, "graph-malformed", "x"):
+        parse_robot_graph({**two, "adjacency": [*pairs, ["a", "b"]]}, path=Path("x"))
+    looks = [{"room": "a", "thing": f"thing {n}"} for n in range(MAX_ROBOT_SOUGHT)]
+    graph = parse_robot_graph({**two, "looks": [*looks, *looks]}, path=Path("x"))
+    assert len(graph.looks) == 2 * MAX_ROBOT_SOUGHT
+    with refuses(RobotGraphError, "graph-malformed", "x"):
+        parse_robot_graph({**two, "looks": [*looks, looks[0] | {"thing": "mug"}]}, path=Path("x"))
+    reports.look(graph, Look(2, "thing 1", 0.5))
+    with refuses(RecipeError, "looks-too-many", "x"):
+        reports.look(graph, Look(2, "mug", 0.5))

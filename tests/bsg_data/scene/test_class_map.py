@@ -29,6 +29,7 @@ from bsg_data.scene.class_space import (
     load_class_space,
     parse_class_space,
 )
+from bsg_data.scene.name_rules import LONGEST
 
 # The paper's own names (section IV); the other 23 are in mappings/README.md.
 PAPER = (
@@ -237,3 +238,11 @@ def test_strange_words_do_not_stay() -> None:
         assert tracemalloc.get_traced_memory()[0] < 15_000_000
     finally:
         tracemalloc.stop()
+
+
+def test_no_rule_reads_a_name_that_is_too_long() -> None:
+    class_map = load_class_map()
+    just = f"{'x' * (LONGEST - 17)} leather armchair"
+    assert class_map.classify(just).category == "armchair"
+    assert class_map.classify(f"x{'x' * LONGEST} leather armchair").role == "unmapped"
+    assert all(len(name) <= LONGEST for name in class_map._resolved)

@@ -22,6 +22,7 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import RobotGraphError, read_robot_graph
+from bsg_models.belief import graph_file
 from bsg_models.belief.annotation import strip_annotation
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
@@ -407,3 +408,14 @@ def test_keys_of_somebody_else_are_compared_with_ours_once(tmp_path: Path) -> No
         one["attributes"]["metadata"] = {"bsg": {f"tracker {n}": 0 for n in range(100_000)}}
     assert len(read_graph(write_graph(path, graph)).rooms) == 2
     assert time.process_time() - began < 5
+
+
+def test_a_graph_that_is_too_large_is_refused_before_it_is_parsed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(graph_file, "ROBOT", 20)
+    monkeypatch.setattr(graph_file, "parse_json", None)
+    path = tmp_path / "a.json"
+    path.write_text('{"kitchen": ["sink"], "hall": []}', "utf-8")
+    with refuses(RobotGraphError, "file-too-large", path):
+        read_graph(path)

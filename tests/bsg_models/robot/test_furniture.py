@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,16 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_data.observation.partial_graph import KnownRoom, SeenObject
+from bsg_data.observation.partial_graph import KnownRoom, Look, SeenObject
 from bsg_data.scene.receptacles import find_keeping, find_receptacle, read_shares
 from bsg_models.belief.document import decode_belief, encode_belief, to_networkx
 from bsg_models.belief.formats import read_belief, write_belief
-from bsg_models.belief.pieces import furnish
+from bsg_models.belief.pieces import find_pieces, furnish
 from bsg_models.errors import BeliefFileError
+from bsg_models.robot import missed_looks
 from bsg_models.robot.decision import choose_room
+from bsg_models.robot.destinations import list_spots
+from bsg_models.robot.missed_looks import MissedLook, MissedPieces, doubt_objects
 from bsg_models.robot.seen_building import NOT_SEEN, Destination, Piece, SeenBuilding, open_graph
 
 FLAT: dict[str, Any] = {
@@ -77,7 +81,8 @@ def test_the_rates_by_hand() -> None:
     """Two pieces that were seen, one class that is expected, half of the room hidden."""
     room = KnownRoom("k", hidden_share=0.5, room_type="kitchen")
     objects = [SeenObject(w, 1, w, None, None) for w in ("counter", "refrigerator", "spoon")]
-    found = furnish("milk", room, objects, classes=("couch", "sink"), unseen=np.array([0, 0.4]))
+    unseen = np.array([0, 0.4])
+    found = furnish("milk", room, find_pieces(objects), classes=("couch", "sink"), unseen=unseen)
     shares, kept = read_shares(), find_keeping("milk")
     assert found is not None
     assert kept is not None
@@ -304,3 +309,86 @@ def test_blind_nodes_are_on_their_likeliest_piece_and_are_written_and_read(tmp_p
     document["blind"][0]["on"] = "sofa" if document["blind"][0]["room"] != 2 else "bed"
     with pytest.raises(BeliefFileError, match="which is not in its room"):
         decode_belief(document, path=Path("x"))
+
+
+def test_every_object_below_another_is_followed_once() -> None:
+    """In a pile of n things, on a table or on nothing, `on` is read n times."""
+
+    class Counted(SeenObject):
+        reads = 0
+
+        def __getattribute__(self, name: str) -> Any:
+            Counted.reads += name == "on"
+            return super().__getattribute__(name)
+
+    for below in ("table", None):
+        pile = [
+            Counted(str(n), 1, "cup", None, None, on=str(n + 1) if n < 99 else below)
+            for n in range(100)
+        ]
+        Counted.reads = 0
+        found = find_pieces([*pile, SeenObject("table", 1, "table", None, None)])
+        assert Counted.reads <= 2 * len(pile)
+        assert found.on == ({} if below is None else dict.fromkeys(map(str, range(100)), "table"))
+
+
+def test_things_that_were_seen_are_gone_through_once_for_all_pieces_of_a_room() -> None:
+    class Counted(list[SeenObject]):
+        times = 0
+
+        def __iter__(self) -> Iterator[SeenObject]:
+            Counted.times += 1
+            return super().__iter__()
+
+    tables = [SeenObject(f"t{n}", 1, "table", None, None) for n in range(9)]
+    mugs = Counted(SeenObject(f"m{n}", 1, "mug", None, None, on=f"t{n}") for n in range(9))
+    seen = find_pieces([*tables, *mugs])
+    Counted.times = 0
+    room = KnownRoom("k", hidden_share=0.5)
+    furniture = furnish("mug", room, seen, classes=(), unseen=np.zeros(0))
+    assert furniture is not None
+    spots = list_spots(furniture, mugs, node=1, on=seen.on, missed=MissedPieces({}))
+    assert [spot.seen for spot in spots] == [*((f"m{n}",) for n in range(9)), ()]
+    assert Counted.times == 1
+
+
+def test_looks_are_weighed_once_for_each_word_that_was_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    furnished, asked = [], []
+    furnish_ = missed_looks.furnish
+    monkeypatch.setattr(
+        missed_looks, "furnish", lambda *a, **k: furnished.append(a) or furnish_(*a, **k)
+    )
+    words = ["table"] * 50 + ["mug"] * 50
+    objects = [
+        {"id": str(n), "room": "k", "category": word, "score": 0.9} for n, word in enumerate(words)
+    ]
+    seen = open_graph({"rooms": [{"id": "k"}], "objects": objects})
+    meaning = seen.understand("mug")
+    look = MissedLook(Look(1, "mug", 0.8, "1"), meaning)
+    left = doubt_objects(
+        seen.graph, [look], names=lambda _: lambda w: asked.append(w) or w == "mug"
+    )
+    assert (len(furnished), sorted(asked)) == (1, ["mug", "table"])
+    scores = {obj.raw_category: obj.score for obj in left.objects}
+    assert scores["table"] == 0.9
+    assert 0.5 < (scores["mug"] or 0) < 0.9
+
+
+def test_a_question_looks_a_thing_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    look_up = SeenBuilding._look_up
+    monkeypatch.setattr(
+        SeenBuilding,
+        "_look_up",
+        lambda self, meaning: asked.append(meaning.word) or look_up(self, meaning),
+    )
+    seen = flat()
+    seen.where("mug", here="kitchen")
+    seen.anywhere("mug")
+    seen.next_place("mug", here="kitchen")
+    assert asked == ["mug"]
+    seen.looked("kitchen", "mug")
+    seen.anywhere("mug")
+    assert asked == ["mug", "mug"]

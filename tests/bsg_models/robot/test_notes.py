@@ -109,3 +109,8 @@ def test_rooms_that_are_found_are_understood_as_those_of_a_map() -> None:
     assert named == [
         "patient room 1, nurse station, Dispensary: read as the kinds that their names say"
     ]
+
+
+def test_an_object_without_a_name_is_called_so(universal: Predictor) -> None:
+    (note,) = notes_on(universal, {}, "", source="hm3d", detector=["sink"])
+    assert note == "(no name): not among the 45 classes; the model does not read them"

@@ -18,6 +18,8 @@ from refusals import refuses
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
+from bsg_models.robot import ways as ways_
+from bsg_models.robot.seen_building import open_graph
 from bsg_models.robot.ways import add_places, measure_ways
 from bsg_models.robot.words import find_room, set_hidden_shares
 from bsg_models.search.knowledge import find_ways
@@ -150,3 +152,11 @@ def test_what_is_no_share_or_no_room_is_refused(office: PartialGraph) -> None:
             set_hidden_shares(office, every=share)
     with refuses(RecipeError, "room-unknown", "attic"):
         set_hidden_shares(office, rooms={"attic": 0.5})
+
+
+def test_the_likeliest_room_needs_no_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ways_, "MOST_ROOMS", 1)
+    seen = open_graph({"rooms": [{"id": "kitchen"}, {"id": "hall"}]})
+    assert seen.next_room("fridge") == "kitchen"
+    with refuses(RecipeError, "rooms-too-many", golden=False):
+        seen.next_room("fridge", here="hall")
