@@ -80,7 +80,6 @@ from .studies.search_request import SearchRequest, StudyRecipe, choose_default_r
 from .studies.search_study import Study, study_search
 from .training.learning_curve import EpochReport
 from .training.onnx_file import export_onnx
-from .training.ranks import leads_training
 from .training.training import train_run
 from .zoo.catalogue import BASELINES, ZOO
 from .zoo.config import RunConfig, find_config, override, read_config, validate_config, write_toml
@@ -163,7 +162,6 @@ __all__ = [
     "find_config",
     "find_model",
     "headline_rows",
-    "leads_training",
     "list_shipped",
     "load_checkpoint",
     "locate_run",
