@@ -21,7 +21,6 @@ from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .inputs.whole_buildings import to_pyg
 from .rendering.explorer import View, write_explorer
 from .rendering.recording import write_recording
-from .robot.find_probability import FindProbability
 from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
 from .robot.unfound_rooms import EXPLORE
 from .robot.ways import Ways
@@ -115,7 +114,6 @@ __all__ = [
     "EvaluationRequest",
     "Expectation",
     "ExpectedClass",
-    "FindProbability",
     "FormatRow",
     "FoundModel",
     "HubModel",
