@@ -4,7 +4,7 @@ from .belief.document import to_networkx
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
-from .belief.hydra import annotate_hydra, strip_hydra
+from .belief.hydra import annotate_hydra
 from .belief.tables import write_tables
 from .errors import (
     BeliefFileError,
@@ -185,7 +185,6 @@ __all__ = [
     "scenes_of",
     "set_hidden_shares",
     "shipped_names",
-    "strip_hydra",
     "study_search",
     "summarise_model",
     "summarise_run",

@@ -1,8 +1,7 @@
 """Write beliefs into Hydra's scene graphs (Spark-DSG).
 
 `annotate_hydra` writes Hydra's graph with the beliefs added: every value, key and order stays.
-A belief graph of another origin becomes a new file. Both are read back exactly, and `strip_hydra`
-removes what was added.
+A belief graph of another origin becomes a new file. Both are read back exactly.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from bsg_models.belief.annotation import (
     Document,
     annotate,
     find_document,
-    strip_annotation,
 )
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.document import decode_belief, write_json
@@ -61,16 +59,6 @@ def annotate_hydra(belief: BeliefGraph, original: AnyPath | GraphFile, path: Any
     """
     file = original if isinstance(original, GraphFile) else open_graph_file(Path(original))
     _write(_annotated(_require_hydra(file), belief, file.path), Path(path))
-
-
-def strip_hydra(original: AnyPath, path: AnyPath) -> None:
-    """Write a Spark-DSG graph without what `annotate_hydra` added.
-
-    Raises:
-        HydraError: if it is not a Spark-DSG graph, or the name does not end in .json.
-        BSGError: if it cannot be read or written.
-    """
-    _write(strip_annotation(_require_hydra(open_graph_file(Path(original)))), Path(path))
 
 
 def _require_hydra(file: GraphFile) -> Document:

@@ -29,7 +29,7 @@ from bsg_models.belief.document import encode_belief
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import read_belief, write_belief
 from bsg_models.belief.graph_file import open_graph_file, parse_graph, read_graph
-from bsg_models.belief.hydra import annotate_hydra, strip_hydra
+from bsg_models.belief.hydra import annotate_hydra
 from bsg_models.errors import HydraError
 
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -297,7 +297,7 @@ def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:
     with refuses(HydraError, "belief-missing", path):
         read_belief(path, "spark-dsg")
     with refuses(HydraError, "dsg-malformed", OFFICE):
-        strip_hydra(OFFICE, tmp_path / "out.json")
+        annotate_hydra(make_belief(1), OFFICE, tmp_path / "out.json")
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -358,8 +358,7 @@ def test_spark_dsg_finds_its_own_graph_again(tmp_path: Path) -> None:
     assert read_belief(out, "spark-dsg") == belief
     after.save(str(tmp_path / "again.json"))
     assert read_belief(tmp_path / "again.json", "spark-dsg") == belief
-    strip_hydra(out, tmp_path / "bare.json")
-    bare = json.loads((tmp_path / "bare.json").read_text("utf-8"))
+    bare = strip_annotation(json.loads(out.read_text("utf-8")))
     assert json.dumps(bare) == json.dumps(json.loads(path.read_text("utf-8")))
 
 
