@@ -64,23 +64,18 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
     return max(fitting, key=lambda one: len(one[0]))[1]
 
 
-def write_belief(
-    belief: BeliefGraph,
-    path: AnyPath,
-    format: str | None = None,  # noqa: A002
-) -> None:
+def write_belief(belief: BeliefGraph, path: AnyPath) -> None:
     """Write a belief graph in the format of a path's suffix.
 
     Args:
         belief: to be written.
         path: of the file, e.g. `belief.json`, or `belief.dsg.json` for Spark-DSG.
-        format: name of a format in `FORMATS`; None chooses by the suffix.
 
     Raises:
-        RecipeError: if no format has this suffix or name.
+        RecipeError: if no format has this suffix.
         DatasetError: if it cannot be written.
     """
-    write_beliefs([belief], Path(path), choose_format(Path(path), format))
+    write_beliefs([belief], Path(path), choose_format(Path(path)))
 
 
 def write_beliefs(beliefs: Iterable[BeliefGraph], path: Path, row: FormatRow) -> None:

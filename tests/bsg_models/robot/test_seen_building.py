@@ -46,9 +46,7 @@ def test_answers_are_those_of_the_arrays(seen: SeenBuilding) -> None:
     hall = {one.name: one for one in seen.expected("kitchen")}
     assert hall["sink"].probability == belief.presence[2, sink]
     assert hall["chair"].seen == 2
-    assert seen.belief(mode="unseen") == believe(
-        graph, belief, mode="unseen", top=3, model="mixture"
-    )
+    assert seen.belief() == believe(graph, belief, model="mixture")
 
 
 def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
