@@ -28,10 +28,10 @@ HOME = {"kitchen": ["stove", "sink"], "bedroom": ["bed"], "hall": []}
 
 
 def believe(run: Path, dataset: Path, out: Path) -> None:
-    """Four files for one graph."""
+    """Three files for one graph."""
     path = dataset.parent / "home.json"
     path.write_text(json.dumps(HOME))
-    names = ("a.json", "a.html", "a.dsg.json", "a.tables")
+    names = ("a.json", "a.html", "a.tables")
     graphs = (open_graph_file(path),)
     report_beliefs(BeliefRequest(run=run, graphs=graphs, out=tuple(out / name for name in names)))
 

@@ -497,16 +497,12 @@ def test_looks_scores_and_rooms_not_found_are_kept_in_files(
     seen.looked("kitchen", "mug")
     seen.looked("meeting-room", "sink", chance=0.4)
     seen.more_rooms(3)
-    for name in ("saved.json", "saved.dsg.json"):
-        write_belief(seen.belief(), tmp_path / name)
+    write_belief(seen.belief(), tmp_path / "saved.json")
     again = open_graph(tmp_path / "saved.json", model="mixture")
     assert again.graph == seen.graph
     assert again.next_room(["mug", "sink"], here="kitchen") == seen.next_room(
         ["mug", "sink"], here="kitchen"
     )
-    hydra = open_graph(tmp_path / "saved.dsg.json", model="mixture").graph
-    assert (hydra.more_rooms, [one.chance for one in hydra.looks]) == (3, [0.8, 0.4])
-    assert {obj.score for obj in hydra.objects} == {obj.score for obj in seen.graph.objects}
 
 
 def test_a_robot_can_say_what_its_looks_cost(seen: SeenBuilding) -> None:
