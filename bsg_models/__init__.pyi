@@ -4,7 +4,7 @@ from .belief.document import to_networkx
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
-from .belief.hydra import annotate_hydra, strip_hydra
+from .belief.hydra import annotate_hydra
 from .belief.tables import write_tables
 from .errors import (
     BeliefFileError,
@@ -21,7 +21,6 @@ from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .inputs.whole_buildings import to_pyg
 from .rendering.explorer import View, write_explorer
 from .rendering.recording import write_recording
-from .robot.find_probability import FindProbability
 from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
 from .robot.unfound_rooms import EXPLORE
 from .robot.ways import Ways
@@ -80,7 +79,6 @@ from .studies.search_request import SearchRequest, StudyRecipe, choose_default_r
 from .studies.search_study import Study, study_search
 from .training.learning_curve import EpochReport
 from .training.onnx_file import export_onnx
-from .training.ranks import leads_training
 from .training.training import train_run
 from .zoo.catalogue import BASELINES, ZOO
 from .zoo.config import RunConfig, find_config, override, read_config, validate_config, write_toml
@@ -116,7 +114,6 @@ __all__ = [
     "EvaluationRequest",
     "Expectation",
     "ExpectedClass",
-    "FindProbability",
     "FormatRow",
     "FoundModel",
     "HubModel",
@@ -163,7 +160,6 @@ __all__ = [
     "find_config",
     "find_model",
     "headline_rows",
-    "leads_training",
     "list_shipped",
     "load_checkpoint",
     "locate_run",
@@ -189,7 +185,6 @@ __all__ = [
     "scenes_of",
     "set_hidden_shares",
     "shipped_names",
-    "strip_hydra",
     "study_search",
     "summarise_model",
     "summarise_run",

@@ -375,12 +375,14 @@ class FormatContract:
 
     def test_what_is_written_is_read(self, tmp_path: Path) -> None:
         """Check that equal graphs are read back, also over an older file."""
-        path = self.path_in(tmp_path)
+        path, row = self.path_in(tmp_path), FORMATS[self.name]
+        if row.write is None and row.write_all is None:
+            return
         for belief in self.beliefs():
             self.write([belief], path)
             assert path.exists()
             assert self.read(path) in (None, [belief])
-        if FORMATS[self.name].write_all is not None:
+        if row.write_all is not None:
             self.write(self.beliefs(), path)
             assert self.read(path) in (None, self.beliefs())
 

@@ -74,7 +74,8 @@ _PAGES = (".html", ".htm")
     type=PATH,
     multiple=True,
     help="Write the belief graphs; may be repeated. The suffix is the format: .html (page), .json, "
-    ".tables (parquet), .dsg.json (Hydra) or .rrd (Rerun, one step for each GRAPH).",
+    ".tables (parquet), .dsg.json (of one graph of Hydra), or .rrd (Rerun, one step for each "
+    "GRAPH).",
 )
 @click.option("--open", "shows", is_flag=True, help="Open the page of --out in the browser.")
 @click.option("--quiet", is_flag=True, help="Leave out the notes on how the graph was read.")

@@ -26,7 +26,7 @@ from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO as MODELS
 
 __all__ = ["MASKS", "MODELS", "PLANNERS"]  # registries: they read their names on first use
-WORLDS = ("star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry")
+WORLDS = ("star", "complete", "tree", "layout", "geometry")
 DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
 MOST_SCENES = 10_000_000  # of one seed
 

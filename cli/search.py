@@ -70,8 +70,8 @@ def _read_look(value: str) -> float | str:
     "--worlds",
     shell_complete=complete_list(lambda ctx: WORLDS),
     help=f"Room graphs, with commas, each KIND or KIND:LOW-HIGH. Random costs: "
-    f"{', '.join(WORLDS[:5])}. Distances as costs: {', '.join(WORLDS[5:])}.  "
-    f"[default: {','.join(DEFAULT_WORLDS)}, and {' or '.join(WORLDS[5:])} if the dataset has it]",
+    f"{', '.join(WORLDS[:3])}. Distances as costs: {', '.join(WORLDS[3:])}.  "
+    f"[default: {','.join(DEFAULT_WORLDS)}, and {' or '.join(WORLDS[3:])} if the dataset has it]",
 )
 @choice_option(
     "--task",

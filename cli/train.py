@@ -61,8 +61,6 @@ def main(
     Example:
       bsg-train dataset --config ceci-gcn --out run --set training.epochs=50
       bsg-train --config ceci-gcn --print
-      PYTHONSAFEPATH=1 torchrun --nproc-per-node 2 -m bsg_cli.train dataset --config universal \\
-        --out run
     """
     if seed is not None:
         settings = (*settings, f"seed={seed}")
@@ -72,10 +70,6 @@ def main(
         return
     if dataset is None or out is None:
         raise click.UsageError("expected DATASET and --out; --print alone needs neither")
-    if not bsg_models.leads_training():  # torchrun started several; only the leader prints
-        for _ in bsg_models.train_run(config, dataset, out, resume=resume, force=force):
-            pass
-        return
     _note_other_mask(config, dataset)
     before = _seal_of(out) if resume else None
     try:
@@ -166,7 +160,3 @@ def _bar(config: bsg_models.RunConfig) -> Iterator[Callable[[bsg_models.EpochRep
             progress(report.epoch, report.epochs, losses)
 
         yield draw
-
-
-if __name__ == "__main__":  # torchrun -m bsg_cli.train
-    main()

@@ -25,7 +25,7 @@ _SYMBOLS = "xyz" + string.ascii_letters  # Hydra uses a, b, … for robots, and 
 _COLOUR = {"r": 0, "g": 204, "b": 0, "a": 255}  # of blind nodes in the paper's figures
 _NO_TURN = {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}
 _NOWHERE = [0.0, 0.0, 0.0]
-BARE_NODE: Document = {
+_BARE_NODE: Document = {
     # Older readers need corners, newer ones a size; both ignore unknown keys.
     "bounding_box": {
         "type": "INVALID",
@@ -40,7 +40,7 @@ BARE_NODE: Document = {
     "is_predicted": False,
     "last_update_time_ns": 0,
 }
-BARE_OBJECT: Document = {
+_BARE_OBJECT: Document = {
     "type": "ObjectNodeAttributes",
     "mesh_connections": [],
     "registered": False,
@@ -169,8 +169,8 @@ def _describe_blind(node: BlindNode, name: str, room: Document) -> Document:
     if node.on is not None:
         believed["on"] = node.on
     return {
-        **BARE_OBJECT,
-        **BARE_NODE,
+        **_BARE_OBJECT,
+        **_BARE_NODE,
         "name": name,
         "position": _NOWHERE if position is None or None in position else position,
         "color": own,

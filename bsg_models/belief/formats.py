@@ -20,8 +20,9 @@ from bsg_models.belief.belief_graph import BeliefGraph
 class FormatRow:
     """The writer and reader of one format of belief graphs.
 
-    A format of one graph per file has `write`; a format of many has `write_all`. A failed write
-    leaves no partial file. A format that cannot be read has no `read`.
+    A format of one graph per file has `write`; a format of many has `write_all`; beliefs of a
+    format with neither go into a file of another program. A failed write leaves no partial file. A
+    format that cannot be read has no `read`.
     """
 
     name: str
@@ -29,6 +30,16 @@ class FormatRow:
     write: Callable[[BeliefGraph, Path], None] | None = None
     read: Callable[[Path], BeliefGraph] | None = None
     write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
+
+    def require_writer(self, path: Path) -> None:
+        """Refuse to write a new file of a format that only adds to files of another program."""
+        if self.write is None and self.write_all is None:
+            raise RecipeError(
+                f"{path}: {self.name} adds beliefs to one graph of its program, and makes none: "
+                "give that graph alone, or write json",
+                code="format-not-new",
+                where=path,
+            )
 
 
 FORMATS = Registry(
@@ -64,27 +75,23 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
     return max(fitting, key=lambda one: len(one[0]))[1]
 
 
-def write_belief(
-    belief: BeliefGraph,
-    path: AnyPath,
-    format: str | None = None,  # noqa: A002
-) -> None:
+def write_belief(belief: BeliefGraph, path: AnyPath) -> None:
     """Write a belief graph in the format of a path's suffix.
 
     Args:
         belief: to be written.
-        path: of the file, e.g. `belief.json`, or `belief.dsg.json` for Spark-DSG.
-        format: name of a format in `FORMATS`; None chooses by the suffix.
+        path: of the file, e.g. `belief.json`.
 
     Raises:
-        RecipeError: if no format has this suffix or name.
+        RecipeError: if no format has this suffix, or it is Spark-DSG's: see `annotate_hydra`.
         DatasetError: if it cannot be written.
     """
-    write_beliefs([belief], Path(path), choose_format(Path(path), format))
+    write_beliefs([belief], Path(path), choose_format(Path(path)))
 
 
 def write_beliefs(beliefs: Iterable[BeliefGraph], path: Path, row: FormatRow) -> None:
     """Write belief graphs in a format; several are refused if it holds one."""
+    row.require_writer(path)
     if row.write_all is not None:
         row.write_all(beliefs, path)
         return

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.observation.masked_buildings import MaskedBuildings
+from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
@@ -49,9 +49,9 @@ def read_truth(masked: MaskedBuildings) -> Truth:
     )
 
 
-def predict_all(model: BeliefModel, masked: MaskedBuildings, *, batch: int = 256) -> Expectation:
+def predict_all(model: BeliefModel, masked: MaskedBuildings) -> Expectation:
     """Return a model's expectation of every node of masked buildings, in their order."""
-    return join([model.expect(some.seen) for some in masked.batches(batch)])
+    return join([model.expect(some.seen) for some in masked.batches(BATCH)])
 
 
 class Fold(NamedTuple):

@@ -15,7 +15,6 @@ from functools import partial, wraps
 from itertools import count, pairwise
 from pathlib import Path
 from threading import RLock
-from types import MappingProxyType
 from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar, overload
 
 import numpy as np
@@ -49,7 +48,7 @@ from bsg_data.scene.receptacles import find_receptacle
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
-from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, Mode, believe
+from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
@@ -101,7 +100,6 @@ from bsg_models.robot.words import (
     find_wider,
     may_be_one,
     require_word,
-    set_hidden_shares,
     tell_apart,
 )
 from bsg_models.runs.found_model import DEFAULT_MODEL, WIDE_MAP, WIDE_MODEL, shipped_names
@@ -196,8 +194,6 @@ def open_graph(
     *,
     model: Predictor | AnyPath = DEFAULT_MODEL,
     labels: AnyPath | None = None,
-    hidden_share: float | None = None,
-    hidden_shares: Mapping[str, float] = MappingProxyType({}),
 ) -> SeenBuilding:
     """Open a robot's graph, to ask about it.
 
@@ -206,22 +202,17 @@ def open_graph(
             input; or the document itself, as `json.loads` returns it.
         model: a `Predictor`, or what it takes.
         labels: label space of a Hydra graph, as `load_label_space` takes it.
-        hidden_share: share of the objects of every room that was not seen; None takes it from the
-            graph.
-        hidden_shares: hidden share of single rooms, by room id or label; see `set_hidden_shares`.
 
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
-        RecipeError: if a share is not 0 to 1 or names an unknown room.
     """
     if isinstance(graph, Mapping):
         file = parse_graph(dict(graph), path=Path("graph"), labels=labels)
     else:
         file = open_graph_file(Path(graph), labels=labels)
-    known = set_hidden_shares(file.graph, every=hidden_share, rooms=hidden_shares)
     predictor = model if isinstance(model, Predictor) else Predictor(model)
-    return SeenBuilding(reclassify(known, predictor.class_map), predictor, notes=file.notes)
+    return SeenBuilding(reclassify(file.graph, predictor.class_map), predictor, notes=file.notes)
 
 
 _P = ParamSpec("_P")
@@ -1038,15 +1029,13 @@ class SeenBuilding:
         return tuple(steps)
 
     @_alone
-    def belief(self, *, mode: Mode = "complete", top: int = 3) -> BeliefGraph:
+    def belief(self) -> BeliefGraph:
         """Return the belief graph, for files and pages: `write_belief(seen.belief(), path)`.
 
-        Args:
-            mode: which blind nodes: as many as expected (`complete`), or the top unseen classes
-                (`unseen`).
-            top: number of classes per room that get a blind node under `unseen`.
+        It has as many blind nodes as are expected. `believe` also makes those of the paper's Table
+        II: `believe(seen.graph, seen.expectation(), mode="unseen", model=seen.model)`.
         """
-        return believe(self._graph, self.expectation(), mode=mode, top=top, model=self.model)
+        return believe(self._graph, self.expectation(), model=self.model)
 
     @_alone
     def expectation(self) -> Expectation:

@@ -111,39 +111,6 @@ def plan_tours(costs: Floats, here: Ints, holds: Bools) -> Ints:
     return places
 
 
-def choose_cover(costs: Floats, here: Ints, holds: Bools, *, wanted: Bools) -> Ints:
-    """Return the first room of the cheapest way that passes an instance of each class, `[E]`.
-
-    It is exact for any number of rooms: dynamic programming over the sets of classes found. −1 if
-    a class is nowhere.
-
-    Args:
-        costs: `[E, N, N]` of the cheapest ways.
-        here: `[E]` node of the robot.
-        holds: `[E, N, A]` rooms that hold an instance.
-        wanted: `[E, A]` classes still to be found.
-    """
-    searches, nodes, classes = holds.shape
-    bits = 1 << np.arange(classes)
-    finds = ((holds & wanted[:, None]) * bits).sum(axis=2)  # the set of classes of a room
-    shape = (searches, 1 << classes, nodes)
-    cost = np.full(shape, np.inf)  # of having found a set, and being in a room
-    first = np.full(shape, -1)
-    e, room = np.nonzero(finds)
-    cost[e, finds[e, room], room], first[e, finds[e, room], room] = costs[e, here[e], room], room
-    for found in range(1, shape[1]):  # a leg that finds something leads to a larger set
-        via = (cost[:, found, :, None] + costs).argmin(axis=1)
-        e, room = np.nonzero(finds & ~found)
-        before, after = via[e, room], found | finds[e, room]
-        new = cost[e, found, before] + costs[e, before, room]
-        better = new < cost[e, after, room]
-        e, room, before, after = e[better], room[better], before[better], after[better]
-        cost[e, after, room], first[e, after, room] = new[better], first[e, found, before]
-    every, goal = np.arange(searches), (wanted * bits).sum(axis=1)
-    last = cost[every, goal].argmin(axis=1)
-    return np.asarray(first[every, goal, last])
-
-
 def order_rooms(
     ways: Floats, miss: Floats, *, single: bool, exact: int = EXACT, chances: int = CHANCES
 ) -> Ints:

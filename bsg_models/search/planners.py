@@ -2,8 +2,8 @@
 
 Each takes `Knowledge` of E searches at once and returns a node for each, `[E]`. `Knowledge` holds
 nothing that a robot does not know. With several classes, a planner uses the probability that a room
-holds any class still to be found. The orders of `expected-cost`, `routing` and `oracle` instead
-depend on when all are found. Ties go to the room with the lowest index.
+holds any class still to be found. The orders of `expected-cost` and `routing` instead depend on
+when all are found. Ties go to the room with the lowest index.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.spelling import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
 from bsg_models.search.knowledge import Knowledge, Task, find_costs
-from bsg_models.search.orders import choose_cover, choose_rooms
+from bsg_models.search.orders import choose_rooms
 
 _ALIKE = 1e-4  # presence in every room, for one instance that may be anywhere
 
@@ -45,8 +45,7 @@ def greedy_belief(known: Knowledge) -> Ints:
 
 def ratio(known: Knowledge) -> Ints:
     """Go to the room with the highest probability of an instance per cost of finding it there."""
-    cost = known.distance if known.look is None else known.distance + known.look
-    return _best(known, known.any_presence / np.maximum(cost, 1e-9))
+    return _best(known, known.any_presence / np.maximum(_leg(known), 1e-9))
 
 
 def expected_cost(known: Knowledge) -> Ints:
@@ -76,12 +75,11 @@ def routing(known: Knowledge) -> Ints:
 def oracle(known: Knowledge) -> Ints:
     """Go the cheapest way that finds what is sought, with knowledge of the truth.
 
-    Its `presence` is the truth. For `single` it is exact; for `all` it follows a tour planned at
-    the start.
+    Its `presence` is the truth. For `single` it is exact, for one class; for `all` it follows a
+    tour planned at the start.
     """
-    if known.tour is not None:
-        return _best(known, np.where(known.any_presence > 0.5, -known.tour, -np.inf))
-    return choose_cover(known.legs, known.here, known.presence > 0.5, wanted=known.wanted)
+    way = _leg(known) if known.tour is None else known.tour
+    return _best(known, np.where(known.any_presence > 0.5, -way, -np.inf))
 
 
 NEAREST = Planner(nearest, "none", so_that="the next leg is short")
@@ -225,6 +223,11 @@ def ask_planner(planner: Planner, known: Knowledge) -> Ints:
 def _refuse_array(name: str, found: object, expected: str) -> NoReturn:
     shape = list(np.asarray(found).shape)
     raise RecipeError(f"{name} {shape}: expected {expected}", code="array-misshapen", where=name)
+
+
+def _leg(known: Knowledge) -> Floats:
+    """Return the cost of going to each node and looking there, `[E, N]`."""
+    return known.distance if known.look is None else known.distance + known.look
 
 
 def _best(known: Knowledge, score: Floats) -> Ints:

@@ -5,14 +5,11 @@ much a belief saves. So there are several kinds:
 
 - `star`: every room is joined to the building node, the paper's scene graph read literally.
 - `complete`: an edge between any two rooms, and the robot takes that edge.
-- `complete-paths`: the same, but it takes the cheapest way, if need be through other rooms.
 - `tree`: every room but the first is joined to a random one before it.
-- `tree-plus`: a tree with random further edges, half as many as there are rooms (some may
-coincide).
 - `layout`: the rooms that connect in a room layout; costs are metres between their centroids.
 - `geometry`: the same for connections found in a mesh.
 
-The costs of the first five are uniform between `low` and `high`. A world has the rooms that can be
+The costs of the first three are uniform between `low` and `high`. A world has the rooms that can be
 reached from each other. If a layout falls into parts, it is the part with the most rooms.
 """
 
@@ -35,7 +32,7 @@ from bsg_data.scene.connections import Connections
 from bsg_data.spelling import SHOWN
 from bsg_models.search.knowledge import Travel, find_ways, go_straight
 
-WorldKind = Literal["star", "complete", "complete-paths", "tree", "tree-plus", "layout", "geometry"]
+WorldKind = Literal["star", "complete", "tree", "layout", "geometry"]
 MEASURED: tuple[Literal["layout", "geometry"], ...] = ("layout", "geometry")
 METHODS = {"layout": ("layout",), "geometry": ("door", "stairs", "boxes")}
 
@@ -150,11 +147,8 @@ def sample_travel(
         one[left, right] = one[right, left] = rng.uniform(recipe.low, recipe.high, len(left))
     if recipe.kind == "complete":
         return go_straight(edges)
-    if recipe.kind == "complete-paths":
-        return find_ways(edges)
-    more = (nodes - 1) // 2 if recipe.kind == "tree-plus" else 0
     joins = world_generator(seed, scene_id, f"{recipe.name} joins")
-    edges[~_sample_trees(joins, episodes, nodes, more)] = np.inf
+    edges[~_sample_trees(joins, episodes, nodes)] = np.inf
     return find_ways(edges)
 
 
@@ -167,19 +161,14 @@ def world_generator(seed: int, scene_id: str, part: str) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(entropy)))
 
 
-def _sample_trees(rng: np.random.Generator, episodes: int, nodes: int, more: int) -> Bools:
-    """Return random trees of the rooms with some further edges, `[E, N, N]`."""
+def _sample_trees(rng: np.random.Generator, episodes: int, nodes: int) -> Bools:
+    """Return random trees of the rooms, `[E, N, N]`."""
     rooms = nodes - 1
-    drawn = rng.random((episodes, 2 * rooms + 2 * more))
+    drawn = rng.random((episodes, 2 * rooms))
     joined = np.zeros((episodes, nodes, nodes), dtype=bool)
     order = 1 + np.argsort(drawn[:, :rooms], axis=1)
     every = np.arange(episodes)
-    ends = [
-        (order[:, place], order[every, (drawn[:, rooms + place] * place).astype(int)])
-        for place in range(1, rooms)
-    ]
-    rest = (1 + drawn[:, 2 * rooms :] * rooms).astype(int)
-    ends += [(rest[:, 2 * i], rest[:, 2 * i + 1]) for i in range(more)]
-    for a, b in ends:
+    for place in range(1, rooms):
+        a, b = order[:, place], order[every, (drawn[:, rooms + place] * place).astype(int)]
         joined[every, a, b] = joined[every, b, a] = True
     return joined

@@ -99,6 +99,8 @@ def report_beliefs(
         raise RecipeError(f"{path}: is named twice", code="output-twice", where=path)
     singles = [path for row, path in results if row.name != TABLES.name]
     for row, path in results:
+        if not _annotates(row, request):
+            row.require_writer(path)
         if row.name == TABLES.name:
             _refuse_replacing(path, force=request.force)
         else:
@@ -225,10 +227,15 @@ def _refuse_replacing(path: Path, *, force: bool) -> None:
 
 def _write(row: FormatRow, path: Path, request: BeliefRequest, views: Sequence[View]) -> None:
     """Write a result that is not streamed; beliefs go into Hydra's own graph."""
-    original = request.graphs[0] if len(request.graphs) == 1 else None
     if row.name == "html":
         write_explorer(views, path)
-    elif row.name == "spark-dsg" and original is not None and original.document is not None:
-        annotate_hydra(views[0].belief, original, path)
+    elif _annotates(row, request):
+        annotate_hydra(views[0].belief, request.graphs[0], path)
     else:
         write_beliefs([view.belief for view in views], path, row)
+
+
+def _annotates(row: FormatRow, request: BeliefRequest) -> bool:
+    """Return whether a format takes the one graph of a request, which is Hydra's."""
+    one = len(request.graphs) == 1
+    return row.name == "spark-dsg" and one and request.graphs[0].document is not None

@@ -1,7 +1,7 @@
-"""Deal the training buildings under masks in batches, the same for any number of processes.
+"""Deal the training buildings under masks in batches.
 
 The order of an epoch depends only on (seed, epoch), and its masks on (the mask's own seed, epoch).
-So neither depends on earlier epochs having run in this process, nor on the number of processes.
+So neither depends on earlier epochs having run in this process.
 """
 
 from __future__ import annotations
@@ -21,10 +21,8 @@ from bsg_data.observation.masked_buildings import (
     vary_fractions,
 )
 from bsg_data.recipes import MaskRecipe
-from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
-from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
 
 _VAL_DRAWS = 10  # of every val building, if the stored pairs are of another kind than the training
@@ -36,41 +34,26 @@ class TrainingBuildings:
     Stored pairs are held in memory; fresh masks are drawn a batch at a time.
     """
 
-    def __init__(
-        self, config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...], ranks: Ranks
-    ) -> None:
-        self._config, self._data, self._vocabulary, self._ranks = config, data, vocabulary, ranks
+    def __init__(self, config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]) -> None:
+        self._config, self._data, self._vocabulary = config, data, vocabulary
         fold, self._stored = config.data.fold, None
         self._scenes = scenes_of(data, "train", fold=fold)
         if config.data.masks == "fixed":
             self._stored = read_split(data, "train", fold=fold, vocabulary=vocabulary)
         self._number = len(self._scenes if self._stored is None else self._stored)
-        if min(self._number, config.training.batch_size) < ranks.size:
-            raise TrainingError(
-                f"{data.path}: {self._number} training buildings in batches of "
-                f"{config.training.batch_size} cannot be dealt to {ranks.size} processes; start "
-                "fewer processes with torchrun"
-            )
 
     @property
     def steps(self) -> int:
         """Number of steps of an epoch."""
         return -(-self._number // self._config.training.batch_size)
 
-    def batches(self, epoch: int) -> Iterator[MaskedBuildings | None]:
-        """Yield this process's share of every batch of an epoch: every `ranks.size`-th building.
-
-        It is None if the last batch has fewer buildings than there are processes, for some.
-        """
-        order, size, choice = (
-            self._order(epoch),
-            self._config.training.batch_size,
-            self._config.data,
-        )
+    def batches(self, epoch: int) -> Iterator[MaskedBuildings]:
+        """Yield the batches of an epoch."""
+        order, size = self._order(epoch), self._config.training.batch_size
+        choice = self._config.data
         recipes = vary_fractions(choice.fresh_mask, choice.fractions, epoch, len(self._scenes))
         for first in range(0, self._number, size):
-            mine = order[first : first + size][self._ranks.number :: self._ranks.size]
-            yield self._take(mine, recipes, epoch) if len(mine) else None
+            yield self._take(order[first : first + size], recipes, epoch)
 
     def _take(self, numbers: Ints, recipes: list[MaskRecipe], epoch: int) -> MaskedBuildings:
         if self._stored is not None:
@@ -90,10 +73,9 @@ class TrainingBuildings:
         return permuted
 
 
-def epoch_seed(config: RunConfig, epoch: int, *, rank: int = 0) -> int:
-    """Return the seed of an epoch: of its order, and of the dropout of one process."""
-    entropy = [config.seed, epoch, rank] if rank else [config.seed, epoch]
-    return int(np.random.SeedSequence(entropy).generate_state(1)[0])
+def epoch_seed(config: RunConfig, epoch: int) -> int:
+    """Return the seed of an epoch: of its order, and of its dropout."""
+    return int(np.random.SeedSequence([config.seed, epoch]).generate_state(1)[0])
 
 
 def validation_buildings(

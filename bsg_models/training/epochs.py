@@ -37,65 +37,63 @@ from bsg_models.training.optimiser import (
     make_optimiser,
     optimiser_state,
 )
-from bsg_models.training.ranks import Ranks
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.network import Network
+from bsg_models.zoo.settings import Device
 
 
 class GradientSteps:
-    """The steps of a training, on a device, in one of several processes.
+    """The steps of a training, on a device.
 
     Args:
         model: that is trained; it is moved to the device.
         config: of the run.
         device: of the steps.
-        ranks: this process among those of the training, which all begin with the same weights.
     """
 
-    def __init__(
-        self, model: Network, config: RunConfig, *, device: torch.device, ranks: Ranks
-    ) -> None:
+    def __init__(self, model: Network, config: RunConfig, *, device: torch.device) -> None:
         self.model = model.to(device)
         self.optimiser = make_optimiser(model, config.training)
-        self.ranks, self._config, self._device = ranks, config, device
+        self._config, self._device = config, device
 
     def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
         """Take the steps of an epoch; return the mean of their losses."""
-        training, ranks = self._config.training, self.ranks
-        torch.manual_seed(epoch_seed(self._config, epoch, rank=ranks.number))  # of dropout
+        training = self._config.training
+        torch.manual_seed(epoch_seed(self._config, epoch))  # of dropout
         steps = buildings.steps
         self.model.train()
         losses = []
         for step, some in enumerate(buildings.batches(epoch), (epoch - 1) * steps):
-            if some is not None:
-                nodes = self.model.nodes_of(some.seen, some.targets).to(self._device)
+            nodes = self.model.nodes_of(some.seen, some.targets).to(self._device)
             for group in self.optimiser.param_groups:
                 group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
             self.optimiser.zero_grad()
-            loss = self._weigh(self.model.loss(nodes), nodes, takes=some is not None)
+            loss = self.model.loss(nodes)
             loss.backward()  # type: ignore[no-untyped-call]
-            ranks.add_gradients(self.model)
             if training.clip is not None:
                 nn.utils.clip_grad_norm_(self.model.parameters(), training.clip)
             self.optimiser.step()
             losses.append(loss.detach())
-        total = ranks.add(torch.stack(losses))
-        return float(np.mean(total.cpu().numpy().astype(np.float64)))
-
-    def _weigh(self, loss: torch.Tensor, nodes: Nodes, *, takes: bool) -> torch.Tensor:
-        """Return the loss, weighted so that its sum over the processes is that of the whole batch.
-
-        A process without a share computes the loss of the batch before, with weight 0.
-        """
-        if self.ranks.size == 1:
-            return loss
-        cells = self.model.cells_of(nodes) * takes
-        every = self.ranks.add(cells.float())
-        return loss * cells / every.clamp(min=1)
+        return float(np.mean(torch.stack(losses).cpu().numpy().astype(np.float64)))
 
     def on_cpu(self) -> Network:
         """Return the model on the CPU, for validation or saving."""
         return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
+
+
+def find_device(wanted: Device) -> torch.device:
+    """Return the device of a training.
+
+    Args:
+        wanted: `auto` for a GPU if there is one.
+    """
+    there = torch.cuda.is_available()
+    if wanted == "cuda" and not there:
+        raise TrainingError(
+            "training.device is cuda, but torch finds no GPU here; use `--set training.device=cpu`"
+            ", or install a torch that is built for this machine's GPU"
+        )
+    return torch.device("cuda" if there and wanted != "cpu" else "cpu")
 
 
 def train_epochs(
@@ -104,7 +102,7 @@ def train_epochs(
     data: Dataset,
     run: Path,
     buildings: TrainingBuildings,
-    validation: Sequence[Nodes] | None,
+    validation: Sequence[Nodes],
 ) -> Iterator[EpochReport]:
     """Train a model from its last checkpoint, or from the start, into the folder of a run.
 
@@ -114,7 +112,7 @@ def train_epochs(
         data: an open dataset.
         run: folder, whose lock the caller holds; its content passed `require_same_training`.
         buildings: of every epoch.
-        validation: of the training; None in a process that does not lead, which writes nothing.
+        validation: batches of masked buildings that the training does not see.
 
     Yields:
         One report per epoch.
@@ -126,7 +124,7 @@ def train_epochs(
     for epoch in range(len(rows) + 1, training.epochs + 1):
         began = time.perf_counter()
         train_loss, val_loss = steps.train_epoch(buildings, epoch), None
-        if validation and (epoch % training.validate_every == 0 or epoch == training.epochs):
+        if epoch % training.validate_every == 0 or epoch == training.epochs:
             val_loss = _validate(steps.on_cpu(), validation)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
             raise TrainingError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import cast
 
@@ -40,9 +40,13 @@ from bsg_models.runs.run_folder import (
 from bsg_models.runs.run_log import keep_log
 from bsg_models.training.buildings import TrainingBuildings, validation_buildings
 from bsg_models.training.count_gradients import as_network
-from bsg_models.training.epochs import GradientSteps, require_same_training, train_epochs
+from bsg_models.training.epochs import (
+    GradientSteps,
+    find_device,
+    require_same_training,
+    train_epochs,
+)
 from bsg_models.training.learning_curve import EpochReport
-from bsg_models.training.ranks import find_device, join_ranks
 from bsg_models.zoo.building_tilt import fit_building_tilt, share_to_tilt
 from bsg_models.zoo.calibration import (
     CalibratedModel,
@@ -63,8 +67,6 @@ def train_run(
 ) -> Iterator[EpochReport]:
     """Train a configuration on a dataset, epoch by epoch, into the folder of a run.
 
-    Several processes that torchrun started train one network together; one of them writes.
-
     Args:
         config: of the run.
         dataset: folder of a split dataset with pairs.
@@ -84,33 +86,26 @@ def train_run(
     """
     dataset, run = Path(dataset), Path(run)
     data, device = Dataset.open(dataset), find_device(config.training.device)
-    with join_ranks(device) as ranks:
-        if ranks.leads:
-            finish_replacing(run)
-            refuse_overwriting(run, resume=resume, force=force)
-            resume = resume and not (force and _is_other_training(config, data, run))
-        is_complete = ranks.leads and resume and _is_complete(config, data, run)
-        if ranks.add(torch.tensor(float(is_complete), device=device)):  # all processes know
-            return
-        model = new_model(config, data)
-        network = as_network(model)
-        if network is not None:
-            steps = GradientSteps(network, config, device=device, ranks=ranks)
-            yield from _train_network(steps, config, data, run, resume=resume, force=force)
-            return
-        if ranks.size > 1:
-            raise TrainingError(
-                f"{config.model.family} is no network: train it with one process, without torchrun"
-            )
-        goes_on = resume and isinstance(model, Ensemble)  # a model that counts starts again
-        opened = open_run(run, resume=goes_on, force=force or resume)
-        with opened as place, keep_log(place, config, data) as notes:
-            if isinstance(model, Ensemble):
-                members = yield from _train_members(config, data, place)
-                _combine(model, config, data, members, place)
-            else:
-                _fit(model, config, data, place)
-            notes += model.notes
+    finish_replacing(run)
+    refuse_overwriting(run, resume=resume, force=force)
+    resume = resume and not (force and _is_other_training(config, data, run))
+    if resume and _is_complete(config, data, run):
+        return
+    model = new_model(config, data)
+    network = as_network(model)
+    if network is not None:
+        steps = GradientSteps(network, config, device=device)
+        yield from _train_network(steps, config, data, run, resume=resume, force=force)
+        return
+    goes_on = resume and isinstance(model, Ensemble)  # a model that counts starts again
+    opened = open_run(run, resume=goes_on, force=force or resume)
+    with opened as place, keep_log(place, config, data) as notes:
+        if isinstance(model, Ensemble):
+            members = yield from _train_members(config, data, place)
+            _combine(model, config, data, members, place)
+        else:
+            _fit(model, config, data, place)
+        notes += model.notes
 
 
 def _is_complete(config: RunConfig, data: Dataset, run: Path) -> bool:
@@ -133,25 +128,17 @@ def _fit(model: BeliefModel, config: RunConfig, data: Dataset, run: Path) -> Non
 def _train_network(
     steps: GradientSteps, config: RunConfig, data: Dataset, run: Path, *, resume: bool, force: bool
 ) -> Iterator[EpochReport]:
-    """Train by gradient; the leading process holds the run's folder and writes into it."""
-    model, ranks, validation = steps.model, steps.ranks, None
+    """Train by gradient, then calibrate."""
+    model = steps.model
     # An unsuitable dataset fails here, before anything is replaced.
-    buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary, ranks=ranks)
-    if ranks.leads:
-        masked = validation_buildings(config, data, vocabulary=model.vocabulary)
-        validation = [model.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
-    notes: list[str] = []
-    with ExitStack() as held:
-        if ranks.leads:
-            place = held.enter_context(open_run(run, resume=resume, force=force))
-            notes = held.enter_context(keep_log(place, config, data))
-        ranks.wait()  # until the folder is ready
-        place = active_folder(run)
-        held.enter_context(one_thread())
+    buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary)
+    masked = validation_buildings(config, data, vocabulary=model.vocabulary)
+    validation = [model.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
+    opened = open_run(run, resume=resume, force=force)
+    with opened as place, keep_log(place, config, data) as notes, one_thread():
         model.fit(data, config.data)
         yield from train_epochs(steps, config, data, place, buildings, validation)
-        if ranks.leads:
-            notes += _calibrate_run(config, data, place)
+        notes += _calibrate_run(config, data, place)
 
 
 def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:

@@ -72,10 +72,7 @@ class Network(BeliefModel, nn.Module):
         """Return the loss that a training step lowers."""
 
     def cells_of(self, nodes: Nodes) -> torch.Tensor:
-        """Return the number of (node, class) cells that `loss` averages over.
-
-        Several processes that train together weight their losses by it.
-        """
+        """Return the number of (node, class) cells that `loss` averages over."""
         return torch.tensor(nodes.y.numel(), device=nodes.y.device)
 
     @abstractmethod

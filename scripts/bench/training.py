@@ -36,7 +36,6 @@ from bsg_models.inputs.nodes import EVIDENCE
 from bsg_models.training.buildings import TrainingBuildings
 from bsg_models.training.count_gradients import CountGradients, as_network
 from bsg_models.training.epochs import GradientSteps
-from bsg_models.training.ranks import Ranks
 from bsg_models.training.training import new_model
 from bsg_models.zoo.config import RunConfig, find_config
 from bsg_models.zoo.model import one_thread
@@ -62,8 +61,8 @@ def measure_step(name: str, data: Dataset) -> Iterator[Speed]:
     model = as_network(new_model(config, data))
     assert model is not None
     model.fit(data, config.data)
-    buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary, ranks=Ranks())
-    steps = GradientSteps(model, config, device=torch.device("cpu"), ranks=Ranks())
+    buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary)
+    steps = GradientSteps(model, config, device=torch.device("cpu"))
     theirs = PlainGCN(model) if name == "ceci-gcn" else PlainSAGE(model)
     graphs = HalfSeen(data) if name == "ceci-gcn" else Explored(data, model.vocabulary)
     require_alike(theirs, model, next(buildings.batches(1)))

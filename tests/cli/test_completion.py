@@ -31,7 +31,7 @@ OFFERED = {
     "bsg-leaderboard --models doubled,mix": "doubled,mixture",
     "bsg-leaderboard --masks uniform,roo": "uniform,rooms",
     "bsg-search --planners nearest,rat": "nearest,ratio",
-    "bsg-search --worlds star,tree-": "star,tree-plus",
+    "bsg-search --worlds star,lay": "star,layout",
     "bsg-search --artifacts bed,sto": "bed,stove",
     "bsg-search --artifacts room": "room-specific",
     "bsg-search none --split a": "all",

@@ -38,7 +38,7 @@ def test_a_world_by_hand() -> None:
 
 def test_a_table_fits_80_characters_with_every_planner_of_ours() -> None:
     worst = {
-        "world": "complete-paths:1.5-10.5",
+        "world": "complete:1.5-10.5",
         "searches": 145_000,
         "savings": dict.fromkeys(PLANNERS, saving(-1.2345, -2.001, -1.001)),
     }

@@ -14,8 +14,9 @@ EXAMPLES = REPOSITORY / "docs" / "examples"
 def test_the_lines_of_the_page_run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Beside docs/office.json."""
+    """Beside docs/office.json and the example."""
     monkeypatch.chdir(REPOSITORY / "docs")
+    monkeypatch.syspath_prepend(EXAMPLES)
     text = (REPOSITORY / "docs" / "robot-software.md").read_text("utf-8")
     (block,) = re.findall(r"<!-- planners -->\n```python\n(.*?)```", text, re.DOTALL)
     exec(compile(block, "docs/robot-software.md", "exec"), {"__name__": "planning"})

@@ -31,7 +31,7 @@ def believe(run: Path, dataset: Path, out: Path) -> None:
     """Files and tables of one graph."""
     path = dataset.parent / "home.json"
     path.write_text(json.dumps(HOME))
-    names = ("a.json", "a.html", "a.dsg.json", "a.tables", "b.tables")
+    names = ("a.json", "a.html", "a.tables", "b.tables")
     graphs = (open_graph_file(path),)
     report_beliefs(BeliefRequest(run=run, graphs=graphs, out=tuple(out / name for name in names)))
 

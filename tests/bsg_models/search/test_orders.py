@@ -13,7 +13,6 @@ from bsg_data.arrays import Floats
 from bsg_models.search import orders
 from bsg_models.search.knowledge import find_ways
 from bsg_models.search.orders import (
-    choose_cover,
     choose_rooms,
     expected_costs,
     order_rooms,
@@ -154,29 +153,6 @@ def test_a_tour_is_the_shortest_of_all(seed: int, rooms: int) -> None:
     every = itertools.permutations(range(1, rooms + 1))
     best = min(walk_through(costs, here, other) for other in every)
     assert walk_through(costs, here, tour) == pytest.approx(best)
-
-
-@given(seed=st.integers(0, 2**32), rooms=st.integers(1, 5), classes=st.integers(1, 3))
-@settings(max_examples=30, deadline=None)
-def test_the_way_past_each_class_is_the_cheapest(seed: int, rooms: int, classes: int) -> None:
-    """Of two searches at once; in the second the last class is found already."""
-    costs, _ = sample_case(seed, rooms, 1)
-    rng = np.random.default_rng(seed)
-    holds = rng.random((2, rooms + 1, classes)) < 0.4
-    holds[:, rooms] = False  # where the robot is
-    holds[:, rng.integers(rooms)] = True
-    wanted = np.ones((2, classes), dtype=bool)
-    wanted[1, -1] = classes == 1
-    found = choose_cover(np.stack([costs, costs]), np.array([rooms, rooms]), holds, wanted=wanted)
-    for e in range(2):
-        ways = [
-            (walk_through(costs, rooms, way), way[0])
-            for number in range(1, rooms + 1)
-            for way in itertools.permutations(range(rooms), number)
-            if holds[e, list(way)].any(axis=0)[wanted[e]].all()
-        ]
-        begun_so = min(cost for cost, first in ways if first == found[e])
-        assert begun_so == pytest.approx(min(ways)[0])  # ways through a room and to it cost alike
 
 
 @pytest.mark.parametrize("single", [True, False])

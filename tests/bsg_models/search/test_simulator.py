@@ -43,22 +43,21 @@ def in_a_row(costs: list[float], instances: list[int], *, start: int) -> Episode
     )
 
 
-def draw_episodes(seed: int, *, rooms: int, kind: str, classes: int = 1) -> Episodes:
+def draw_episodes(seed: int, *, rooms: int, kind: str) -> Episodes:
     """Return six random searches whose artifacts are somewhere, and not where they start."""
     rng = np.random.default_rng(seed)
     recipe = WorldRecipe(kind=kind)  # type: ignore[arg-type]
-    instances = rng.poisson(0.6, (6, rooms + 1, classes))
+    instances = rng.poisson(0.6, (6, rooms + 1, 1))
     starts = 1 + rng.integers(rooms, size=6)
     instances[np.arange(6), starts] = 0
     instances[:, 0] = 0
     elsewhere = 1 + starts % rooms
-    for a in range(classes):
-        instances[np.arange(6), elsewhere, a] = np.maximum(1, instances[np.arange(6), elsewhere, a])
+    instances[np.arange(6), elsewhere] = np.maximum(1, instances[np.arange(6), elsewhere])
     return Episodes(
         travel=sample_travel(recipe, nodes=rooms + 1, episodes=6, scene_id="s", seed=seed),
         rooms=np.arange(rooms + 1) > 0,
         starts=starts,
-        artifacts=np.tile(np.arange(classes), (6, 1)),
+        artifacts=np.zeros((6, 1), dtype=np.int64),
         instances=instances,
     )
 
@@ -108,17 +107,12 @@ def test_several_classes_single_needs_one_of_each() -> None:
 @given(
     seed=st.integers(0, 2**32),
     rooms=st.integers(2, 9),
-    kind=st.sampled_from(["star", "complete", "complete-paths", "tree", "tree-plus"]),
+    kind=st.sampled_from(["star", "complete", "tree"]),
     task=st.sampled_from(TASKS),
-    classes=st.integers(1, 2),
 )
 @settings(max_examples=40, deadline=None)
-def test_the_oracle_is_never_beaten(
-    seed: int, rooms: int, kind: str, task: Task, classes: int
-) -> None:
-    if classes == rooms:
-        return
-    episodes = draw_episodes(seed, rooms=rooms, kind=kind, classes=classes)
+def test_the_oracle_is_never_beaten(seed: int, rooms: int, kind: str, task: Task) -> None:
+    episodes = draw_episodes(seed, rooms=rooms, kind=kind)
     beliefs = fix_beliefs(np.random.default_rng(seed).random(episodes.instances.shape))
     best = run_one(episodes, "oracle", task).costs
     for name in PLANNERS:
@@ -129,7 +123,7 @@ def test_the_oracle_is_never_beaten(
 
 @given(
     seed=st.integers(0, 2**32),
-    kind=st.sampled_from(["star", "complete-paths", "tree"]),
+    kind=st.sampled_from(["star", "complete", "tree"]),
 )
 @settings(max_examples=30, deadline=None)
 def test_with_a_perfect_belief_expected_cost_is_the_oracle(seed: int, kind: str) -> None:

@@ -9,14 +9,9 @@ from torch.utils.data import DataLoader
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, vary_fractions
-from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
-from bsg_models.training.buildings import (
-    TrainingBuildings,
-    epoch_seed,
-)
-from bsg_models.training.ranks import Ranks
+from bsg_models.training.buildings import TrainingBuildings, epoch_seed
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 
 
@@ -66,38 +61,8 @@ def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> Non
         generator=order,
         collate_fn=list,
     )
-    buildings = TrainingBuildings(config, data, vocabulary=vocabulary, ranks=Ranks())
+    buildings = TrainingBuildings(config, data, vocabulary=vocabulary)
     batches = list(buildings.batches(3))
     assert buildings.steps == len(batches) == -(-len(whole) // 4)
     for some, chosen in zip(batches, numbers, strict=True):
-        assert some is not None
         assert same(some, whole.take(chosen))
-
-
-def test_processes_share_every_batch(dataset: Path) -> None:
-    """Seven buildings or more in batches of 4 among 3: each batch's are the batch of one process.
-
-    Of the last batch some get none.
-    """
-    data, config = Dataset.open(dataset), configure("training.batch_size=4")
-    whole = TrainingBuildings(config, data, vocabulary=(), ranks=Ranks()).batches(1)
-    shares = [
-        TrainingBuildings(config, data, vocabulary=(), ranks=Ranks(number, 3)).batches(1)
-        for number in range(3)
-    ]
-    for some, *of_ranks in zip(whole, *shares, strict=True):
-        assert some is not None
-        there = [names(share) if share else [] for share in of_ranks]
-        assert sum(map(len, there)) == len(some)
-        dealt = [there[place % 3][place // 3] for place in range(len(some))]
-        assert dealt == names(some)
-
-
-def test_more_processes_than_buildings_are_refused(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    with pytest.raises(TrainingError):
-        TrainingBuildings(
-            configure("training.batch_size=4"), data, vocabulary=(), ranks=Ranks(0, 5)
-        )
-    with pytest.raises(TrainingError):
-        TrainingBuildings(configure(), data, vocabulary=(), ranks=Ranks(0, 20))

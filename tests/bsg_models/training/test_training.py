@@ -30,8 +30,8 @@ from bsg_models.studies.run_summary import summarise_run
 from bsg_models.training import training
 from bsg_models.training.buildings import TrainingBuildings, validation_buildings
 from bsg_models.training.count_gradients import as_network
+from bsg_models.training.epochs import find_device
 from bsg_models.training.learning_curve import read_metrics
-from bsg_models.training.ranks import Ranks
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.model import State
@@ -232,6 +232,19 @@ def test_a_calibration_of_a_sample_says_so(
     )
 
 
+def test_a_gpu_that_is_not_there_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    assert find_device("auto") == find_device("cpu") == torch.device("cpu")
+    with pytest.raises(TrainingError, match=r"finds no GPU here; use `--set training\.device=cpu`"):
+        find_device("cuda")
+
+
+def test_a_gpu_that_is_there_is_taken_if_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    assert find_device("auto") == find_device("cuda") == torch.device("cuda")
+    assert find_device("cpu") == torch.device("cpu")
+
+
 @pytest.mark.parametrize("name", ["ceci-gcn", "ceci-sage", "universal"])
 def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(
     name: str, dataset: Path
@@ -243,9 +256,8 @@ def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(
     data, config, meta = Dataset.open(dataset), find_config(name), torch.device("meta")
     network = as_network(training.new_model(config, data))
     assert network is not None
-    buildings = TrainingBuildings(config, data, vocabulary=network.vocabulary, ranks=Ranks())
+    buildings = TrainingBuildings(config, data, vocabulary=network.vocabulary)
     some = next(buildings.batches(1))
-    assert some is not None
     nodes = network.nodes_of(some.seen, some.targets).to(meta)
     network.to(meta).train()
     network.loss(nodes).backward()  # type: ignore[no-untyped-call]
