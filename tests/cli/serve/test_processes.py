@@ -63,6 +63,7 @@ def test_who_waits_may_leave_and_is_told_that_the_service_ends(
 ) -> None:
     monkeypatch.setattr("bsg_cli.serve.processes.os.cpu_count", lambda: 2)
     monkeypatch.setattr("bsg_cli.serve.processes.SECONDS_TO_ANSWER", 15)
+    monkeypatch.setattr("bsg_cli.serve.processes.SECONDS_TO_END", 1)
     told: dict[str, tuple[int, str]] = {}
 
     async def run() -> None:
