@@ -20,6 +20,7 @@ import os
 import re
 import shutil
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
@@ -344,28 +345,28 @@ _COMMAND: ContextVar[_Command | None] = ContextVar("command", default=None)
 
 
 @dataclass
-class _Output:
+class _Output(ABC):
     """What is written by one call, in stages until it is committed."""
 
     def __post_init__(self) -> None:
         self._found: dict[Path, bytes | None] = {}  # stage → what it says of a killed command
 
     @property
+    @abstractmethod
     def where(self) -> Path:
         """The path that an error names."""
-        raise NotImplementedError
 
+    @abstractmethod
     def list_stages(self) -> list[Path]:
         """Return the folders in which it is written."""
-        raise NotImplementedError
 
+    @abstractmethod
     def prepare(self) -> None:
         """Check and flush what was written, and say in the stages what of it will be ours."""
-        raise NotImplementedError
 
+    @abstractmethod
     def commit(self) -> None:
         """Move what was written to its place."""
-        raise NotImplementedError
 
     def open(self) -> None:
         """Make the stages."""

@@ -40,30 +40,33 @@ _PREPOSITION = re.compile(r" (?:of|for|with|without|from|in|on|to) ")
 _PARTITIVE = re.compile(
     r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
 )
-# How a thing looks, and in which state it is, says nothing of where it is.
+# Words that say nothing of where a thing is. Those of one kind tell things apart: a red mug is no
+# blue one, but it may be the big one.
 # fmt: off
-COLOURS = frozenset({
+_COLOURS = frozenset({
     "red", "blue", "green", "yellow", "black", "white", "grey", "gray", "brown", "pink", "purple",
     "orange", "beige", "golden", "silver", "turquoise", "violet", "navy", "dark", "bright",
     "striped", "colourful", "colorful", "transparent",
 })
-SIZES = frozenset({
+_SIZES = frozenset({
     "big", "small", "large", "little", "tiny", "huge", "tall", "short", "long", "wide", "narrow",
     "round", "square",
 })
 _STATES = frozenset({
     "old", "new", "clean", "dirty", "empty", "full", "broken", "favourite", "favorite", "other",
 })
-# What it is made of and who made it does not, either, and tells no thing from another.
+_BRANDS = frozenset({  # that are known words; others are no words at all
+    "ikea", "nike", "adidas", "apple", "dell", "canon", "samsung", "dyson", "lego",
+})
+_LOOKS = _COLOURS | _SIZES | _STATES | _BRANDS
+# What it is made of, and how many there are, tells nothing apart.
 _MAKES = frozenset({
     "spare", "best", "warm", "cheap", "fake", "nice", "good", "guest", "wooden", "plastic", "metal",
     "steel", "iron", "leather", "ceramic", "porcelain", "cotton", "wool", "woollen", "linen",
     "marble", "rubber", "bamboo", "oak", "pine", "glass", "silk", "stainless", "cast", "electric",
     "wireless", "bluetooth", "digital", "portable",
     "one", "two", "three", "four", "five", "six",
-    "ikea", "nike", "adidas", "apple", "dell", "canon", "samsung", "dyson", "lego",
 })
-_LOOKS = COLOURS | SIZES | _STATES
 # Plurals that mean something else than their singular, or have none.
 _PLURAL = frozenset({
     "glasses", "clothes", "scissors", "goods", "pants", "shorts", "jeans", "tights", "news", "keys",
@@ -77,7 +80,7 @@ _DETERMINERS = re.compile(
 def split_head(name: str) -> tuple[list[str], str]:
     """Return the words before the head of a name, and the head; empty if there is none.
 
-    Words that only say how it looks, or who made it of what, are left out; see `looks_of`.
+    Words that say how it looks, who made it, or of what, are left out; see `looks_of`.
 
     >>> split_head("my cup of tea"), split_head("a pair of red running shoes")
     (([], 'cup'), (['running'], 'shoes'))
@@ -98,12 +101,24 @@ def _split_head(name: str) -> tuple[tuple[str, ...], str]:
 
 @lru_cache(maxsize=4096)
 def looks_of(name: str) -> frozenset[str]:
-    """Return the words of a name that say how the thing looks.
+    """Return the words of a name that say how the thing looks, or who made it.
 
     >>> sorted(looks_of("the big red mug"))
     ['big', 'red']
     """
     return _LOOKS & {*normalise_name(name).split()[:_MOST_WORDS]}
+
+
+def may_be_one(told: frozenset[str], other: frozenset[str]) -> bool:
+    """Return whether what is told of two things can be true of one.
+
+    >>> [may_be_one(frozenset({"nokia"}), frozenset({one})) for one in ("black", "samsung")]
+    [True, False]
+    """
+    looks = _COLOURS | _SIZES | _STATES
+    kinds = [(told & of, other & of) for of in (_COLOURS, _SIZES, _STATES)]
+    kinds.append((told - looks, other - looks))  # brands, and kinds of the thing
+    return not any(one and two and one.isdisjoint(two) for one, two in kinds)
 
 
 @lru_cache(maxsize=4096)  # all that is sought is compared with all that was seen
@@ -144,8 +159,7 @@ class Noun:
         (before, heads), (told, called) = _take_sets(self.name), _take_sets(category)
         if heads.isdisjoint(called) or not before <= told:
             return False
-        asked, said = looks_of(self.name), looks_of(category)
-        return not asked or not said or not asked.isdisjoint(said)
+        return may_be_one(looks_of(self.name), looks_of(category))
 
     def includes(self, name: str) -> bool:
         """Return whether all things of a name are this noun: mugs include red mugs."""

@@ -51,7 +51,7 @@ from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
-from bsg_models.belief.nouns import NounTable, looks_of, read_nouns, split_head
+from bsg_models.belief.nouns import NounTable, looks_of, may_be_one, read_nouns, split_head
 from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish, kind_of
 from bsg_models.robot.decision import (
     Decision,
@@ -98,7 +98,6 @@ from bsg_models.robot.words import (
     find_meaning,
     find_room,
     find_wider,
-    may_be_one,
     require_word,
     tell_apart,
 )
@@ -1105,8 +1104,8 @@ class SeenBuilding:
         except RecipeError:
             found = Meaning(word, None, None, 0, "", is_exact=False)
         how, told = explain_everyday(thing, word), tell_apart(word)
-        is_kind = nouns is not None and bool(more) and nouns.knows(more)
-        return replace(found, word=word, thing=thing, how=how, told=told, is_kind=is_kind)
+        kind = frozenset(more if nouns is not None and nouns.knows(more) else ())  # else a brand
+        return replace(found, word=word, thing=thing, how=how, told=told, kind=kind)
 
     def _understand_or_none(self, thing: str) -> Meaning | None:
         if thing in self._unknown:
@@ -1203,15 +1202,12 @@ class SeenBuilding:
         """Return whether a robot's word for an object names a thing of this meaning."""
         noun, thing = meaning.noun, meaning.thing
         if thing is not None:
-            mine = meaning.told
 
             def is_thing(word: str) -> bool:
                 is_listed = thing in (find_everyday(word), find_wider(word)[0])
+                is_named = is_listed or bool(noun and noun.names(word))
                 told = tell_apart(word)
-                is_one = may_be_one(mine, told) and (
-                    not meaning.is_kind or not mine.isdisjoint(told)
-                )
-                return is_one and (is_listed or bool(noun and noun.names(word)))
+                return is_named and meaning.kind <= told and may_be_one(meaning.told, told)
 
             return is_thing
         if noun is not None:
@@ -1248,7 +1244,7 @@ class SeenBuilding:
                 meaning.thing,
                 self._whole,
                 likeness=likeness,
-                part=SHARE_OF_KIND if meaning.is_kind else 1.0,
+                part=SHARE_OF_KIND if meaning.kind else 1.0,
             )
         is_sought = self._names(meaning)
         if meaning.thing is not None or meaning.noun is not None:

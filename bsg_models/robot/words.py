@@ -25,7 +25,7 @@ from bsg_data.scene.name_rules import LONGEST, SHORT, index_words, is_typo, mend
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
-from bsg_models.belief.nouns import COLOURS, SIZES, Noun, NounTable, looks_of, split_head
+from bsg_models.belief.nouns import Noun, NounTable, looks_of, split_head
 
 MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
@@ -53,8 +53,8 @@ class Meaning:
         noun: what the word means, if it is known and no class holds only such things.
         is_mended: whether the word is taken for another one, spelled almost like it.
         thing: the row of the table of everyday things, for one that no class holds alone.
-        is_kind: whether the row is of things of which this is a kind: shoes, for running shoes.
-        told: words that tell it from other such things: `red` of a red mug, `nokia` of a phone.
+        kind: words that make it a kind of the things of this row: `running` of running shoes.
+        told: these, and what else tells it from other such things: `red` of a mug, a brand.
     """
 
     word: str
@@ -66,7 +66,7 @@ class Meaning:
     noun: Noun | None = None
     is_mended: bool = False
     thing: Thing | None = None
-    is_kind: bool = False
+    kind: frozenset[str] = frozenset()
     told: frozenset[str] = frozenset()
 
     @property
@@ -221,16 +221,6 @@ def tell_apart(word: str) -> frozenset[str]:
     [['red'], ['nokia'], []]
     """
     return looks_of(_name_only(word)) | frozenset(find_wider(word)[1])
-
-
-def may_be_one(said: frozenset[str], other: frozenset[str]) -> bool:
-    """Return whether what is told of two things can be true of one: a black phone may be a Nokia.
-
-    A red one is no blue one, a big one no small one, and a Samsung no Nokia.
-    """
-    looks = COLOURS | SIZES
-    parts = [(said & of, other & of) for of in (COLOURS, SIZES)] + [(said - looks, other - looks)]
-    return not any(one and two and one.isdisjoint(two) for one, two in parts)
 
 
 @cache

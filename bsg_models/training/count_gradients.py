@@ -88,15 +88,11 @@ class CountGradients(Network):
         counts: torch.Tensor = nodes.known & ~nodes.is_building[:, None]
         return counts
 
-    def cells_of(self, nodes: Nodes) -> torch.Tensor:
-        """Return the number of known cells of rooms."""
-        return self._count(nodes).sum()
-
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the loss over rooms and classes, and the number of these cells."""
         self.eval()
         with torch.no_grad():
-            cells = int(self.cells_of(nodes))
+            cells = int(self._count(nodes).sum())
             return (self.loss(nodes).item() * cells if cells else 0.0), cells
 
     def predict(self, seen: Observation) -> Expectation:

@@ -111,7 +111,8 @@ class CECIGCN(Network):
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean loss over nodes and classes: by `mse` as in section IV-A."""
         losses = torch.where(nodes.known, self._losses(nodes, self(nodes)), 0.0)
-        return losses.sum() / self.cells_of(nodes).clamp(min=1)
+        mean: torch.Tensor = losses.sum() / nodes.known.sum().clamp(min=1)
+        return mean
 
     def _losses(self, nodes: Nodes, totals: torch.Tensor) -> torch.Tensor:
         """Return the loss of each cell `[N, C]`."""
@@ -123,11 +124,6 @@ class CECIGCN(Network):
             rates, nodes.y - nodes.x, log_input=False, full=True, reduction="none"
         )
         return losses
-
-    def cells_of(self, nodes: Nodes) -> torch.Tensor:
-        """Return the number of known cells."""
-        count: torch.Tensor = nodes.known.sum()
-        return count
 
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the losses, of totals clipped at 0, and the number of cells."""

@@ -71,10 +71,6 @@ class Network(BeliefModel, nn.Module):
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the loss that a training step lowers."""
 
-    def cells_of(self, nodes: Nodes) -> torch.Tensor:
-        """Return the number of (node, class) cells that `loss` averages over."""
-        return torch.tensor(nodes.y.numel(), device=nodes.y.device)
-
     @abstractmethod
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the loss over (node, class) cells, and their number."""

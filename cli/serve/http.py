@@ -18,7 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from bsg_cli.serve.bounds import MOST_BYTES, Fault, confess, refuse
 from bsg_cli.serve.doors import EventStreams
-from bsg_cli.serve.questions import Contents, Expect, Find, Found, GoTo, NextPlace, Service
+from bsg_cli.serve.questions import Contents, Destination, Expect, Find, Found, NextPlace, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
 from bsg_data.inputs.documents import parse_json
@@ -76,7 +76,7 @@ def make_app(service: Service) -> FastAPI:
         """Say in which rooms things probably are, and which room to search first."""
         return service.find(asked)
 
-    async def next_place(asked: NextPlace) -> GoTo:
+    async def next_place(asked: NextPlace) -> Destination:
         """Say which piece of furniture to look at next, to find one thing."""
         return service.next_place(asked)
 

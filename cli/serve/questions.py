@@ -202,7 +202,7 @@ class Found(Record):
     notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
 
 
-class GoTo(Record):
+class Destination(Record):
     """The piece of furniture to look at next."""
 
     thing: str
@@ -268,7 +268,7 @@ class Service:
         )
         return Found.model_validate({**facts, "notes": seen.notes})
 
-    def next_place(self, asked: NextPlace) -> GoTo:
+    def next_place(self, asked: NextPlace) -> Destination:
         """Return the piece of furniture to look at next.
 
         Raises:
@@ -283,7 +283,7 @@ class Service:
             look=asked.look,
             chance=LOOK_CHANCE if asked.chance is None else asked.chance,
         )
-        return GoTo.model_validate({**facts, "notes": seen.notes})
+        return Destination.model_validate({**facts, "notes": seen.notes})
 
     def expect(self, asked: Expect) -> Contents:
         """Return what rooms probably hold.

@@ -11,7 +11,7 @@ from mcp.server.lowlevel import Server
 from starlette.types import ASGIApp
 
 from bsg_cli.serve.answer import call
-from bsg_cli.serve.questions import Contents, Expect, Find, Found, GoTo, NextPlace
+from bsg_cli.serve.questions import Contents, Destination, Expect, Find, Found, NextPlace
 from bsg_data.files import encode_json
 from bsg_data.recipes import Record
 
@@ -35,7 +35,7 @@ _TOOLS: dict[
     "next_place": (
         "/next_place",
         NextPlace,
-        GoTo,
+        Destination,
         "Say which piece of furniture to look at next, to find one thing.",
     ),
     "expect_things": (

@@ -32,7 +32,7 @@ from storeys import (
     describe_world,
     open_storeys,
     put_anywhere,
-    put_as_people_say,
+    put_as_people_choose,
 )
 
 from bsg_data.dataset.dataset import Dataset
@@ -148,6 +148,7 @@ class Search:
     seconds: float = 0.0
     found: bool = False
     at: str | None = None  # the furniture at which it looked last
+    within: str | None = None  # the room that it searches whole; None if it has done so
     path: list[tuple[float, float]] = field(default_factory=list)
     begun: float = 0.0  # seconds, when it reached the first piece of the room
     whole: list[tuple[str, float]] = field(default_factory=list)  # room, seconds of all of it
@@ -190,6 +191,7 @@ class Search:
 
     def leave(self) -> None:
         """Report that the thing is not in the room, or that the robot has looked and may again."""
+        self.within = None
         self.whole.append((self.room, self.seconds - self.begun))
         self.looks[self.room] += 1
         if self.luck is None or self.looks[self.room] == MOST_LOOKS:
@@ -209,7 +211,25 @@ def list_places(world: Any) -> dict[str, list[Any]]:
     }
 
 
-Choice = Callable[[Search], Any]  # the name of a room to search, a place to look at, or None
+Choice = Callable[[Search], Any]  # the place to look at next; None: there is nowhere to go
+
+
+def find_nearest(search: Search, room: str | None) -> Any:
+    """Return the place of a room that is left and nearest; None without one."""
+    from pyrobosim.utils.knowledge import apply_resolution_strategy
+
+    left = search.left.get(room) if room is not None else None
+    return apply_resolution_strategy(left, "nearest", search.world.robots[0]) if left else None
+
+
+def room_by_room(choose: Callable[[Search], str | None]) -> Choice:
+    """Return a way to search that chooses a room, and looks at all that is there."""
+
+    def choose_place(search: Search) -> Any:
+        search.within = search.within or choose(search)
+        return find_nearest(search, search.within)
+
+    return choose_place
 
 
 def by_belief(search: Search) -> str | None:
@@ -238,36 +258,35 @@ def by_piece(search: Search) -> Any:
     go = search.seen.next_place(
         _word(search.thing), here=search.room, at=search.at, look=LOOK * SPEED
     )
-    left = [] if go is None else search.left.get(go.room, [])
-    named = [place for place in left if place.parent.name == go.piece]
-    return named[0] if named else (left or [None])[0]
+    if go is None:
+        return None
+    named = [place for place in search.left.get(go.room, ()) if place.parent.name == go.piece]
+    return named[0] if named else find_nearest(search, go.room)
 
 
-CHOICES: Mapping[str, Choice] = {"next_room": by_belief, "nearest": by_distance, "first": by_list}
-OF_PIECES: Mapping[str, Choice] = {"next_place": by_piece, "next_room": by_belief}
-OF_PIECES |= {"nearest": by_distance}
+NEXT_ROOM, NEAREST = room_by_room(by_belief), room_by_room(by_distance)
+CHOICES: Mapping[str, Choice] = {
+    "next_room": NEXT_ROOM,
+    "nearest": NEAREST,
+    "first": room_by_room(by_list),
+}
+OF_PIECES: Mapping[str, Choice] = {
+    "next_place": by_piece,
+    "next_room": NEXT_ROOM,
+    "nearest": NEAREST,
+}
 
 
 def find(
     world: Any, question: Question, choose: Choice, *, model: str, luck: int | None = None
 ) -> Search:
-    """Search room by room, the nearest furniture first, until it is found or nothing is left."""
-    from pyrobosim.utils.knowledge import apply_resolution_strategy
-
+    """Search until it is found, or nothing is left."""
     (thing, start), robot = question, world.robots[0]
     robot.set_pose(world.get_room_by_name(start).nav_poses[0])
     robot.known_objects = set()
     search = Search(world, know_world(world, model=model), thing, start, luck, list_places(world))
-    while search.left and not search.found:
-        chosen = choose(search)
-        if hasattr(chosen, "parent"):
-            search.look(chosen)
-            continue
-        if (room := chosen) not in search.left:
-            break  # nowhere to go
-        looks = search.looks[room]
-        while looks == search.looks[room] and not search.found:
-            search.look(apply_resolution_strategy(search.left[room], "nearest", robot))
+    while not search.found and (place := choose(search) if search.left else None) is not None:
+        search.look(place)
     return search
 
 
@@ -452,7 +471,7 @@ def main(argv: Sequence[str]) -> None:
             own[beside].append(search_all(world, questions, model=SHIPPED))
     data, models = open_models(options)
     made: dict[bool, list[list[Row]]] = {False: [], True: []}  # by whether it misses some
-    put: list[list[Row]] = []  # with things where people say
+    put: list[list[Row]] = []  # with things on furniture as people choose it
     for number, (scene, storey) in enumerate(islice(open_storeys(data, models), options.worlds)):
         seed = options.seed + number
         world = build_world(storey, seed=seed)
@@ -460,7 +479,7 @@ def main(argv: Sequence[str]) -> None:
         for misses, searches in made.items():
             luck = seed if misses else None
             searches.append(search_all(world, questions, model=models[scene], luck=luck))
-        world = build_world(storey, seed=seed, put=put_as_people_say)
+        world = build_world(storey, seed=seed, put=put_as_people_choose)
         questions = draw_questions(world, seed=seed)
         put.append(search_all(world, questions, model=models[scene], choices=OF_PIECES))
         print(f"{number + 1} of {options.worlds} worlds", file=sys.stderr, flush=True)
@@ -469,7 +488,7 @@ def main(argv: Sequence[str]) -> None:
     tables = [
         report("Worlds made from buildings", made[False], model=held),
         report(f"A detector that misses {100 * MISSES:.0f} %", made[True], model=held),
-        report("Things where people say", put, model=held, choices=OF_PIECES),
+        report("Things on furniture that people choose", put, model=held, choices=OF_PIECES),
         report("pyrobosim's own worlds", own[False], model=shipped),
         report("The same, from rooms that hold the thing", own[True], model=shipped),
         fit_looks([*made[False], *made[True]]),

@@ -3,7 +3,7 @@
 Rooms are the boxes of the dataset, without overlaps. A way of `DOOR` metres leads through the wall
 between adjacent rooms. The dataset does not say where in a room something is: one piece of
 furniture of each class stands at a random place, and each thing lies in or on a random piece, or on
-one that people say. What does not fit is left out.
+one that people choose. What does not fit is left out.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def put_anywhere(draw: np.random.Generator, _: str, pieces: Sequence[str]) -> in
     return int(draw.integers(len(pieces)))
 
 
-def put_as_people_say(draw: np.random.Generator, room: str, pieces: Sequence[str]) -> int:
-    """Return a piece, as likely as people say that things are on such furniture of such a room."""
+def put_as_people_choose(draw: np.random.Generator, room: str, pieces: Sequence[str]) -> int:
+    """Return a piece, as likely as people choose it for anything in such a room."""
     shares = people("", room.rpartition("_")[0].replace("_", " "), pieces) + _LEAST
     return int(draw.choice(len(pieces), p=shares / shares.sum()))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from pathlib import Path
 from typing import Any
@@ -34,8 +33,7 @@ def test_the_ways_to_measure_are_compared_by_hand(tmp_path: Path) -> None:
         near = saves(0.34, -1.0, 0.1), saves(0.45, -0.5, 0.2)
         far = saves(0.1, -2.0, 0.0), saves(0.0, -1.0, 0.0)
         keep(tmp_path, one, *(near if place == 0 else far))
-    options = argparse.Namespace(leaderboard=tmp_path, kept=tmp_path, episodes=30, workers=1)
-    found = paper_search.search_all(searches, options)
+    found = {one: paper_search.search(one, tmp_path, tmp_path, episodes=30) for one in searches}
     worlds = paper_search.tabulate_worlds(["a@uniform"], found)
     assert worlds.rows[0][2:4] == ["`single`", "34.0 (24.0 to 44.0)"]
     moves, nearest = paper_search.tabulate_choices(["a@uniform"], found)

@@ -28,9 +28,10 @@ def test_the_lines_of_curl_are_answered(address: str) -> None:
     lines = "\n".join(read_blocks("http", "sh", address))
     shell = ["bash", "-euo", "pipefail", "-c", f"{{ {lines}\n}} | jq --slurp ."]
     done = subprocess.run(shell, cwd=DOCS, capture_output=True, text=True, check=True)
-    find, expect, file = json.loads(done.stdout)
+    find, expect, file, place = json.loads(done.stdout)
     assert find["go_first"] == file["go_first"] == "kitchen"
     assert find["cost_unit"] == "rooms"
+    assert (place["room"], place["piece"]) == ("kitchen", "f")
     assert len(expect["rooms"][0]["expected"]) == 3
 
 
@@ -41,7 +42,7 @@ def test_the_lines_of_the_client_are_answered(address: str) -> None:
 
 
 def test_the_page_has_all_keys_of_questions_and_answers() -> None:
-    from bsg_cli.serve.questions import Contents, Expect, Find, Found, GoTo, NextPlace, Thing
+    from bsg_cli.serve.questions import Contents, Destination, Expect, Find, Found, NextPlace, Thing
 
     page = (DOCS / "robot-software.md").read_text("utf-8").split("\n## HTTP\n")[1]
     questions, answers = page.split("| answer | meaning |")
@@ -51,7 +52,7 @@ def test_the_page_has_all_keys_of_questions_and_answers() -> None:
         assert {*re.findall(r"`(\w+)`", " ".join(keys))} == {*kind.model_fields}
     keys = " ".join(re.findall(r"^\| ([^|]+) \|", answers, re.MULTILINE))
     shown = {*re.findall(r"`(\w+)`", keys)}
-    assert {*Found.model_fields, *GoTo.model_fields, *Contents.model_fields} <= shown
+    assert {*Found.model_fields, *Destination.model_fields, *Contents.model_fields} <= shown
     (places,) = re.findall(r"^\| `places` \| (.*)", answers, re.MULTILINE)
     assert {one.name for one in fields(Place)} <= {*re.findall(r"`(\w+)`", places)}
     (plan,) = re.findall(r"^\| `plan` \| (.*)", answers, re.MULTILINE)
