@@ -100,36 +100,50 @@ class CECIGCN(Network):
 
     def forward(self, nodes: Nodes) -> torch.Tensor:
         """Return predicted totals E″ × O″, `[N, C]`; with `mse`, a linear layer may go below 0."""
+        outputs = self._convolve(nodes)
+        return outputs if self._is_squared else nodes.x + functional.softplus(outputs)
+
+    @property
+    def _is_squared(self) -> bool:
+        return self.config.likelihood == "mse"
+
+    def _convolve(self, nodes: Nodes) -> torch.Tensor:
+        """Return the outputs of the layers: totals, or what is the softplus of hidden counts."""
         x: torch.Tensor = nodes.x
         for layer, convolution in enumerate(self.convolutions):
             x = convolution(x, nodes.edges.pairs, nodes.edges.weights)
             if layer < len(self.blocks):
                 x = self.blocks[layer](x)
-        is_rate = self.config.likelihood == "poisson"
-        return nodes.x + functional.softplus(x) if is_rate else x
+        return x
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean loss over nodes and classes: by `mse` as in section IV-A."""
-        losses = torch.where(nodes.known, self._losses(nodes, self(nodes)), 0.0)
+        losses = torch.where(nodes.known, self._losses(nodes, self._convolve(nodes)), 0.0)
         mean: torch.Tensor = losses.sum() / nodes.known.sum().clamp(min=1)
         return mean
 
-    def _losses(self, nodes: Nodes, totals: torch.Tensor) -> torch.Tensor:
+    def _losses(self, nodes: Nodes, outputs: torch.Tensor) -> torch.Tensor:
         """Return the loss of each cell `[N, C]`."""
-        if self.config.likelihood == "mse":
-            errors: torch.Tensor = totals - nodes.y
+        if self._is_squared:
+            errors: torch.Tensor = outputs - nodes.y
             return errors * errors
-        rates = (totals - nodes.x).clamp(min=_LEAST_RATE)
         losses: torch.Tensor = functional.poisson_nll_loss(
-            rates, nodes.y - nodes.x, log_input=False, full=True, reduction="none"
+            functional.softplus(outputs).clamp(min=_LEAST_RATE),
+            nodes.y - nodes.x,
+            log_input=False,
+            full=True,
+            reduction="none",
         )
         return losses
 
     def validation_loss(self, nodes: Nodes) -> tuple[float, int]:
         """Return the sum of the losses, of totals clipped at 0, and the number of cells."""
-        totals = torch.from_numpy(self._predict_totals(nodes))
-        losses = to_array(self._losses(nodes, totals)[nodes.known])
-        return float(losses.sum()), losses.size
+        self.eval()
+        with torch.no_grad():
+            outputs = self._convolve(nodes).double()
+            losses = self._losses(nodes, outputs.clamp(min=0) if self._is_squared else outputs)
+        known = to_array(losses[nodes.known])
+        return float(known.sum()), known.size
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the totals, clipped at 0, and the hidden counts that follow."""
