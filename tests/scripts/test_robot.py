@@ -9,7 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from robot import CHOICES, LOOK, MISSES, Search, find, list_questions, open_world, report
+from robot import (
+    CHOICES,
+    LOOK,
+    MISSES,
+    Search,
+    by_distance,
+    by_list,
+    find,
+    list_questions,
+    open_world,
+    report,
+)
 from shapely.geometry import LineString, box
 from storeys import RADIUS, STAND, Storey, describe_world, find_storey
 
@@ -67,7 +78,7 @@ def test_a_detector_that_misses_looks_again(luck: int | None, missed: int) -> No
         search.look(top)
         assert not search.found
         assert search.left["kitchen"] == [top]
-        assert {CHOICES[name](search) for name in ("nearest", "first")} == {"hall"}
+        assert {choose(search) for choose in (by_distance, by_list)} == {"hall"}
     looked = seen.graph.looks
     search.look(top)
     assert search.found
