@@ -27,7 +27,14 @@ from bsg_data.dataset.manifest import (
     read_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import Held, hold_files, read_file, read_table, refuse_replaced
+from bsg_data.dataset.shards import (
+    Held,
+    hold_files,
+    read_file,
+    read_table,
+    refuse_replaced,
+    take_adjacent,
+)
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import is_nameless
@@ -338,13 +345,12 @@ class _Shard:
     def connections(self) -> tuple[Ints, Connections]:
         """Offsets of the scenes `[B + 1]`, and the connections of all of them."""
         columns = ["scene_id", "source_index", "target_index", "kind", "method", "distance_m"]
-        table = self._read("edges", columns)
-        table = table.filter(pc.equal(table["kind"], "adjacent"))
+        table = take_adjacent(self._read("edges", columns))
         pairs = np.stack([table[f"{end}_index"].to_numpy() for end in ("source", "target")], axis=1)
         every = Connections(
             pairs.astype(np.int64),
             np.array(table["method"].to_pylist(), dtype=str),
-            pc.fill_null(table["distance_m"], np.nan).to_numpy(),
+            table["distance_m"].to_numpy(),  # NaN for null
         )
         numbers = np.arange(len(self.scenes) + 1)
         return np.searchsorted(self._number_scenes(table), numbers), every

@@ -67,7 +67,7 @@ def write_shards(
 
 def make_tables(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, pa.Table]:
     """Return the tables of one shard, of some scenes in the order given."""
-    columns = _collect_columns(graphs, classes)
+    columns = collect_columns(graphs, classes)
     return {name: pa.table(columns[name], schema=schema) for name, schema in TABLES.items()}
 
 
@@ -101,7 +101,7 @@ _OBJECT = _own_columns(OBJECTS, SceneObject._fields)
 _EDGE = _own_columns(EDGES, [field.name for field in fields(Edge)])
 
 
-def _collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, _Columns]:
+def collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, _Columns]:
     """Return table → column → values, scenes in the order given."""
     rooms = [room for graph in graphs for room in graph.rooms]
     held = _turn([obj for graph in graphs for obj in graph.objects])
@@ -178,7 +178,7 @@ def _take(names: Iterable[str], records: Sequence[object]) -> _Columns:
 def _spread_points(name: str, points: Sequence[Point | None]) -> _Columns:
     axes = [f"{name}_{axis}" for axis in "xyz"]
     if not any(points):  # as in a text without a mesh
-        return dict.fromkeys(axes, pa.nulls(len(points), pa.float64()))
+        return dict.fromkeys(axes, [None] * len(points))
     return {axis: [point and point[number] for point in points] for number, axis in enumerate(axes)}
 
 
@@ -192,7 +192,7 @@ def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
     """Assemble scene graphs from the tables of one shard: the inverse of `make_tables`."""
     scenes, rooms, objects, edges = tables
     room_of, object_of = _group(rooms, _read_rooms(rooms)), _group(objects, _read_objects(objects))
-    edges = edges.filter(pc.equal(edges["kind"], "adjacent"))
+    edges = take_adjacent(edges)
     edge_of = _group(edges, _read_edges(edges))
     for row in scenes.to_pylist():
         scene = row["scene_id"]
@@ -202,6 +202,13 @@ def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
             objects=tuple(object_of.get(scene, ())),
             adjacency=tuple(edge_of.get(scene, ())),
         )
+
+
+def take_adjacent(edges: pa.Table) -> pa.Table:
+    """Return the edges between rooms."""
+    # Not `pc.equal`: a scalar imports pandas, if it is there, which takes as long as all the rest.
+    kinds = edges["kind"].cast(pa.string())
+    return edges.filter(pc.match_substring_regex(kinds, "^adjacent$"))
 
 
 def _group(table: pa.Table, records: Iterable[_Record]) -> dict[str, list[_Record]]:
@@ -242,15 +249,16 @@ def _make(record: type[_Record], columns: _Columns) -> Iterator[_Record]:
 
 
 def _read_columns(table: pa.Table, names: Iterable[str]) -> _Columns:
-    return {name: _read_column(table[name]) for name in names}
+    return {name: read_column(table[name]) for name in names}
 
 
-def _read_column(column: pa.ChunkedArray) -> list[Any]:
+def read_column(column: pa.ChunkedArray) -> list[Any]:
+    """Return the values of a column."""
     return [None] * len(column) if column.null_count == len(column) else column.to_pylist()
 
 
 def _read_points(table: pa.Table, name: str) -> list[Point | None]:
-    axes = (_read_column(table[f"{name}_{axis}"]) for axis in "xyz")
+    axes = (read_column(table[f"{name}_{axis}"]) for axis in "xyz")
     return [None if point[0] is None else point for point in zip(*axes, strict=True)]
 
 

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import stream_table
+from bsg_data.dataset.shards import stream_table, take_adjacent
 from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.files import PLAIN_TEXT, AnyPath, write_figure
 from bsg_data.scene.class_map import ClassMap, Role
@@ -160,7 +160,7 @@ def count_sources(data: Dataset) -> list[Row]:
             found[source][role] += times
             classes[source] |= {index} - {None}
     for table in _stream(data, "edges", ["scene_id", "kind"]):
-        adjacent = table.filter(pc.equal(table["kind"], "adjacent"))["scene_id"].combine_chunks()
+        adjacent = take_adjacent(table)["scene_id"].combine_chunks()
         for source in names.take(pc.index_in(adjacent, value_set=ids)).to_pylist():
             found[source]["connections"] += 1
     rows = [
