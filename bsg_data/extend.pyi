@@ -26,7 +26,6 @@ from .sources.hm3d import HM3DFolder
 from .sources.room_layouts import WithLayouts
 from .sources.room_words import WithRoomLabels
 from .sources.source import FoundScenes, Reading, SceneRef, Source, SourceRow
-from .synthetic.building import BuildingSize
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [
@@ -36,7 +35,6 @@ __all__ = [
     "SOURCES",
     "AnnotatedObject",
     "Box",
-    "BuildingSize",
     "ClassSpace",
     "Connections",
     "EncodedScene",
