@@ -23,8 +23,8 @@ from uuid import uuid4
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.commit import DATASET, publish, sweep
-from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.manifest import (
+    ClassMapEntry,
     FileEntry,
     Manifest,
     SkippedScene,

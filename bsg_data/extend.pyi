@@ -1,4 +1,4 @@
-from .dataset.manifest import Manifest, SkippedScene, UnmappedEntry
+from .dataset.manifest import Manifest, SkippedScene, Terms, UnmappedEntry
 from .dataset.statistics import (
     count_classes,
     count_frequencies,
@@ -6,7 +6,6 @@ from .dataset.statistics import (
     measure_coverage,
     plot_frequencies,
 )
-from .dataset.terms import Terms
 from .exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.hidden_share import ShareBelief

@@ -19,10 +19,10 @@ from bsg_data.checks.graphs import find_faults
 from bsg_data.checks.pairs import check_pairs, check_splits
 from bsg_data.dataset.commit import is_own, list_strays
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.kept_maps import KEPT
 from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
+    KEPT,
     MANIFEST,
     FileEntry,
     Manifest,

@@ -21,11 +21,10 @@ import numpy.typing as npt
 from pydantic import Field
 
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Keyed, Listed
+from bsg_data.first_fault import ForeignRecord, Keyed, Listed
 from bsg_data.inputs.bounds import MAX_GRAPH_EDGES, MAX_GRAPH_LABELS, MAX_GRAPH_NODES
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import validate
-from bsg_data.sources.foreign_record import ForeignRecord
 
 _FURTHEST = 1_000_000.0  # a map may be in the metres of a country's grid
 _LAYERS = {"OBJECTS": 2, "ROOMS": 4}

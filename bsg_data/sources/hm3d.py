@@ -15,8 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms

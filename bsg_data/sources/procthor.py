@@ -26,9 +26,9 @@ from typing import Annotated, Any, BinaryIO, ClassVar
 import numpy as np
 from pydantic import Field
 
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Listed
+from bsg_data.first_fault import ForeignRecord, Listed, Position
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import (
@@ -44,7 +44,6 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.foreign_record import ForeignRecord, Position
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import show_value
 

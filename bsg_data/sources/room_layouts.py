@@ -33,8 +33,7 @@ from bsg_data.sources.layout_files import (
     read_layout,
     read_layout_table,
 )
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
-from bsg_data.sources.wrapper import Wrapper
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source, Wrapper
 
 _SHOWN = 10  # region ids, or columns, in a message
 _Named = tuple[str, Path]  # how a layout names its scene, and the file where it is

@@ -13,8 +13,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of, list_room_labels, normalise_room
 from bsg_data.scene.scene_graph import Room
 from bsg_data.sources.label_table import read_label_table
-from bsg_data.sources.source import Reading, SceneRef, Source
-from bsg_data.sources.wrapper import Wrapper
+from bsg_data.sources.source import Reading, SceneRef, Source, Wrapper
 from bsg_data.spelling import ask_if_meant, show_value
 
 _ANY_SOURCE = "any"

@@ -16,7 +16,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, RootModel
 
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import MAX_LISTED, MAX_LISTED_SCENES, S3DIS

@@ -26,7 +26,7 @@ from pydantic import Field, ValidationError
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.first_fault import Listed
+from bsg_data.first_fault import ForeignRecord, Listed
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS, SPARK_DSG
@@ -38,7 +38,6 @@ from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
-from bsg_data.sources.foreign_record import ForeignRecord
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _PREFIX, _SUFFIX = "labels-", ".csv"

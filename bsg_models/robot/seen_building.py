@@ -44,9 +44,9 @@ from bsg_data.scene.class_map import (
     load_class_map,
     normalise_name,
 )
-from bsg_data.scene.receptacles import find_receptacle
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
+from bsg_data.scene.things import find_receptacle
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.manifest import (
+    ClassMapEntry,
     Manifest,
     SourceEntry,
     Totals,

@@ -10,7 +10,7 @@ import pytest
 from conftest import write_twelve
 from refusals import refuses
 
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
 from bsg_data.sources.hm3d import HM3DFolder
