@@ -66,7 +66,7 @@ def merge_datasets(
     for one in opened:
         require_class_space(opened[0].manifest, one.manifest.class_space, what=str(one.path))
     scenes = sum(one.manifest.totals.scenes for one in opened)
-    merged = combine_manifests([one.manifest for one in opened])
+    merged = _combine_manifests([one.manifest for one in opened])
     size = merged.scenes_per_shard
     count_shards(scenes, scenes_per_shard=size)
     _refuse_shared_buildings(opened)
@@ -94,7 +94,7 @@ def merge_datasets(
     return merged
 
 
-def combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
+def _combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
     """Return the manifest of a dataset that holds what several hold, with all their files."""
     sources = [source for one in manifests for source in one.sources]
     return Manifest(

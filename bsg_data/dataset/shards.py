@@ -296,7 +296,7 @@ def write_parquet(
         "bsg.classes": encode_json(class_space.classes, ensure_ascii=False),
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
-    schema, sink, rows = schema_of(table, class_space), pa.BufferOutputStream(), 0
+    schema, sink, rows = _schema_of(table, class_space), pa.BufferOutputStream(), 0
     with pq.ParquetWriter(
         sink, schema.with_metadata(metadata), compression="zstd", compression_level=3
     ) as writer:
@@ -375,7 +375,7 @@ def read_file(
         dataset, entry, manifest=manifest, held=held, dictionaries=dictionaries
     ) as file:
         table = file.read(columns=columns, use_threads=False)
-        expected = schema_of(_table_of(entry), manifest.class_space)
+        expected = _schema_of(_table_of(entry), manifest.class_space)
         absent = _list_absent(file.schema_arrow, expected)
     for field in absent:
         kind = pa.dictionary(pa.int32(), field.type) if field.name in dictionaries else field.type
@@ -461,7 +461,7 @@ def open_listed(
     if data is None:
         _refuse_file(dataset, entry, manifest)
     with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
-        expected = schema_of(_table_of(entry), manifest.class_space)
+        expected = _schema_of(_table_of(entry), manifest.class_space)
         for field in _list_absent(file.schema_arrow, expected):
             expected = expected.remove(expected.get_field_index(field.name))
         for name in {*dictionaries} & {*expected.names}:
@@ -485,7 +485,7 @@ def _table_of(entry: FileEntry) -> str:
     return entry.path.partition("/")[0]
 
 
-def schema_of(table: str, class_space: ClassSpace) -> pa.Schema:
+def _schema_of(table: str, class_space: ClassSpace) -> pa.Schema:
     """Return the schema of the files of a table."""
     if table == "pairs":
         return pairs_schema(len(class_space.classes))

@@ -25,7 +25,7 @@ from bsg_data.scene.scene_graph import SceneGraph
 TABLE_OF = {"building": "scenes", "room": "rooms", "object": "objects"}  # kind of node → table
 
 
-def encode_node_link(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
+def _encode_node_link(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
     """Encode a building in the shape of `networkx.node_link_data`."""
     document = {
         "directed": True,
@@ -62,7 +62,7 @@ def _known(row: dict[str, Any]) -> dict[str, Any]:
 
 NODE_LINK = ExportRow(
     summary="building, rooms and objects as networkx's node-link JSON, <scene>.node-link.json",
-    encode=encode_node_link,
+    encode=_encode_node_link,
 )
 
 _TYPES = {"string": "string", "bool": "boolean", "double": "double"}  # Arrow's → GraphML's
@@ -70,7 +70,7 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _REPLACED = "some names have characters that XML cannot hold; U+FFFD stands for each"
 
 
-def encode_graphml(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
+def _encode_graphml(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
     """Encode a building as GraphML, with one line for each node and edge."""
     text = "\n".join(_write_lines(graph, classes)) + "\n"
     clean = _NO_XML.sub("\ufffd", text)
@@ -122,5 +122,5 @@ def _write_text(value: object) -> str:
 
 GRAPHML = ExportRow(
     summary="building, rooms and objects as GraphML, <scene>.graphml",
-    encode=encode_graphml,
+    encode=_encode_graphml,
 )

@@ -97,13 +97,13 @@ def find_thing(word: str) -> Thing | None:
 
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
-    things = parse_things(read_published(_FILE))
+    things = _parse_things(read_published(_FILE))
     listed = {_spell(one): thing for thing in things for one in (thing.name, *thing.spellings)}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
     return things, joined | listed
 
 
-def parse_things(data: bytes) -> tuple[Thing, ...]:
+def _parse_things(data: bytes) -> tuple[Thing, ...]:
     """Parse the table; `ClassMapError` names the line at fault."""
     classes = {name for space in _SPACES for name in load_class_space(space).classes}
     things: list[Thing] = []

@@ -104,7 +104,7 @@ def _find_building_kind(scene: str) -> str | None:
 
 
 @dataclass(frozen=True)
-class BehaviorRooms:
+class _BehaviorRooms:
     """BEHAVIOR-1K's list of rooms and their objects."""
 
     path: Path  # the JSON file
@@ -236,7 +236,7 @@ def _digest(content: object) -> str:
 
 ROW = SourceRow(
     summary="BEHAVIOR-1K's list of rooms and their objects, a JSON file of the package bddl",
-    open=BehaviorRooms,
+    open=_BehaviorRooms,
     terms=Terms(
         licence="MIT",
         licence_url="https://opensource.org/license/mit",

@@ -191,7 +191,7 @@ class HM3DFolder:
             scene_id=scene_id,
             location=relative.as_posix(),
             fingerprint=fingerprint(path),
-            source_split=_last(map(split_of_folder, folders)) or split_by_number(scene_id),
+            source_split=_last(map(_split_of_folder, folders)) or split_by_number(scene_id),
             source_version=_last(map(version_of, folders)),
             geometry=_state_of(self._find_mesh(path)),
             building=split_scene_id(building)[1],
@@ -253,10 +253,10 @@ def split_scene_id(scene_id: str) -> tuple[int | None, str]:
     return (int(match[1]), match[2]) if match else (None, scene_id)
 
 
-def split_of_folder(folder: str) -> str | None:
+def _split_of_folder(folder: str) -> str | None:
     """Read the split from a folder's name: `train`, or `hm3d-minival-semantic-annots-v0.2`.
 
-    >>> split_of_folder("hm3d-minival-semantic-annots-v0.2")
+    >>> _split_of_folder("hm3d-minival-semantic-annots-v0.2")
     'minival'
     """
     name = folder.split("-")[1] if folder.startswith("hm3d-") else folder

@@ -87,11 +87,11 @@ class HM3DStatistics:
 
     @property
     def _lines(self) -> dict[str, list[tuple[int, str]]]:
-        return read_scene_lines(self.path, *state_of(self.path))
+        return _read_scene_lines(self.path, *state_of(self.path))
 
 
 @lru_cache(maxsize=2)
-def read_scene_lines(
+def _read_scene_lines(
     path: Path, size: int = 0, changed: int = 0
 ) -> dict[str, list[tuple[int, str]]]:
     """Read the numbered lines of every scene, sorted by id, once for each state of the zip."""

@@ -92,7 +92,7 @@ _OPTIONAL = {"V": _FLOORS, "S": _FLOORS, "portal": "doors and boxes tell what el
 
 
 @dataclass(frozen=True)
-class MatterportHouses:
+class _MatterportHouses:
     """A folder with `.house` files anywhere below it, packed or not, or one such file."""
 
     path: Path
@@ -115,7 +115,7 @@ class MatterportHouses:
         """
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, HOUSE, expected=ref.fingerprint)
-        house = parse_house(data, path=path)
+        house = _parse_house(data, path=path)
         rooms = [_room(r, n) for n, r in enumerate(house.regions) if r.label != _JUNK]
         graph = assemble(
             _list_objects(house),
@@ -198,7 +198,7 @@ class House:
         self.counted[kind] += 1
 
 
-def parse_house(data: bytes, *, path: Path) -> House:
+def _parse_house(data: bytes, *, path: Path) -> House:
     """Parse a `.house` file; the error names the first malformed line."""
     lines = _read_lines(data, path)
     first = found = next(lines, (1, ""))[1]
@@ -349,7 +349,7 @@ def _set_levels(rooms: Sequence[Room], house: House) -> Sequence[Room]:
 
 ROW = SourceRow(
     summary="Matterport3D's .house files: levels, labelled rooms, objects with boxes",
-    open=MatterportHouses,
+    open=_MatterportHouses,
     terms=Terms(
         licence="LicenseRef-matterport3d",
         licence_url="http://kaldir.vc.in.tum.de/matterport/MP_TOS.pdf",

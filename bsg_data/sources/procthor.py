@@ -109,7 +109,7 @@ _streams = _Streams()
 
 
 @dataclass(frozen=True)
-class ProcTHORHouses:
+class _ProcTHORHouses:
     """A file of ProcTHOR's houses, or a folder with such files.
 
     A scene id is the number of the house in its file, from 0 as Python counts them, and a hash of
@@ -368,7 +368,7 @@ def _upright(position: Position) -> tuple[float, float, float]:
 
 ROW = SourceRow(
     summary="ProcTHOR's houses, JSON lines or an array, gzip or not",
-    open=ProcTHORHouses,
+    open=_ProcTHORHouses,
     terms=Terms(
         licence="Apache-2.0",
         licence_url="https://www.apache.org/licenses/LICENSE-2.0",

@@ -43,7 +43,7 @@ _EXPECTED = (
 )
 
 
-def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
+def _lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     """Return the scene graph with the labels and connections of a layout.
 
     Boxes come from the layout only if there is no mesh, because the origins may differ. Between
@@ -166,7 +166,7 @@ class WithLayouts(Wrapper):
         graph = reading.graph
         try:
             layout, reason = _without_null_region(_read(name, path))
-            graph = lay_out(graph, layout)
+            graph = _lay_out(graph, layout)
         except LayoutError as error:
             require_lasting(error, path)
             reason = str(error).replace(f"{self._root}/", "")

@@ -38,7 +38,7 @@ class WithRoomLabels(Wrapper):
     def __init__(self, source: Source, file: AnyPath) -> None:
         path = Path(file)
         object.__setattr__(self, "source", source)
-        object.__setattr__(self, "words", read_room_words(path))
+        object.__setattr__(self, "words", _read_room_words(path))
         object.__setattr__(self, "file", path.name)
         object.__setattr__(self, "sha256", hash_file(path))
 
@@ -74,7 +74,7 @@ class WithRoomLabels(Wrapper):
         return {**clear, **dict(self.words)}
 
 
-def read_room_words(path: Path) -> tuple[tuple[str, str | None], ...]:
+def _read_room_words(path: Path) -> tuple[tuple[str, str | None], ...]:
     """Read a table `source_label,label`: words, each with its label; None if it names no kind."""
     table = read_label_table(path, {"source_label": (), "label": ()}, _read_key)
     for word, (label, where) in table.labels.items():

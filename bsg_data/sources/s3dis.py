@@ -33,7 +33,7 @@ _Area = tuple[tuple[str, str], ...]  # (room, category) of every instance, sorte
 
 
 @dataclass(frozen=True)
-class S3DISAreas:
+class _S3DISAreas:
     """The list of labels of S3DIS; a scene is an area, a part of a building."""
 
     path: Path  # semantic_labels.json
@@ -106,7 +106,7 @@ def _digest(area: _Area) -> str:
 
 ROW = SourceRow(
     summary="the list of labels of S3DIS and 2D-3D-S, a JSON file: rooms of campus offices",
-    open=S3DISAreas,
+    open=_S3DISAreas,
     terms=Terms(
         licence="LicenseRef-2D-3D-S",
         licence_url="http://buildingparser.stanford.edu/dataset.html",

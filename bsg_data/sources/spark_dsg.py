@@ -71,7 +71,7 @@ class LabelSpace:
         return self.categories.get(name, name)
 
 
-def list_label_spaces() -> tuple[str, ...]:
+def _list_label_spaces() -> tuple[str, ...]:
     """Return the names of the published label spaces, sorted."""
     names = sorted(item.name for item in files("bsg_mappings").iterdir())
     return tuple(n[len(_PREFIX) : -len(_SUFFIX)] for n in names if n.startswith(_PREFIX))
@@ -79,9 +79,9 @@ def list_label_spaces() -> tuple[str, ...]:
 
 @cache
 def _read_published(name: str) -> LabelSpace:
-    if name not in list_label_spaces():
+    if name not in _list_label_spaces():
         raise ClassMapError(
-            f"no label space {name!r}: there are {', '.join(list_label_spaces())}, and yours as "
+            f"no label space {name!r}: there are {', '.join(_list_label_spaces())}, and yours as "
             "the path of a .yaml, .yml or .csv",
             code="label-space-unknown",
             where=name,
@@ -144,7 +144,7 @@ def _parse_csv(data: bytes) -> list[dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class RobotGraphs:
+class _RobotGraphs:
     """A folder of Spark-DSG graphs, packed or not, or one such file."""
 
     path: Path  # the folder or the file
@@ -247,7 +247,7 @@ def name_object(node: DSGNode, space: LabelSpace | None) -> str:
 
 ROW = SourceRow(
     summary="a folder of Spark-DSG graphs, as Hydra records them: what robots saw",
-    open=RobotGraphs,
+    open=_RobotGraphs,
     terms=None,  # a recording belongs to whoever made it
     class_map="hm3d45-v2",
     is_complete=False,

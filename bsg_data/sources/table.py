@@ -195,7 +195,7 @@ _Listed = tuple[_TableRow, str]  # a row and its line
 
 
 @dataclass(frozen=True)
-class ObjectTable:
+class _ObjectTable:
     """A table of objects, CSV (`.csv`, `.tsv`, gzip too) or parquet."""
 
     path: Path
@@ -265,7 +265,7 @@ class ObjectTable:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
         rows, facts = fetch_listed(ref, self.path, lambda: self._read()[0][ref.scene_id], _digest)
-        regions = number_rooms(facts)
+        regions = _number_rooms(facts)
         listed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         listed.sort(key=lambda pair: (pair[0], pair[1].key))
         each = (pair for pair in listed for _ in range(pair[1].count or 1))
@@ -639,10 +639,10 @@ def _gather_facts(rows: Sequence[_Listed], where: str) -> _Facts:
     return facts
 
 
-def number_rooms(names: Iterable[str]) -> dict[str, int]:
+def _number_rooms(names: Iterable[str]) -> dict[str, int]:
     """Return the region id of every room: its name where all are numbers, else its number by name.
 
-    >>> number_rooms(["7", "3"]), number_rooms(["room 10", "room 9"])
+    >>> _number_rooms(["7", "3"]), _number_rooms(["room 10", "room 9"])
     ({'3': 3, '7': 7}, {'room 9': 0, 'room 10': 1})
     """
     ordered = sorted(names, key=_by_digits)
@@ -698,4 +698,6 @@ def _digest(scene: _Scene) -> str:
     return digest.hexdigest()
 
 
-ROW = SourceRow(summary="a table of your own objects, CSV or parquet", open=ObjectTable, terms=None)
+ROW = SourceRow(
+    summary="a table of your own objects, CSV or parquet", open=_ObjectTable, terms=None
+)

@@ -105,7 +105,7 @@ def synthesise(rates: SyntheticRates, *, seed: int, number: int) -> SyntheticBui
             where=number,
         )
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
-    types = draw_room_types(rates, rng)
+    types = _draw_room_types(rates, rng)
     regions = _draw_regions(rates, len(types), rng)
     counts = _draw_counts(rates, types, rng)
     rows = _number_rows(rates, _draw_names(rates, types, regions, counts, rng), rng)
@@ -122,7 +122,7 @@ def name_building(seed: int, number: int) -> tuple[str, str, str]:
     return split, f"{number if number >= _HM3D_SCENES else scene:05d}-{name}", name
 
 
-def draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[int, ...]:
+def _draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[int, ...]:
     """Sample a number of rooms, then how many of them are of each type; shuffled."""
     total = _pick(np.array(rates.rooms), rng)
     counts = next(counts for most, counts in rates.bins if total <= most)

@@ -15,9 +15,9 @@ from conftest import REPOSITORY
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import HOUSE as HOUSE_BOUND
 from bsg_data.scene.class_map import ClassMap, load_class_map, published_maps
-from bsg_data.sources.behavior import BehaviorRooms
-from bsg_data.sources.mp3d import parse_house
-from bsg_data.sources.procthor import ProcTHORHouses, name_asset
+from bsg_data.sources.catalogue import open_source
+from bsg_data.sources.mp3d import _parse_house
+from bsg_data.sources.procthor import name_asset
 from bsg_data.sources.source import Source
 
 SAMPLES = REPOSITORY.parent / "shared" / "sources"
@@ -159,13 +159,13 @@ def count_roles(source: Source, ours: ClassMap) -> Counter[str]:
 
 @pytest.mark.skipif(not SAMPLES.is_dir(), reason="needs ../shared/sources")
 def test_coverage_of_real_samples() -> None:
-    rooms = BehaviorRooms(SAMPLES / "behavior_room_object_list.json")
-    houses = ProcTHORHouses(SAMPLES / "procthor_150_houses.jsonl.gz")
+    rooms = open_source("behavior", SAMPLES / "behavior_room_object_list.json")
+    houses = open_source("procthor", SAMPLES / "procthor_150_houses.jsonl.gz")
     counts = {"classified": 22_392, "left-out": 10_026, "structure": 3_160}
     assert count_roles(rooms, BEHAVIOR) == counts
     counts = {"classified": 9_529, "left-out": 5_521, "structure": 226}
     assert count_roles(houses, PROCTHOR) == counts
-    house = parse_house(read_bytes(HOUSE, HOUSE_BOUND), path=HOUSE)
+    house = _parse_house(read_bytes(HOUSE, HOUSE_BOUND), path=HOUSE)
     with files("bsg_mappings").joinpath("mp3d45-v1.csv").open(encoding="utf-8") as file:
         listed = [row["raw_category"] for row in csv.DictReader(file)]
     assert sorted(house.categories) == listed

@@ -17,7 +17,7 @@ from whole_home import CLASSES, HOME
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.exports.building_graphs import encode_graphml, encode_node_link
+from bsg_data.exports.building_graphs import _encode_graphml, _encode_node_link
 from bsg_data.exports.catalogue import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
@@ -48,7 +48,7 @@ def read_node_link(data: bytes) -> Read:
 
 
 def test_a_building_by_hand_as_graphml() -> None:
-    (data,) = encode_graphml(HOME, CLASSES).files.values()
+    (data,) = _encode_graphml(HOME, CLASSES).files.values()
     lines = data.decode().splitlines()
     for what, name, kind in (("node", "class_index", "int"), ("edge", "distance_m", "double")):
         key = f'<key id="{what}.{name}" for="{what}" attr.name="{name}" attr.type="{kind}"/>'
@@ -63,17 +63,17 @@ def test_a_building_by_hand_as_graphml() -> None:
 @pytest.mark.parametrize("name", ['<b>&amp; "q" \' ]]>', "a\r\nb\rc\td ", "Küche 😀", "", " "])
 def test_any_name_is_the_same_in_both_formats(name: str) -> None:
     graph = name_room(name)
-    encoded = encode_graphml(graph, CLASSES)
+    encoded = _encode_graphml(graph, CLASSES)
     assert (encoded.rooms, encoded.objects, encoded.note) == (2, 3, None)
     nodes, edges = read_graphml(encoded.files["home 1.graphml"])
     assert (nodes, edges) == read_node_link(
-        encode_node_link(graph, CLASSES).files["home 1.node-link.json"]
+        _encode_node_link(graph, CLASSES).files["home 1.node-link.json"]
     )
     assert nodes[1]["source_label"] == name  # type: ignore[index]
 
 
 def test_a_character_that_xml_cannot_hold_is_replaced_and_said() -> None:
-    encoded = encode_graphml(name_room("a\x00b\x1b\ufffe"), CLASSES)
+    encoded = _encode_graphml(name_room("a\x00b\x1b\ufffe"), CLASSES)
     nodes, _ = read_graphml(encoded.files["home 1.graphml"])
     assert nodes[1]["source_label"] == "a\ufffdb\ufffd\ufffd"  # type: ignore[index]
     assert encoded.note is not None
@@ -106,7 +106,7 @@ def test_both_formats_are_one_graph_with_what_info_counts(placed: Path, tmp_path
 
 
 def test_a_building_by_hand_as_node_link() -> None:
-    encoded = encode_node_link(HOME, CLASSES)
+    encoded = _encode_node_link(HOME, CLASSES)
     assert (encoded.rooms, encoded.objects, encoded.note) == (2, 3, None)
     document = json.loads(encoded.files["home 1.node-link.json"])
     building, kitchen, other, chair, loose, clock = document.pop("nodes")

@@ -13,12 +13,12 @@ from bsg_data.errors import ClassMapError
 from bsg_data.scene.class_space import load_class_space
 from bsg_data.scene.room_label import known_label, list_room_labels
 from bsg_data.scene.things import (
+    _parse_things,
     find_keeping,
     find_receptacle,
     find_thing,
     list_receptacles,
     list_things,
-    parse_things,
     read_shares,
 )
 
@@ -217,7 +217,7 @@ def test_any_text_has_an_answer(word: str) -> None:
 )
 def test_a_malformed_row_is_named(row: str, error: str) -> None:
     with pytest.raises(ClassMapError, match="line 3") as caught:
-        parse_things(HEADER + b"fork,,tableware,kitchen:100,99\n" + f"{row}\n".encode())
+        _parse_things(HEADER + b"fork,,tableware,kitchen:100,99\n" + f"{row}\n".encode())
     assert error in str(caught.value)
 
 

@@ -19,7 +19,7 @@ from bsg_data.synthetic.building import (
     SyntheticBuilding,
     SyntheticError,
     SyntheticRates,
-    draw_room_types,
+    _draw_room_types,
     load_rates,
     synthesise,
 )
@@ -155,7 +155,7 @@ def test_composition_follows_its_bin() -> None:
     rates = RATES.model_copy(update={"rooms": (*[0.0] * total, 1.0)})
     counts = next(weights for most, weights in rates.bins if total <= most)
     drawn = np.array(
-        [np.bincount(draw_room_types(rates, rng), minlength=len(counts)) for _ in range(3000)]
+        [np.bincount(_draw_room_types(rates, rng), minlength=len(counts)) for _ in range(3000)]
     )
     free = np.stack([rng.choice(len(w), 60000, p=np.array(w) / sum(w)) for w in counts], axis=1)
     kept = free[free.sum(axis=1) == total]
