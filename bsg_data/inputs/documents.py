@@ -49,10 +49,17 @@ def read_json(path: Path, bound: int, *, error: Refusal = SourceError) -> Any:
         raise error(
             f"{path}: expected JSON, found an empty file", code="json-malformed", where=path
         )
+    return require_json(data, path, error=error)
+
+
+def require_json(
+    data: bytes, where: Path | str, *, once: bool = True, error: Refusal = SourceError
+) -> Any:
+    """Parse the JSON of a file, or of a place in one, which an error names; see `parse_json`."""
     try:
-        return parse_json(data)
+        return parse_json(data, once=once)
     except ValueError as fault:
-        raise error(f"{path}: no JSON ({fault})", code="json-malformed", where=path) from fault
+        raise error(f"{where}: no JSON ({fault})", code="json-malformed", where=where) from fault
 
 
 def parse_json(data: bytes | str, *, once: bool = True) -> Any:

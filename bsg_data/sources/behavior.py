@@ -183,12 +183,6 @@ class _BehaviorRooms:
 @lru_cache(maxsize=2)
 def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomLists]:
     """Read the list, once for each state of the file."""
-    if path.is_dir():
-        raise SourceError(
-            f"{path}: is a folder; expected the file {_FILE} of the package bddl",
-            code="source-folder",
-            where=path,
-        )
     expected = f"scenes → room → category-model → number, as in {_FILE} of the package bddl"
     document = read_json(path, BEHAVIOR)
     code = "listing-malformed"

@@ -125,8 +125,12 @@ class HM3DFolder:
             "the meshes"
         )
         files, unreadable = list_files(self.path, _SUFFIXES, expected=expected)
-        refs = map(self._refer, files)
-        found = keep_one_copy(refs, digest=lambda ref: hash_file(self.path / ref.location))
+        found = keep_one_copy(
+            [*map(self._refer, files)],
+            path=self.path,
+            expected=expected,
+            digest=lambda ref: hash_file(self.path / ref.location),
+        )
         return replace(found, unreadable=unreadable)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:

@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
-from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.errors import AnnotationError
 from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
@@ -66,13 +66,7 @@ class HM3DStatistics:
             )
             for name, lines in self._lines.items()
         ]
-        if not refs:
-            raise SourceError(
-                f"{self.path}: the table of regions has no row",
-                code="source-empty",
-                where=self.path,
-            )
-        return keep_one_copy(refs)
+        return keep_one_copy(refs, path=self.path, expected="the table of regions has no row")
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""

@@ -30,7 +30,7 @@ from bsg_data.first_fault import ForeignRecord, Listed
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS, SPARK_DSG
-from bsg_data.inputs.documents import parse_csv, parse_json, parse_yaml
+from bsg_data.inputs.documents import parse_csv, parse_yaml, require_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import read_published
@@ -111,6 +111,10 @@ def load_label_space(name: AnyPath) -> LabelSpace:
         is_csv = path.suffix.casefold() == _SUFFIX
         document = {"label_names": _parse_csv(data)} if is_csv else parse_yaml(data)
         labels = _HydraFile.model_validate(document).label_names
+        names: dict[int, str] = {}
+        for label in labels:
+            if names.setdefault(label.label, label.name) != label.name:
+                raise ValueError(f"label {label.label} has two names")
     except ValueError as error:
         said = name_fault(error) if isinstance(error, ValidationError) else error
         raise SourceError(
@@ -119,14 +123,6 @@ def load_label_space(name: AnyPath) -> LabelSpace:
             code="label-space-malformed",
             where=path,
         ) from error
-    names: dict[int, str] = {}
-    for label in labels:
-        if names.setdefault(label.label, label.name) != label.name:
-            raise SourceError(
-                f"{path}: label {label.label} has two names, expected one",
-                code="label-twice",
-                where=path,
-            )
     categories = {label.name: label.category for label in labels if label.category}
     return LabelSpace(path.stem, hashlib.sha256(data).hexdigest(), names, categories)
 
@@ -182,11 +178,7 @@ class _RobotGraphs:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, SPARK_DSG, expected=ref.fingerprint)
-        try:
-            document = parse_json(data, once=False)  # Hydra's own parser takes the last value
-        except ValueError as error:
-            message = f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})"
-            raise SourceError(message, code="json-malformed", where=path) from error
+        document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
         graph = assemble(
             _list_objects(file, self._space()),

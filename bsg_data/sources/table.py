@@ -128,38 +128,42 @@ class _TableRow:
 
     @model_validator(mode="after")
     def _fits_together(self) -> _TableRow:
+        for fault in self._find_faults():
+            raise ValueError(fault)
+        return self
+
+    def _find_faults(self) -> Iterator[str]:
         if not self.scene:
-            raise ValueError("scene: expected the name of a building, found none")
+            yield "scene: expected the name of a building, found none"
         if not is_scene_id(self.scene):
-            raise ValueError(f"scene: expected a name that a file can have, found {self.scene!r}")
+            yield f"scene: expected a name that a file can have, found {self.scene!r}"
         if not self.room and not self.category:
-            raise ValueError("category: expected an object, or a room in the column room")
+            yield "category: expected an object, or a room in the column room"
         facts = (self.connected or None, self.room_label, self.floor, self.floor_area)
         if not self.room and any(fact is not None for fact in facts):
-            raise ValueError("room: expected the room that the row describes, found none")
+            yield "room: expected the room that the row describes, found none"
         if self.count and not self.category:
-            raise ValueError(f"count: expected none without a category, found {self.count}")
+            yield f"count: expected none without a category, found {self.count}"
         for group in (_CENTROID, _BOX):
-            self._check_place(group)
+            yield from self._find_place_faults(group)
         box = self.box or Box((-math.inf,) * 3, (math.inf,) * 3)
         for axis, low, high in zip(_CENTROID, box.minimum, box.maximum, strict=True):
             if low > high:
-                raise ValueError(f"box_max_{axis}: expected {low} or more, found {high}")
+                yield f"box_max_{axis}: expected {low} or more, found {high}"
             value = getattr(self, axis)
             if value is not None and not low - _SLACK <= value <= high + _SLACK:
-                raise ValueError(f"{axis}: expected {low} to {high}, its box; found {value}")
-        return self
+                yield f"{axis}: expected {low} to {high}, its box; found {value}"
 
-    def _check_place(self, group: tuple[str, ...]) -> None:
+    def _find_place_faults(self, group: tuple[str, ...]) -> Iterator[str]:
         absent = [name for name in group if getattr(self, name) is None]
         if len(absent) == len(group):
             return
         if absent:
-            raise ValueError(f"{absent[0]}: expected a number, as in the rest of {group}")
+            yield f"{absent[0]}: expected a number, as in the rest of {group}"
         if not self.category:
-            raise ValueError(f"category: expected the object that is at {group[0]}")
+            yield f"category: expected the object that is at {group[0]}"
         if self.count not in (None, 1):
-            raise ValueError(f"count: expected 1, as the object has a place; found {self.count}")
+            yield f"count: expected 1, as the object has a place; found {self.count}"
 
     @property
     def centroid(self) -> Point | None:
@@ -257,7 +261,8 @@ class _ObjectTable:
     def find(self) -> FoundScenes:
         """Find the scenes of the table; what is not read as it stands is listed as left out."""
         scenes, notes = self._read()
-        found = keep_one_copy(SceneRef(name, name, _digest(one)) for name, one in scenes.items())
+        refs = [SceneRef(name, name, _digest(one)) for name, one in scenes.items()]
+        found = keep_one_copy(refs, path=self.path, expected="no row; expected an object a row")
         return replace(
             found, unused=tuple(SkippedScene("all", self.path.name, note) for note in notes)
         )
@@ -508,9 +513,6 @@ def _read_rows(
         if row.count == 0:
             row = replace(row, category="", count=None)
         spelt.setdefault(row.scene, []).append((row, line))
-    if not spelt:
-        message = f"{path}: no row; expected an object a row"
-        raise SourceError(message, code="source-empty", where=path)
     return spelt
 
 

@@ -134,7 +134,7 @@ def test_names_without_a_model_leave_their_scene_out(tmp_path: Path) -> None:
     (school,) = source.find().scenes
     with refuses(SourceError, "model-malformed"):
         source.read(school, load_class_map())
-    with refuses(SourceError, "source-folder", tmp_path):
+    with refuses(SourceError, "file-unreadable", tmp_path):
         open_source("behavior", tmp_path).find()
 
 

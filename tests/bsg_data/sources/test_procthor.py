@@ -242,13 +242,13 @@ def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
     [
         ({"rooms": [room(4, "Bedroom", (0, 0), (1, 0), (2, 0))]}, "floor-empty"),
         ({"rooms": [room(4, "Bedroom", (0, 0), (1e9, 0), (2, 0))]}, "house-malformed"),
-        ({"rooms": [room(4, "B", (0, 0), (1, 0), (2, 2))] * 2}, "room-twice"),
+        ({"rooms": [room(4, "B", (0, 0), (1, 0), (2, 2))] * 2}, "house-malformed"),
         ({"objects": [{"id": "4|0", "assetId": "Bed_1"}]}, "house-malformed"),
         ({"objects": [5] * 100_000}, "house-malformed"),
         ({"walls": [{}] * (MAX_HOUSE_THINGS + 1)}, "house-malformed"),
         (
             {"objects": [thing("a", "Bed_1", *[thing("b", "Cup_1")] * MAX_HOUSE_THINGS)]},
-            "house-too-large",
+            "house-malformed",
         ),
         ({"objects": [thing("4|0", "Bed_1", x=float("nan"))]}, "json-malformed"),
     ],
