@@ -13,7 +13,6 @@ from .observation.masked_graph import mask_scene
 from .observation.observation import Observation
 from .observation.pairs import write_pairs
 from .observation.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
-from .observation.reports import observe
 from .observation.robot_json import read_robot_graph
 from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import ClassMap, load_class_map
@@ -53,7 +52,6 @@ __all__ = [
     "load_class_map",
     "mask_scene",
     "merge_datasets",
-    "observe",
     "open_source",
     "read_cells",
     "read_manifest",

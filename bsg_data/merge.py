@@ -24,7 +24,7 @@ from bsg_data.dataset.manifest import (
     read_manifest,
     require_class_space,
 )
-from bsg_data.dataset.shards import read_scene_graphs, write_shards
+from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.results import require_free, write_folder
@@ -78,7 +78,7 @@ def merge_datasets(
             for entry in one.manifest.class_maps:
                 entry.copy_map(one.path, folder)
         graphs = heapq.merge(
-            *(read_scene_graphs(one.path, manifest=one.manifest, held=one.held) for one in opened),
+            *(one.read_graphs() for one in opened),
             key=lambda graph: graph.scene_id,
         )
         files: list[FileEntry] = []

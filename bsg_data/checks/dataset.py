@@ -31,7 +31,7 @@ from bsg_data.dataset.manifest import (
     read_hashed_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import assemble_graphs, collect_columns, read_column, read_file
+from bsg_data.dataset.shards import assemble_graphs, collect_columns, read_column
 from bsg_data.errors import BSGError, ClassMapError, DatasetError
 from bsg_data.files import AnyPath, hold
 from bsg_data.scene.class_map import ClassMap, load_class_map, parse_own_map
@@ -67,37 +67,33 @@ def check_dataset(
     """
     while True:
         manifest, sha256 = read_hashed_manifest(Path(dataset))
-        faults = _check_once(Path(dataset), manifest, sha256, progress)
-        if not faults or _is_still(Path(dataset), sha256):
+        data = Dataset(Path(dataset), manifest, {}, sha256)  # nothing held: all is read again
+        faults = _check_once(data, progress)
+        if not faults or _is_still(data):
             return faults
 
 
-def _is_still(dataset: Path, sha256: str) -> bool:
+def _is_still(data: Dataset) -> bool:
     """Say whether no command has written a dataset meanwhile, so that its faults are its own."""
     try:
-        with hold(dataset):
+        with hold(data.path):
             pass
     except DatasetError as error:
         if error.code == "folder-busy":
             raise
-    return hash_manifest(dataset) == sha256
+    return hash_manifest(data.path) == data.sha256
 
 
-def _check_once(
-    dataset: Path,
-    manifest: Manifest,
-    sha256: str,
-    progress: Callable[[int, int], None] | None,
-) -> tuple[Fault, ...]:
-    check = _Check(dataset, manifest, progress)
-    check.faults += _check_files(dataset, manifest)
+def _check_once(data: Dataset, progress: Callable[[int, int], None] | None) -> tuple[Fault, ...]:
+    check, manifest = _Check(data, progress), data.manifest
+    check.faults += _check_files(data.path, manifest)
     scenes = _check_tables(check)
     splits = [check.read(entry) for entry in manifest.files_of("splits")]
     if not check.faults and manifest.split is not None:
         table = pa.concat_tables(splits)
         check.add("splits", check_splits(table, scenes, manifest.split))
         if manifest.pairs is not None and not check.faults:
-            check.add("pairs", check_pairs(Dataset(dataset, manifest, sha256), table, check.read))
+            check.add("pairs", check_pairs(data, table, check.read))
     return (*dict.fromkeys(check.faults), *check.count_others())
 
 
@@ -105,8 +101,7 @@ def _check_once(
 class _Check:
     """A check of a dataset, and the faults found so far."""
 
-    dataset: Path
-    manifest: Manifest
+    data: Dataset
     progress: Callable[[int, int], None] | None
     faults: list[Fault] = field(default_factory=list)
     _times: Counter[Fault] = field(default_factory=Counter)
@@ -116,7 +111,7 @@ class _Check:
         """Read a file; None if it has a fault."""
         found: list[str] = []
         try:
-            table = read_file(self.dataset, entry, manifest=self.manifest)
+            table = self.data.read_file(entry)
             if len(table) != entry.rows:
                 found.append(f"expected {entry.rows} rows, found {len(table)}")
             found += [
@@ -125,11 +120,11 @@ class _Check:
                 if not column.nullable and table[column.name].null_count
             ]
         except BSGError as error:
-            found.append(str(error).removeprefix(f"{self.dataset / entry.path}: "))
+            found.append(str(error).removeprefix(f"{self.data.path / entry.path}: "))
         self.faults += [Fault(entry.path, what) for what in found]
         self._done += 1
         if self.progress is not None:
-            self.progress(self._done, len(self.manifest.files))
+            self.progress(self._done, len(self.data.manifest.files))
         return None if found else table
 
     def add(self, where: str, faults: Iterator[tuple[str, str]]) -> None:
@@ -151,7 +146,7 @@ def _check_tables(check: _Check) -> pa.Table:
 
     Shards with a damaged file are skipped; that file is a fault already.
     """
-    manifest = check.manifest
+    manifest = check.data.manifest
     entries = {name: manifest.files_of(name) for name in TABLES}
     numbers = {name: len(some) for name, some in entries.items()}
     if len(set(numbers.values())) > 1:
@@ -198,7 +193,7 @@ def _check_shard(
         for table, name, rule in find_faults(graph, maps.get(graph.class_map)):
             check.add(table, iter([(", ".join(filter(None, (graph.scene_id, name))), rule)]))
     if len(check.faults) == before:
-        for table, row, rule in _compare(graphs, tables, check.manifest.class_space.classes):
+        for table, row, rule in _compare(graphs, tables, check.data.manifest.class_space.classes):
             check.add(table, iter([(f"{shard}{row}", rule)]))
     return count_totals(graphs)
 
@@ -264,14 +259,14 @@ def _load_class_maps(check: _Check) -> dict[str, ClassMap | None]:
 
     A version that two maps have stands for none.
     """
-    manifest, space = check.manifest, check.manifest.class_space
+    manifest, space = check.data.manifest, check.data.manifest.class_space
     if space.name in list_class_spaces() and space != load_class_space(space.name):
         what = f"class space {space.name} is not the published one"
         check.faults.append(Fault(MANIFEST, what))
     maps: dict[str, ClassMap | None] = {entry.version: None for entry in manifest.class_maps}
     for entry in manifest.class_maps:
         try:
-            found = entry.read(check.dataset)
+            found = entry.read(check.data.path)
         except ClassMapError as error:
             check.faults.append(Fault(KEPT, str(error)))
             continue

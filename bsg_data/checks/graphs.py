@@ -22,7 +22,6 @@ _AXES = ("x", "y", "z", "-x", "-y", "-z")
 _ROUNDING = 2e-4  # metres: coordinates are rounded, and so are values derived from them
 _Fault = tuple[str, str, str]
 _Reading = tuple[str, str | None, int | None, str]  # name, category, class and role of an object
-_READ = slice(3, 7)  # where a `SceneObject` has these
 
 
 def find_faults(graph: SceneGraph, class_map: ClassMap | None = None) -> Iterator[_Fault]:
@@ -45,7 +44,7 @@ def find_faults(graph: SceneGraph, class_map: ClassMap | None = None) -> Iterato
     for number, obj in enumerate(graph.objects, start=1):
         for rule in _find_object_faults(obj, number, instance, rooms=len(graph.rooms)):
             yield "objects", f"object {obj.object_index}", rule
-        if misread and class_map is not None and obj[_READ] in misread:
+        if misread and class_map is not None and _reading_of(obj) in misread:
             rule = f"category, class or role is not what {class_map.version} says"
             yield "objects", f"object {obj.object_index}", rule
         instance = obj.instance_id
@@ -117,8 +116,12 @@ def _find_edge_faults(edge: Edge, last: tuple[int, int], rooms: tuple[Room, ...]
 
 def _find_misread(graph: SceneGraph, class_map: ClassMap) -> frozenset[_Reading]:
     """Return how names are read whose category, class or role is not what a map says."""
-    read = {obj[_READ] for obj in graph.objects}
+    read = {*map(_reading_of, graph.objects)}
     return frozenset(one for one in read if _classify(one[0], class_map) != one)
+
+
+def _reading_of(obj: SceneObject) -> _Reading:
+    return obj.raw_category, obj.category, obj.class_index, obj.role
 
 
 def _classify(name: str, class_map: ClassMap) -> _Reading:

@@ -13,7 +13,7 @@ from bsg_data.dataset.commit import name_by_content, update_manifest
 from bsg_data.dataset.dataset import NAMES, Dataset
 from bsg_data.dataset.manifest import STAGED, Manifest
 from bsg_data.dataset.schema import SPLITS
-from bsg_data.dataset.shards import read_table, write_parquet
+from bsg_data.dataset.shards import write_parquet
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.recipes import SplitRecipe
@@ -76,8 +76,7 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
                 where=dataset,
             )
         columns = ["scene_id", "source_split", "source"]
-        table = read_table(dataset, "scenes", columns=columns, manifest=manifest, held=data.held)
-        scenes = table.to_pydict()
+        scenes = data.read_table("scenes", columns=columns).to_pydict()
         own, sources = (
             dict(zip(scenes["scene_id"], scenes[name], strict=True)) for name in columns[1:]
         )

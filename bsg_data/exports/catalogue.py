@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.registry import Registry
@@ -104,8 +103,7 @@ def export_dataset(
     scenes, number, left_out = data.manifest.totals.scenes, Counter[str](), []
     notes: Counter[str] = Counter()
     with write_results(out, report=None, force=force) as staged:
-        graphs = read_scene_graphs(dataset, manifest=data.manifest, held=data.held)
-        for done, graph in enumerate(graphs, start=1):
+        for done, graph in enumerate(data.read_graphs(), start=1):
             encoded = row.encode(graph, data.manifest.class_space.classes)
             for name, content in encoded.files.items():
                 if not is_scene_id(name):

@@ -58,11 +58,12 @@ def open_source(name: str, path: AnyPath, **options: object) -> Source:
         inspect.signature(row.open).bind(path, **options)
     except TypeError as error:
         known = _list_options(row)
-        unknown = (option for option in options if option not in known)
-        asked = ask_if_meant(next(unknown, ""), known)
+        unknown = next((option for option in options if option not in known), "")
+        said = f" has no option {unknown!r}" if unknown else f": {error}"
+        asked = ask_if_meant(unknown, known)
         listed = f"its options are {', '.join(known) or 'none'}"
         raise SourceError(
-            f"source {name!r}: {error}; {asked or listed}",
+            f"source {name!r}{said}; {asked or listed}",
             code="option-unknown",
             where=name,
         ) from error
