@@ -119,7 +119,7 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Read a CSV file of `mappings/` as numbered rows; `ClassMapError` names the line at fault."""
     try:
-        first, *rows = [*parse_csv(data, most_rows=MAX_MAP_ROWS)] or [(1, [])]
+        first, *rows = parse_csv(data, most_rows=MAX_MAP_ROWS) or [(1, [])]
     except ValueError as error:
         raise ClassMapError(f"{file}: not a readable CSV file ({error})") from error
     if tuple(first[1]) != header:

@@ -20,10 +20,9 @@ from functools import cache, lru_cache
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
-from bsg_data.scene.things import find_thing
+from bsg_data.scene.name_rules import LONGEST, singulars, take_apart
+from bsg_data.scene.things import find_thing, spell_names
 
 _PIECES, _SHARES, _KEEPING = (
     "receptacles-v1.csv",
@@ -94,7 +93,7 @@ def find_receptacle(word: str) -> Receptacle | None:
     if len(word) > LONGEST:
         return None
     listed = _read_receptacles()
-    for key in dict.fromkeys((_spell(word), _spell(take_apart(word)))):
+    for key in dict.fromkeys(spell_names((word, take_apart(word)))):
         for form in (key, *singulars(key)):
             if form in listed:
                 return listed[form]
@@ -104,7 +103,7 @@ def find_receptacle(word: str) -> Receptacle | None:
 @lru_cache(maxsize=256)
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
-    listed, words = _read_keeping(), _spell(word).split(" ")
+    listed, words = _read_keeping(), spell_names((word,))[0].split(" ")
     for start in range(len(words)):  # running shoes lie where shoes do
         said = " ".join(words[start:])
         thing = find_thing(said)
@@ -120,7 +119,7 @@ def _read_shares() -> tuple[tuple[str, ...], Shares]:
         _SHARES, read_published(_SHARES), ("room", "receptacle", "belongs", "untidy", "asked")
     )
     said = {(room, piece): (float(a), float(b)) for _, (room, piece, a, b, _) in rows}
-    rooms, pieces = (tuple(dict.fromkeys(key[axis] for key in said)) for axis in (0, 1))
+    rooms, pieces = (tuple(dict.fromkeys(names)) for names in zip(*said, strict=True))
     both = np.array([[said[room, piece] for piece in pieces] for room in rooms])
     return pieces, Shares(rooms, both[..., 0], both[..., 1])
 
@@ -135,7 +134,7 @@ def _read_receptacles() -> Mapping[str, Receptacle]:
     ):
         alike = tuple(number[one] for one in like.split(_SEPARATOR))
         piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
-        found |= {_spell(one): piece for one in (name, *spellings.split(_SEPARATOR))}
+        found |= dict.fromkeys(spell_names((name, *spellings.split(_SEPARATOR))), piece)
     return found
 
 
@@ -148,8 +147,3 @@ def _read_keeping() -> Mapping[str, Keeping]:
         kept = Keeping({piece: float(weight) for piece, _, weight in parts})
         found |= dict.fromkeys(things.split(_SEPARATOR), kept)
     return found
-
-
-def _spell(word: str) -> str:
-    """Return the form in which names are compared: normalised, spaces for `-` and `_`."""
-    return separate(normalise_name(word))

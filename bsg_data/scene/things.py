@@ -8,23 +8,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
-from bsg_data.errors import ClassMapError
-from bsg_data.scene.class_map import normalise_name
-from bsg_data.scene.class_space import load_class_space, read_published, read_rows
-from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
-from bsg_data.scene.room_label import known_label, label_of
-from bsg_data.spelling import show_value
+from bsg_data.scene.class_map import normalise_names
+from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.name_rules import LONGEST, singulars, take_apart
+from bsg_data.scene.room_label import known_label
 
 _FILE = "things-v1.csv"
 _HEADER = ("thing", "spellings", "wider", "rooms", "home")
-_SPACES = ("hm3d45-v2", "hm3d-wide-v1")  # whose classes `wider` names
-_SEPARATOR = "|"
 _NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
-_NUMBER = re.compile(r"[0-9]{1,3}(\.[0-9]+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +66,7 @@ def find_thing(word: str) -> Thing | None:
         return None
     listed = _read_things()[1]
     apart = take_apart(word)
-    keys = dict.fromkeys((_spell(word), _spell(apart), _spell(_NUMBERED.sub("", apart))))
-    for key in keys:
+    for key in dict.fromkeys(spell_names((word, apart, _NUMBERED.sub("", apart)))):
         forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
         for form in (*forms, *(form.replace(" ", "") for form in forms)):
             if form in listed:
@@ -82,53 +76,21 @@ def find_thing(word: str) -> Thing | None:
 
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
-    things = parse_things(read_published(_FILE))
-    listed = {_spell(one): thing for thing in things for one in (thing.name, *thing.spellings)}
+    things = []
+    for _, (name, said, wider, rooms, home) in read_rows(_FILE, read_published(_FILE), _HEADER):
+        weights = {room: float(w) for room, _, w in [r.partition(":") for r in rooms.split("|")]}
+        total = math.fsum(weights.values())
+        shares = tuple([(room, weight / total) for room, weight in weights.items()])
+        spellings = tuple(said.split("|")) if said else ()
+        things.append(Thing(name, spellings, wider or None, shares, float(home) / 100))
+    names = [(one, thing) for thing in things for one in (thing.name, *thing.spellings)]
+    spelled = spell_names([one for one, _ in names])
+    listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
-    return things, joined | listed
+    return tuple(things), joined | listed
 
 
-def parse_things(data: bytes) -> tuple[Thing, ...]:
-    """Parse the table; `ClassMapError` names the line at fault."""
-    classes = {name for space in _SPACES for name in load_class_space(space).classes}
-    things: list[Thing] = []
-    seen: set[str] = set()
-    for line, (name, spellings, wider, rooms, home) in read_rows(_FILE, data, _HEADER):
-        where = f"{_FILE}, line {line}"
-        names = (name, *(spellings.split(_SEPARATOR) if spellings else ()))
-        for one in names:
-            if one != normalise_name(one) or not one or _spell(one) in seen:
-                raise ClassMapError(
-                    f"{where}: expected a new name in lower case, found {show_value(one)}"
-                )
-            seen.add(_spell(one))
-        if wider and wider not in classes:
-            raise ClassMapError(
-                f"{where}: expected a class of {' or '.join(_SPACES)}, found {show_value(wider)}"
-            )
-        if not _NUMBER.fullmatch(home) or float(home) > 100:
-            raise ClassMapError(f"{where}: expected a percentage, found {show_value(home)}")
-        things.append(
-            Thing(name, names[1:], wider or None, _parse_rooms(where, rooms), float(home) / 100)
-        )
-    return tuple(things)
-
-
-def _parse_rooms(where: str, rooms: str) -> tuple[tuple[str, float], ...]:
-    weights: dict[str, float] = {}
-    for room in rooms.split(_SEPARATOR):
-        label, _, weight = room.partition(":")
-        known = label_of("any", label) == label and label not in weights
-        if not known or not _NUMBER.fullmatch(weight) or not float(weight):
-            raise ClassMapError(
-                f"{where}: expected a room label, a colon and a weight above 0, such as "
-                f"kitchen:80, each label once; found {show_value(room)}"
-            )
-        weights[label] = float(weight)
-    total = math.fsum(weights.values())
-    return tuple((label, weight / total) for label, weight in weights.items())
-
-
-def _spell(word: str) -> str:
+def spell_names(words: Iterable[str]) -> list[str]:
     """Return the form in which names are compared: normalised, spaces for `-` and `_`."""
-    return separate(normalise_name(word))
+    said = normalise_names(words)
+    return [" ".join(one.replace("-", " ").replace("_", " ").split()) for one in said]
