@@ -381,7 +381,7 @@ def _read_labels() -> Mapping[tuple[str, str], str | None]:
     header = ("source", "source_label", "label")
     rows = [row for _, row in read_rows(_FILE, read_published(_FILE), header)]
     sources, words, labels = zip(*rows, strict=True)
-    said = {}
+    said: dict[tuple[str, str], str] = {}
     for names in (_normalise_rooms(words), words):
         said |= dict(zip(zip(sources, names, strict=True), labels, strict=True))
     return {key: label or None for key, label in said.items()}
