@@ -195,7 +195,7 @@ def _log_odds(probability: Floats) -> Floats:
 
 def _miss(objects: Sequence[SeenObject], chance: float) -> float:
     """Return P(a look finds none of the objects)."""
-    return float(np.prod([1 - chance * obj.probability for obj in objects]))
+    return math.prod([1 - chance * obj.probability for obj in objects])
 
 
 def believe_class(belief: Expectation, column: int) -> tuple[CountDistribution, float]:
@@ -292,8 +292,3 @@ def believe_kind(
 def _none_of_rooms(counts: CountDistribution) -> float:
     none = 1 - counts.presence[:, 0]
     return float(none[1:].prod() if len(none) > 1 else none[0])
-
-
-def list_searched(graph: PartialGraph) -> Bools:
-    """Return the nodes where a look finds nothing more, `[1 + R]`; the building is one."""
-    return np.array([True, *(room.hidden_share == 0 for room in graph.rooms)])

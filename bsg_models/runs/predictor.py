@@ -90,7 +90,7 @@ class Predictor:
         """Whether the model reads the kinds of rooms."""
         return self._model.reads_labels
 
-    @property
+    @cached_property
     def class_map(self) -> ClassMap:
         """The class map from a robot's words to the classes of the model.
 

@@ -311,7 +311,7 @@ class _Orders:
 
     def _rows(self, places: Ints | int) -> Ints:
         """Return where the costs from places `[m, B]` begin among all `ways`."""
-        return (self.first + places) * self.ways.shape[1]
+        return np.asarray((self.first + places) * self.ways.shape[1])
 
     def _miss(self, places: Ints | int) -> Floats:
         """Return q of places `[m, B]`, `[m, B, A]`."""

@@ -19,8 +19,8 @@ from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.formats import write_belief
+from bsg_models.robot.answers import EXPLORE
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
-from bsg_models.robot.unfound_rooms import EXPLORE
 from bsg_models.robot.words import find_everyday
 from bsg_models.runs.found_model import find_shipped
 from bsg_models.runs.predictor import Predictor
