@@ -361,9 +361,13 @@ def read(table: str) -> Iterator[Question]:
 
 
 def accept(said: str, here: str = "") -> set[str | None]:
-    """Return the rooms that are sensible, for a robot in a room."""
+    """Return the rooms that are sensible, for a robot in a room, or one of a team without it.
+
+    Of a team, one that may go anywhere may also stay.
+    """
     if said == "any" or said.startswith("not "):
-        return {*ROOMS, None} - {*said.removeprefix("not ").split(", ")}
+        every: set[str | None] = {*ROOMS} if here else {*ROOMS, None}
+        return every - {*said.removeprefix("not ").split(", ")}
     rooms = re.split(", | or ", said)
     named = [one for one in rooms if not one.endswith("?") or one == f"{here}?"]
     return {None if one == "nothing" else one.removesuffix("?") for one in named}
