@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import Field, PlainValidator, WithJsonSchema
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, Number, PartialGraph
 from bsg_data.recipes import read_number
@@ -139,6 +139,8 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
     A part of which no place is known is joined to the first room.
     """
     there, known = np.isfinite(edges), np.isfinite(lines)
+    if _is_whole(there[1:, 1:]):
+        return
     last = np.max(lines, where=known, initial=0) + np.arange(1.0, lines.size + 1)
     weights = np.where(known, lines, last.reshape(lines.shape)) + 1
     weights[there] = 0.5  # an edge that is there comes first
@@ -154,6 +156,16 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
         closer = (weights[b] < near) & np.isfinite(near)
         near[closer], nearest[closer] = weights[b, closer], b
         near[b] = np.inf
+
+
+def _is_whole(joined: Bools) -> bool:
+    """Return whether all rooms `[R, R]` connect."""
+    reached = np.zeros(len(joined), dtype=bool)
+    new = np.arange(min(1, len(joined)))
+    while len(new):
+        reached[new] = True
+        new = np.flatnonzero(joined[new].any(axis=0) & ~reached)
+    return bool(reached.all())
 
 
 def check_look(said: Any) -> AnyLook | None:
