@@ -5,7 +5,7 @@ A piece of kind k in a room of kind r holds a thing at the rate
     (t · belongs + (1 − t) · untidy) · (w + e)^0.8 · (1 − (1 − c) · (1 − h) / 2)
 
     belongs, untidy   shares of people who say that things belong there, or lie there in an untidy
-                      home (`bsg_data.scene.receptacles`); t is `tidy`
+                      home (`bsg_data.scene.things`); t is `tidy`
     w                 where a person would look for such a thing, by hand, per cent; e is 3, and 0.3
                       for a piece that holds one kind of things, such as a shoe rack
     c                 share of the piece that is not seen until it is opened
@@ -30,7 +30,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
-from bsg_data.scene.receptacles import (
+from bsg_data.scene.things import (
     Receptacle,
     find_keeping,
     find_receptacle,

@@ -28,9 +28,9 @@ from bsg_data.observation.reports import LOOK_CHANCE, say_score
 from bsg_data.observation.robot_json import list_unmapped, understand_rooms
 from bsg_data.recipes import read_number
 from bsg_data.scene.class_map import normalise_name
-from bsg_data.scene.receptacles import find_receptacle
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
+from bsg_data.scene.things import find_receptacle
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.belief.pieces import kind_of
 from bsg_models.robot.answers import EXPLORE

@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import json
 
+import numpy as np
 import pytest
 from conftest import REPOSITORY
 from hypothesis import given
@@ -10,8 +11,16 @@ from hypothesis import strategies as st
 
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space
+from bsg_data.scene.name_rules import separate
 from bsg_data.scene.room_label import known_label, label_of, list_room_labels
-from bsg_data.scene.things import find_thing, list_things, spell_names
+from bsg_data.scene.things import (
+    find_keeping,
+    find_receptacle,
+    find_thing,
+    list_receptacles,
+    list_things,
+    read_shares,
+)
 
 PRIOR = json.loads((REPOSITORY / "mappings" / "hand-prior-v1.json").read_text("utf-8"))
 AT_HOME = {*PRIOR["room_types"], "game room", "garden"}  # of version 1
@@ -55,7 +64,7 @@ def test_shares_sum_to_one_and_labels_are_read_by_models() -> None:
 def test_every_name_is_in_small_letters_and_names_one_thing() -> None:
     names = [one for thing in list_things() for one in (thing.name, *thing.spellings)]
     assert all(one.isascii() and one == normalise_name(one) != "" for one in names)
-    assert len(set(spell_names(names))) == len(names)
+    assert len({separate(one) for one in names}) == len(names)
 
 
 def test_every_name_and_its_plural_lead_to_its_thing() -> None:
@@ -192,3 +201,74 @@ def test_other_words_name_no_thing(word: str) -> None:
 @given(st.text())
 def test_any_text_has_an_answer(word: str) -> None:
     find_thing(word)
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [
+        ("fridge", "refrigerator"),
+        ("Night_Stand", "nightstand"),
+        ("CoffeeTable", "coffee table"),
+        ("worktops", "counter"),
+        ("chest of drawers", "dresser"),
+        ("banana", None),
+        ("wall", None),
+        ("", None),
+    ],
+)
+def test_words_of_robots_name_pieces_of_furniture(word: str, name: str | None) -> None:
+    found = find_receptacle(word)
+    assert (found and found.name) == name
+
+
+@pytest.mark.parametrize(
+    ("thing", "first"),
+    [
+        ("milk", "refrigerator"),
+        ("mug", "top cabinet"),
+        ("cutlery", "bottom cabinet"),
+        ("pillow", "bed"),
+        ("remote control", "coffee table"),
+        ("toothbrush", "sink"),
+        ("shampoo", "shower"),
+        ("winter coat", "coat rack"),
+        ("sneakers", "shoe rack"),
+        ("ice cream", "freezer"),
+        ("dirty plate", "sink"),
+        ("dirty socks", "laundry basket"),
+        ("laptop", "table"),
+        ("book", "shelf"),
+        ("laundry", "laundry basket"),
+        ("keys", "key rack"),
+    ],
+)
+def test_a_person_would_look_there_first(thing: str, first: str) -> None:
+    kept = find_keeping(thing)
+    assert kept is not None
+    assert max(kept.weights, key=kept.weights.__getitem__) == first
+
+
+def test_what_stands_by_itself_is_on_nothing_and_of_others_nothing_is_said() -> None:
+    for thing in ("wardrobe", "sofa", "bicycle", "fridges"):
+        kept = find_keeping(thing)
+        assert kept is not None, thing
+        assert not kept.weights, thing
+    assert find_keeping("sextant") is None
+
+
+def test_the_tables_are_whole() -> None:
+    shares, pieces = read_shares(), list_receptacles()
+    assert set(shares.rooms) <= set(list_room_labels())
+    assert shares.belongs.shape == shares.untidy.shape == (len(shares.rooms), len(pieces))
+    assert ((shares.belongs > 0) & (shares.belongs < 1)).all()
+    for piece in pieces:  # each is a piece of furniture, and is like itself
+        found = find_receptacle(piece)
+        assert found is not None, piece
+        assert pieces.index(piece) in found.like
+    known = [find_keeping(thing.name) for thing in list_things()]
+    names = {name for kept in known if kept for name in kept.weights}
+    assert [
+        name for name in names if not (found := find_receptacle(name)) or found.name != name
+    ] == []
+    assert np.mean([one is not None for one in known]) > 0.98
+    assert find_thing("milk") is not None

@@ -12,7 +12,7 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, Look, SeenObject
-from bsg_data.scene.receptacles import find_keeping, find_receptacle, read_shares
+from bsg_data.scene.things import find_keeping, find_receptacle, read_shares
 from bsg_models.belief.document import decode_belief, encode_belief, to_networkx
 from bsg_models.belief.formats import read_belief, write_belief
 from bsg_models.belief.pieces import find_pieces, furnish
