@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -73,20 +73,24 @@ class WeighedGraph:
         self.said, self._words = said, words
         self.looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
         self.whole = _add_unfound(doubt_objects(said, self.looks, names=words.names))
-        objects = [
-            one if one.score is None else replace(one, score=None)
-            for one in self.whole.objects
-            if one.is_evidence
-        ]
-        self._evidence = replace(self.whole, looks=(), objects=tuple(objects))
-        self._expectations: dict[Asked, Expectation] = {}
-        if before is not None and before._evidence == self._evidence:
-            self._expectations = before._expectations
-        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self.whole}
         self._objects: dict[int, list[SeenObject]] = defaultdict(list)
         for obj in self.whole.objects:
             self._objects[obj.room_index].append(obj)
+        # Models count the objects of a room, wherever they are there, and whoever they are.
+        seen = [
+            (one.room_index, one.raw_category, one.category, one.class_index)
+            for one in self.whole.objects
+            if one.is_evidence
+        ]
+        self._evidence = replace(self.whole, looks=(), objects=()), Counter(seen)
+        self._expectations: dict[Asked, Expectation] = {}
         self._pieces: dict[int, SeenPieces] = {}
+        if before is not None:
+            if before._evidence == self._evidence:
+                self._expectations = before._expectations
+            same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
+            self._pieces = {node: before._pieces[node] for node in same}
+        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self.whole}
         self._sought: dict[str, Sought] = {}
 
     @property

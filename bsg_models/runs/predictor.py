@@ -164,6 +164,8 @@ class Predictor:
 
     def _update_shares(self, graph: PartialGraph, seen: Observation) -> PartialGraph:
         """Return a graph whose shares are updated by the classes that the model was taught."""
+        if all(room.share.is_certain for room in graph.rooms):
+            return graph
         never = np.isin(self.classes, self.untaught)
         taught = replace(seen, withheld=seen.withheld | never)
         apart = self._model.with_independent_rooms()
