@@ -344,12 +344,6 @@ def test_another_class_space_asks_the_default_model_for_nouns() -> None:
     assert of_wide == of_same
 
 
-def test_a_free_model_is_not_helped_by_a_table_with_terms() -> None:
-    free = open_graph(OFFICE, model="behavior")
-    with refuses(RecipeError, "thing-unknown", "sextant"):
-        free.where("sextant")
-
-
 # What a robot loses, finds again, and has not found yet
 
 
