@@ -13,7 +13,7 @@ from bsg_data.scene.class_map import (
     list_class_maps,
     load_class_map,
 )
-from bsg_models.belief.nouns import NounTable, may_be_one, read_nouns
+from bsg_models.robot.nouns import NounTable, may_be_one, read_nouns
 from bsg_models.robot.words import (
     Asked,
     Meaning,

@@ -27,7 +27,6 @@ from bsg_data.spelling import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
-from bsg_models.belief.nouns import looks_of, split_head
 from bsg_models.belief.pieces import TIDY
 from bsg_models.robot.answers import (
     EXPLORE,
@@ -47,6 +46,7 @@ from bsg_models.robot.decision import (
     weigh,
 )
 from bsg_models.robot.destinations import LOOK_AT, choose_spot, is_there
+from bsg_models.robot.nouns import looks_of, split_head
 from bsg_models.robot.thing_belief import ThingBelief
 from bsg_models.robot.told_building import ToldBuilding, alone
 from bsg_models.robot.ways import (

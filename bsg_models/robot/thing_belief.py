@@ -15,7 +15,7 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObje
 from bsg_data.scene.things import Thing
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.nouns import Noun, NounTable
+from bsg_models.robot.nouns import Noun, NounTable
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken

@@ -12,7 +12,6 @@ from bsg_data.arrays import Floats
 from bsg_data.observation import reports
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.nouns import read_nouns
 from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
 from bsg_models.robot.answers import NOT_SEEN, Piece
 from bsg_models.robot.destinations import Spot, is_there, leave_rest, list_spots
@@ -25,6 +24,7 @@ from bsg_models.robot.missed_looks import (
     sum_looks,
     sum_pieces,
 )
+from bsg_models.robot.nouns import read_nouns
 from bsg_models.robot.thing_belief import (
     SHARE_OF_KIND,
     ThingBelief,

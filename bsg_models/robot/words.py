@@ -26,7 +26,7 @@ from bsg_data.scene.name_rules import LONGEST, SHORT, index_words, is_typo, mend
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
-from bsg_models.belief.nouns import Noun, NounTable, looks_of, split_head
+from bsg_models.robot.nouns import Noun, NounTable, looks_of, split_head
 
 MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
