@@ -166,7 +166,37 @@ class ToldBuilding:
         require_word(thing)
         index = 0 if room is None else find_room(self.graph, room)
         within = read_number("saw: within", within, most=math.inf)
-        where, hours = f"saw {thing[:SHOWN]!r}", stays or self.graph.stays
+        where = f"saw {thing[:SHOWN]!r}"
+        score = self._score(where, score, age=age, stays=stays)
+        known = self._words.own.class_map.classify(thing)
+        facts = (index, thing, known.category, known.class_index, position, score)
+        before = {obj.name: obj for obj in self.graph.objects}.get(object_id or "")
+        piece = None if on is None else self._find_piece(on, index).name
+        if on is None and before is not None and before.room_index == index:
+            piece = before.on  # who sees it again need not say it again
+        seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
+        near = None
+        if object_id is None:
+            near = reports.find_near(self.graph, seen, within=within, besides=besides)
+        if near is not None:
+            likelier = max(seen.probability, near.probability)
+            score = None if score is None or near.score is None else likelier
+            seen = replace(seen, name=near.name, score=score, on=seen.on or near.on)
+        graph = reports.see_object(self.graph, seen)
+        if reports.is_on_itself(graph, seen):
+            raise RecipeError(
+                f"{where}: on: {seen.name[:SHOWN]!r} would lie on itself, by "
+                f"{str(seen.on)[:SHOWN]!r}; say what is below",
+                code="piece-on-itself",
+                where=seen.name,
+            )
+        self._change(self._forget_looks(graph, seen) if seen.is_evidence else graph)
+        return seen.name
+
+    def _score(
+        self, where: str, score: float | None, *, age: float | None, stays: float | None
+    ) -> float | None:
+        """Return the score of a sighting, as it is said or by its age."""
         if age is not None:
             age = read_number(f"{where}: age", age, most=_MOST_HOURS)
         if stays is not None and not read_number(f"{where}: stays", stays, most=_MOST_HOURS):
@@ -177,39 +207,17 @@ class ToldBuilding:
             raise RecipeError(
                 f"{where}: has stays; say also its age", code="age-unsaid", where=where
             )
-        score = say_score(where, score, age=age, stays=hours)
-        known = self._words.own.class_map.classify(thing)
-        facts = (index, thing, known.category, known.class_index, position, score)
-        before = {obj.name: obj for obj in self.graph.objects}.get(object_id or "")
-        piece = None if on is None else self._find_piece(on, index).name
-        if on is None and before is not None and before.room_index == index:
-            piece = before.on  # who sees it again need not say it again
-        seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
-        if object_id is None:
-            near = reports.find_near(self.graph, seen, within=within, besides=besides)
-            if near is not None:
-                certain = score is None or near.score is None
-                likelier = max(seen.probability, near.probability)
-                score = None if certain else likelier
-                seen = replace(seen, name=near.name, score=score, on=seen.on or near.on)
-        graph = reports.see_object(self.graph, seen)
-        if reports.is_on_itself(graph, seen):
-            raise RecipeError(
-                f"{where}: on: {seen.name[:SHOWN]!r} would lie on itself, by "
-                f"{str(seen.on)[:SHOWN]!r}; say what is below",
-                code="piece-on-itself",
-                where=seen.name,
-            )
-        if seen.is_evidence:  # it is there, after all
-            missed = [
-                one.look
-                for one in self._now.looks
-                if one.look.room_index == index and self._words.names(one.meaning)(thing)
-            ]
-            kept = tuple(one for one in graph.looks if one not in missed)
-            graph = replace(graph, looks=kept)
-        self._change(graph)
-        return seen.name
+        return say_score(where, score, age=age, stays=stays or self.graph.stays)
+
+    def _forget_looks(self, graph: PartialGraph, seen: SeenObject) -> PartialGraph:
+        """Return a graph without the looks for a thing that is there, after all."""
+        missed = [
+            one.look
+            for one in self._now.looks
+            if one.look.room_index == seen.room_index
+            and self._words.names(one.meaning)(seen.raw_category)
+        ]
+        return replace(graph, looks=tuple(one for one in graph.looks if one not in missed))
 
     def _name_object(self) -> str:
         """Return an id that no object has, and none had that is gone."""
