@@ -21,8 +21,8 @@ from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .inputs.whole_buildings import to_pyg
 from .rendering.explorer import View, write_explorer
 from .rendering.recording import write_recording
-from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
-from .robot.unfound_rooms import EXPLORE
+from .robot.answers import EXPLORE, ExpectedClass, Place, Step
+from .robot.seen_building import SeenBuilding, open_graph
 from .robot.ways import Ways
 from .robot.words import Meaning, set_hidden_shares
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model

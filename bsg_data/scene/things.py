@@ -18,28 +18,24 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.errors import ClassMapError
-from bsg_data.scene.class_map import normalise_name
-from bsg_data.scene.class_space import load_class_space, read_published, read_rows
-from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
-from bsg_data.scene.room_label import known_label, label_of
-from bsg_data.spelling import show_value
+from bsg_data.scene.class_map import normalise_names
+from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.name_rules import LONGEST, singulars, take_apart
+from bsg_data.scene.room_label import known_label
 
 _FILE, _PIECES = "things-v1.csv", "receptacles-v1.csv"
 _SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
 _HEADER = ("thing", "spellings", "wider", "rooms", "home")
-_SPACES = ("hm3d45-v2", "hm3d-wide-v1")  # whose classes `wider` names
 _SEPARATOR = "|"
 _OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
 _NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
-_NUMBER = re.compile(r"[0-9]{1,3}(\.[0-9]+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +82,7 @@ def find_thing(word: str) -> Thing | None:
         return None
     listed = _read_things()[1]
     apart = take_apart(word)
-    keys = dict.fromkeys((_spell(word), _spell(apart), _spell(_NUMBERED.sub("", apart))))
-    for key in keys:
+    for key in dict.fromkeys(_spell((word, apart, _NUMBERED.sub("", apart)))):
         forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
         for form in (*forms, *(form.replace(" ", "") for form in forms)):
             if form in listed:
@@ -97,56 +92,25 @@ def find_thing(word: str) -> Thing | None:
 
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
-    things = _parse_things(read_published(_FILE))
-    listed = {_spell(one): thing for thing in things for one in (thing.name, *thing.spellings)}
+    things = []
+    for _, (name, said, wider, rooms, home) in read_rows(_FILE, read_published(_FILE), _HEADER):
+        parts = [room.partition(":") for room in rooms.split(_SEPARATOR)]
+        weights = {room: float(weight) for room, _, weight in parts}
+        total = math.fsum(weights.values())
+        shares = tuple([(room, weight / total) for room, weight in weights.items()])
+        spellings = tuple(said.split(_SEPARATOR)) if said else ()
+        things.append(Thing(name, spellings, wider or None, shares, float(home) / 100))
+    names = [(one, thing) for thing in things for one in (thing.name, *thing.spellings)]
+    spelled = _spell([one for one, _ in names])
+    listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
-    return things, joined | listed
+    return tuple(things), joined | listed
 
 
-def _parse_things(data: bytes) -> tuple[Thing, ...]:
-    """Parse the table; `ClassMapError` names the line at fault."""
-    classes = {name for space in _SPACES for name in load_class_space(space).classes}
-    things: list[Thing] = []
-    seen: set[str] = set()
-    for line, (name, spellings, wider, rooms, home) in read_rows(_FILE, data, _HEADER):
-        where = f"{_FILE}, line {line}"
-        names = (name, *(spellings.split(_SEPARATOR) if spellings else ()))
-        for one in names:
-            if one != normalise_name(one) or not one or _spell(one) in seen:
-                raise ClassMapError(
-                    f"{where}: expected a new name in lower case, found {show_value(one)}"
-                )
-            seen.add(_spell(one))
-        if wider and wider not in classes:
-            raise ClassMapError(
-                f"{where}: expected a class of {' or '.join(_SPACES)}, found {show_value(wider)}"
-            )
-        if not _NUMBER.fullmatch(home) or float(home) > 100:
-            raise ClassMapError(f"{where}: expected a percentage, found {show_value(home)}")
-        things.append(
-            Thing(name, names[1:], wider or None, _parse_rooms(where, rooms), float(home) / 100)
-        )
-    return tuple(things)
-
-
-def _parse_rooms(where: str, rooms: str) -> tuple[tuple[str, float], ...]:
-    weights: dict[str, float] = {}
-    for room in rooms.split(_SEPARATOR):
-        label, _, weight = room.partition(":")
-        known = label_of("any", label) == label and label not in weights
-        if not known or not _NUMBER.fullmatch(weight) or not float(weight):
-            raise ClassMapError(
-                f"{where}: expected a room label, a colon and a weight above 0, such as "
-                f"kitchen:80, each label once; found {show_value(room)}"
-            )
-        weights[label] = float(weight)
-    total = math.fsum(weights.values())
-    return tuple((label, weight / total) for label, weight in weights.items())
-
-
-def _spell(word: str) -> str:
-    """Return the form in which names are compared: normalised, spaces for `-` and `_`."""
-    return separate(normalise_name(word))
+def _spell(words: Iterable[str]) -> list[str]:
+    """Return the forms in which names are compared: normalised, spaces for `-` and `_`."""
+    said = normalise_names(words)
+    return [" ".join(one.replace("-", " ").replace("_", " ").split()) for one in said]
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +173,7 @@ def find_receptacle(word: str) -> Receptacle | None:
     if len(word) > LONGEST:
         return None
     listed = _read_receptacles()
-    for key in dict.fromkeys((_spell(word), _spell(take_apart(word)))):
+    for key in dict.fromkeys(_spell((word, take_apart(word)))):
         for form in (key, *singulars(key)):
             if form in listed:
                 return listed[form]
@@ -219,7 +183,7 @@ def find_receptacle(word: str) -> Receptacle | None:
 @lru_cache(maxsize=256)
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
-    listed, words = _read_keeping(), _spell(word).split(" ")
+    listed, words = _read_keeping(), _spell((word,))[0].split(" ")
     for start in range(len(words)):  # running shoes lie where shoes do
         said = " ".join(words[start:])
         thing = find_thing(said)
@@ -235,7 +199,7 @@ def _read_shares() -> tuple[tuple[str, ...], Shares]:
         _SHARES, read_published(_SHARES), ("room", "receptacle", "belongs", "untidy", "asked")
     )
     said = {(room, piece): (float(a), float(b)) for _, (room, piece, a, b, _) in rows}
-    rooms, pieces = (tuple(dict.fromkeys(key[axis] for key in said)) for axis in (0, 1))
+    rooms, pieces = (tuple(dict.fromkeys(names)) for names in zip(*said, strict=True))
     both = np.array([[said[room, piece] for piece in pieces] for room in rooms])
     return pieces, Shares(rooms, both[..., 0], both[..., 1])
 
@@ -250,7 +214,7 @@ def _read_receptacles() -> Mapping[str, Receptacle]:
     ):
         alike = tuple(number[one] for one in like.split(_SEPARATOR))
         piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
-        found |= {_spell(one): piece for one in (name, *spellings.split(_SEPARATOR))}
+        found |= dict.fromkeys(_spell((name, *spellings.split(_SEPARATOR))), piece)
     return found
 
 

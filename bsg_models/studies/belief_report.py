@@ -30,8 +30,9 @@ from bsg_models.belief.hydra import annotate_hydra
 from bsg_models.belief.tables import NODES, TABLES
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.robot.answers import ExpectedClass
 from bsg_models.robot.notes import note_graph
-from bsg_models.robot.seen_building import ExpectedClass, SeenBuilding
+from bsg_models.robot.seen_building import SeenBuilding
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
