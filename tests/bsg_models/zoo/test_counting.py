@@ -30,7 +30,7 @@ from bsg_models.zoo.mixture import read_rooms
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 
-TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal", "prior-table")
+TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal")
 STOVE = 35
 
 

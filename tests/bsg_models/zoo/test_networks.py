@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
+from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.edges import list_edges
@@ -33,7 +35,6 @@ from bsg_models.zoo.gcn import CECIGCN, GCNConfig
 from bsg_models.zoo.layers import QUIET, Weight
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.networks import CountNetwork, PriorHead, to_distribution
-from bsg_models.zoo.prior_table import read_prior_table
 
 NETWORKS = [name for name in ZOO if isinstance(ZOO[name].config, NetworkConfig)]
 SMALL = ("model.width=8", "model.embedding=4", "training.epochs=4", "training.validate_every=2")
@@ -176,12 +177,18 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
     classes = ("toilet", "bed")
     sense = LabelPrior(2)
     known = {**weights_of(sense.weights), "labels.log_odds": tabulate_labels(classes)}
-    presence, weight = read_prior_table("", classes).list_types(classes)
+    table = json.loads(read_published("hand-prior-v2.json"))
+    types, unlisted = table["room_types"], table["unlisted"]
     labels = np.zeros((4, len(list_room_labels())))
     bathroom, infirmary = map(list_room_labels().index, ("bathroom", "infirmary"))
     labels[1, bathroom], labels[2, infirmary] = 1.0, 1.0
-    usual = float(weight @ presence[:, 0])
-    odds = presence[bathroom, 0] / (1 - presence[bathroom, 0]) / (usual / (1 - usual))
+    weights, toilets = zip(
+        *((one["weight"], one["presence"].get("toilet", unlisted)) for one in types.values()),
+        strict=True,
+    )
+    usual = np.average(np.clip(toilets, 0.01, 0.99), weights=weights)
+    there = types["bathroom"]["presence"]["toilet"]
+    odds = there / (1 - there) / (usual / (1 - usual))
     added = np.exp(sense(known, labels))
     assert added[1] == pytest.approx([np.sqrt(odds), added[1, 1]], rel=1e-5)
     assert odds > 5

