@@ -5,7 +5,6 @@ from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
 from .belief.hydra import annotate_hydra
-from .belief.tables import write_tables
 from .errors import (
     BeliefFileError,
     CheckpointError,
@@ -20,7 +19,6 @@ from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .inputs.whole_buildings import to_pyg
 from .rendering.explorer import View, write_explorer
-from .rendering.recording import write_recording
 from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
 from .robot.unfound_rooms import EXPLORE
 from .robot.ways import Ways
@@ -197,7 +195,5 @@ __all__ = [
     "validate_config",
     "write_belief",
     "write_explorer",
-    "write_recording",
-    "write_tables",
     "write_toml",
 ]

@@ -30,6 +30,7 @@ class FormatRow:
     write: Callable[[BeliefGraph, Path], None] | None = None
     read: Callable[[Path], BeliefGraph] | None = None
     write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
+    in_folder: bool = False  # `write_all` writes a folder, by `bsg_data.results.write_results`
 
     def require_writer(self, path: Path) -> None:
         """Refuse to write a new file of a format that only adds to files of another program."""
@@ -48,10 +49,8 @@ FORMATS = Registry(
     group="bsg_models.formats",
     rows={
         "json": "bsg_models.belief.document:JSON",
-        "tables": "bsg_models.belief.tables:TABLES",
         "spark-dsg": "bsg_models.belief.hydra:SPARK_DSG",
         "html": "bsg_models.rendering.explorer:HTML",
-        "rerun": "bsg_models.rendering.recording:RERUN",
     },
 )
 
@@ -68,7 +67,8 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
         known = ", ".join(f"{suffix} ({row.name})" for suffix, row in suffixes)
         raise RecipeError(
             f"{path}: no format of belief graphs has this suffix; name the file with one of "
-            f"{known}{''.join(f'; {fault}' for fault in broken)}",
+            f"{known}, or install its package (docs/belief.md)"
+            f"{''.join(f'; {fault}' for fault in broken)}",
             code="format-unknown",
             where=path,
         )

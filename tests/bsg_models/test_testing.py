@@ -57,8 +57,6 @@ class TestFormats(FormatContract):
     def _row(self, request: pytest.FixtureRequest) -> None:
         if request.param == "spark-dsg":
             pytest.importorskip("spark_dsg")
-        if request.param == "rerun":
-            pytest.importorskip("rerun", reason="the extra `rerun` is not installed")
         self.name = request.param
 
 
