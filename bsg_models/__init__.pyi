@@ -1,10 +1,10 @@
+from .belief.annotation import annotate_hydra
 from .belief.belief_graph import BeliefGraph, BlindNode, believe, rank_unseen
 from .belief.count_distribution import CountDistribution
 from .belief.document import to_networkx
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
-from .belief.hydra import annotate_hydra
 from .errors import (
     BeliefFileError,
     CheckpointError,

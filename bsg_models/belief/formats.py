@@ -49,16 +49,14 @@ FORMATS = Registry(
     group="bsg_models.formats",
     rows={
         "json": "bsg_models.belief.document:JSON",
-        "spark-dsg": "bsg_models.belief.hydra:SPARK_DSG",
+        "spark-dsg": "bsg_models.belief.annotation:SPARK_DSG",
         "html": "bsg_models.rendering.explorer:HTML",
     },
 )
 
 
-def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: A002
-    """Return a format by its name, or by the longest suffix that the path ends with."""
-    if format is not None:
-        return FORMATS[format]
+def choose_format(path: Path) -> FormatRow:
+    """Return the format of the longest suffix that a path ends with."""
     rows, broken = FORMATS.load_all()
     name = path.name.casefold()
     suffixes = [(suffix, row) for row in rows.values() for suffix in row.suffixes]
@@ -107,19 +105,18 @@ def write_beliefs(beliefs: Iterable[BeliefGraph], path: Path, row: FormatRow) ->
     row.write(several[0], path)
 
 
-def read_belief(path: AnyPath, format: str | None = None) -> BeliefGraph:  # noqa: A002
+def read_belief(path: AnyPath) -> BeliefGraph:
     """Read the belief graph of a file, in the format of its suffix.
 
     Args:
         path: of the file.
-        format: name of a format in `FORMATS`; None chooses by the suffix.
 
     Raises:
-        RecipeError: if no format has this suffix or name, or the format cannot be read.
+        RecipeError: if no format has this suffix, or the format cannot be read.
         BeliefFileError: if the file is none of this format.
     """
     path = Path(path)
-    row = choose_format(path, format)
+    row = choose_format(path)
     if row.read is None:
         raise RecipeError(
             f"{path}: the format {row.name} is written only, and cannot be read; write json as "

@@ -21,11 +21,11 @@ from bsg_data.results import (
     refuse_file,
     write_files,
 )
+from bsg_models.belief.annotation import annotate_hydra
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
 from bsg_models.belief.graph_file import GraphFile
-from bsg_models.belief.hydra import annotate_hydra
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import View, write_explorer
 from bsg_models.robot.notes import note_graph

@@ -15,7 +15,7 @@ from dsg_files import write_graph
 
 from bsg_cli.belief import main
 from bsg_data.dataset.dataset import Dataset
-from bsg_models.belief.annotation import strip_annotation
+from bsg_models.belief.annotation import _strip
 from bsg_models.belief.formats import read_belief
 from bsg_models.inputs.folds import scenes_of
 
@@ -49,7 +49,7 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     out, other = tmp_path / "out.dsg.json", tmp_path / "other.dsg.json"
     words = ("--model", run, "--labels", "mpcat40", "--out")
     done = call(packed, *words, out)
-    stripped = strip_annotation(json.loads(out.read_text("utf-8")))
+    stripped = _strip(json.loads(out.read_text("utf-8")))
     assert json.dumps(stripped) == json.dumps(json.loads(path.read_text("utf-8")))
     for told in (
         "1 of 4 objects under no room",

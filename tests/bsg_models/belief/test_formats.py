@@ -33,7 +33,6 @@ def test_what_is_written_by_suffix_is_read_by_suffix(tmp_path: Path, name: str) 
 def test_the_longest_suffix_is_chosen_and_a_name_goes_before_it() -> None:
     assert choose_format(Path("b.json")).name == "json"
     assert choose_format(Path("b.dsg.json")).name == "spark-dsg"
-    assert choose_format(Path("b.json"), "spark-dsg").name == "spark-dsg"
     assert choose_format(Path("folder/b.html")).name == "html"
 
 
