@@ -27,8 +27,8 @@ from bsg_data.scene.room_label import list_room_labels
 from bsg_models.arrays import Array, floats, library_of
 from bsg_models.inputs.nodes import EVIDENCE, Nodes, sum_buildings
 from bsg_models.zoo.layers import (
-    QUIET,
-    Quiet,
+    NO_DROPOUT,
+    NoDropout,
     Weight,
     Weights,
     linear,
@@ -117,8 +117,8 @@ class NodeFeatures:
                 self.width = columns.stop
                 self.kept += [columns] if evidence.of_building else []
 
-    def __call__(self, weights: Weights, nodes: Nodes, noise: Quiet = QUIET) -> Array:
-        """Return features `[N, F]`; what trainings drop of them is `noise`."""
+    def __call__(self, weights: Weights, nodes: Nodes, drop: NoDropout = NO_DROPOUT) -> Array:
+        """Return features `[N, F]`; what trainings drop of them is `drop`."""
         xp = library_of(nodes.x)
         seen = floats(nodes.x > 0)
         parts = [xp.log1p(nodes.x), seen, xp.log1p(nodes.x.sum(axis=1, keepdims=True))]
@@ -130,7 +130,7 @@ class NodeFeatures:
             parts.append(1 - looked_for)
         shown = [seen]
         if "categories" in self.reads:
-            present = noise.overlook(floats(nodes.unclassified > 0), self.category_dropout)
+            present = drop.entries(floats(nodes.unclassified > 0), self.category_dropout)
             shown.append(linear(weights, _EMBEDDING, present))
             parts.append(shown[-1])
         if "building" in self.reads:
@@ -141,12 +141,12 @@ class NodeFeatures:
         parts += [nodes.evidence[name] for name in EVIDENCE if name in self.reads]
         return xp.concatenate(parts, axis=1)
 
-    def forget(self, nodes: Nodes, noise: Quiet) -> Nodes:
+    def forget(self, nodes: Nodes, drop: NoDropout) -> Nodes:
         """Return nodes whose `EVIDENCE` of a share of the rooms a training hides."""
         evidence = dict(nodes.evidence)
         for name in (name for name in EVIDENCE if name in self.reads):
             if not EVIDENCE[name].of_building:  # without it, a building is taken for a home
-                evidence[name] = noise.forget(evidence[name], self.share_forgotten)
+                evidence[name] = drop.rows(evidence[name], self.share_forgotten)
         return replace(nodes, evidence=evidence)
 
 

@@ -208,7 +208,9 @@ def test_planted_types_are_found_in_chunks_bytes_and_samples_too(
     np.testing.assert_allclose(np.exp(fitted.log_types[order]), [0.6, 0.4], atol=0.03)
     assert (fitted.belonging(counts).argmax(axis=1) == order[kind]).mean() > 0.93  # types overlap
     np.testing.assert_allclose(fitted.dispersions[order[0], 0], 2.0, rtol=0.25)
-    quick = fit_types(counts, types=2, iterations=60, seed=0, sample=400)
+    with monkeypatch.context() as few:
+        few.setattr(room_types, "_SAMPLE", 400)
+        quick = fit_types(counts, types=2, iterations=60, seed=0)
     lost = fitted.log_probability(counts).mean() - quick.log_probability(counts).mean()
     assert lost < 1e-3  # of 5 nats a room
     monkeypatch.setattr(room_types, "_CHUNK", 7)

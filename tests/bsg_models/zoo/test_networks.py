@@ -25,14 +25,14 @@ from bsg_models.inputs.graphs import read_split
 from bsg_models.inputs.nodes import EVIDENCE, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, LAST
-from bsg_models.training.count_gradients import CountGradients, Noise
+from bsg_models.training.count_gradients import CountGradients, Dropout
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, tabulate_labels
 from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
 from bsg_models.zoo.gcn import CECIGCN, GCNConfig
-from bsg_models.zoo.layers import QUIET, Weight
+from bsg_models.zoo.layers import NO_DROPOUT, Weight
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.networks import CountNetwork, PriorHead, to_distribution
 
@@ -124,10 +124,10 @@ def test_the_loss_is_minus_the_log_probability_of_what_rooms_hide(dataset: Path)
 
 def test_dropout_leaves_what_is_told_of_the_mask() -> None:
     features = torch.ones(50, 8)
-    dropped = Noise().drop(features, 0.5, kept=[slice(2, 4), slice(4, 5)])
+    dropped = Dropout().channels(features, 0.5, kept=[slice(2, 4), slice(4, 5)])
     assert (dropped[:, 2:5] == 1).all()
     assert set(dropped[:, [0, 1, 5, 6, 7]].unique().tolist()) == {0.0, 2.0}
-    assert QUIET.drop(features, 0.5, kept=[slice(2, 5)]) is features
+    assert NO_DROPOUT.channels(features, 0.5, kept=[slice(2, 5)]) is features
 
 
 def test_features_by_hand() -> None:
@@ -161,8 +161,8 @@ def test_training_forgets_evidence_of_rooms_and_never_of_buildings() -> None:
     features = NodeFeatures(NetworkConfig(reads=tuple(EVIDENCE), forget=0.4), 1, 0)
     told, first = features({}, nodes), 3
     torch.manual_seed(0)
-    trained = features.forget(nodes, Noise())
-    quiet = features.forget(nodes, QUIET)
+    trained = features.forget(nodes, Dropout())
+    quiet = features.forget(nodes, NO_DROPOUT)
     for name, kind in EVIDENCE.items():
         columns = slice(first, first := first + kind.width)
         assert torch.equal(told[:, columns], nodes.evidence[name])

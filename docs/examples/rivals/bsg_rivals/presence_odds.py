@@ -48,6 +48,8 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset
 
+# The visible share varies, so that a model works at any share.
+ANY_FRACTION = DataConfig(fractions=(0.1, 0.9))
 _DRAWS = 3  # masks of every training building
 _MOST_ODDS = 12.0  # limit of the log odds of a presence, beyond which nothing changes
 _RIDGE = 1.0  # keeps parameters that few rooms determine near the prior

@@ -39,8 +39,8 @@ from bsg_models.special_functions import log_sum_exp
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.layers import logit
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.settings import VARIED, ModelConfig
-from bsg_rivals.presence_odds import PresenceOdds, average_others
+from bsg_models.zoo.settings import ModelConfig
+from bsg_rivals.presence_odds import ANY_FRACTION, PresenceOdds, average_others
 
 _MOST_BYTES = 16 * MIB  # of a table
 _HAND_TABLE = "hand-prior-v2.json"
@@ -217,4 +217,4 @@ def _require(name: str, known: Sequence[str], *, what: str) -> None:
         raise ConfigError(f"{what} {name[:SHOWN]!r} is unknown" + (f"; {hint}" if hint else ""))
 
 
-PRIOR_TABLE = ZooRow(PriorTableConfig(), PriorTableModel, data=VARIED)
+PRIOR_TABLE = ZooRow(PriorTableConfig(), PriorTableModel, data=ANY_FRACTION)
