@@ -22,7 +22,7 @@ from bsg_data.results import write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
 from bsg_models.rendering.figures import plot_savings
 from bsg_models.rendering.pages import write_report
-from bsg_models.rendering.replay import write_replay
+from bsg_models.rendering.replay import replay_page
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import name_run
 from bsg_models.runs.run_folder import checkpoint_of, refuse_run
@@ -172,7 +172,7 @@ def _write_replay(
         model=report.model,
         named=request.trace != "auto",
     )
-    write_replay(replay, staged / _TRACE)
+    write_bytes(staged / _TRACE, replay_page(replay).encode())
     which = (
         f"search {replay.episode} of {replay.scene_id} in {replay.world}, {replay.task}, by "
         f"{replay.walks[0].planner}"

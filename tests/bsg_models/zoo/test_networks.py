@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import torch
-from one_building import observe_building, surround_rooms
+from one_building import make_zoo_model, observe_building, surround_rooms
 from scipy.stats import poisson
 from torch_geometric.nn import GCNConv
 
@@ -30,10 +30,7 @@ from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, tabulate_labels
-from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
-from bsg_models.zoo.gcn import CECIGCN, GCNConfig
 from bsg_models.zoo.layers import NO_DROPOUT, Weight
-from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.networks import CountNetwork, PriorHead, to_distribution
 
 NETWORKS = [name for name in ZOO if isinstance(ZOO[name].config, NetworkConfig)]
@@ -78,7 +75,7 @@ def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
     nodes = to_nodes(seen)
     found = head(weights, encoded, nodes.x, nodes.share, None)
     assert not found.log_weight.any()
-    model = GammaPoissonModel(GammaPoissonConfig(tilted=2), ModelInputs(classes=2))
+    model = make_zoo_model("gamma-poisson", classes=2, tilted=2)
     model.hold(tilts=tilts, shape=[3.0, 0.7], rate=[3.0 / 2.0, 0.7 / 0.5])
     expected = model.predict(seen).hidden_counts
     np.testing.assert_allclose(found.mean[0, 1:], expected.means[0, 1:], rtol=1e-5)
@@ -273,7 +270,7 @@ def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
 
 def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
     torch.manual_seed(0)
-    model = CECIGCN(GCNConfig(depth=3, width=8, dropout=0.0), ModelInputs(classes=2)).eval()
+    model = make_zoo_model("ceci-gcn", classes=2, depth=3, width=8, dropout=0.0).eval()
     seen = observe_building([[4, 2], [3, 0], [1, 2]])
     nodes = model.nodes_of(seen)
     x, edges = nodes.x, torch.from_numpy(list_edges(seen, model.inputs.edges))
@@ -287,8 +284,8 @@ def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
 
 
 def test_the_gcn_of_poisson_laws_loses_what_scipy_says() -> None:
-    config = GCNConfig(depth=2, width=8, dropout=0.0, likelihood="poisson")
-    model = CECIGCN(config, ModelInputs(classes=2)).eval()
+    how = {"depth": 2, "width": 8, "dropout": 0.0, "likelihood": "poisson"}
+    model = make_zoo_model("ceci-gcn", classes=2, **how).eval()
     seen = observe_building([[4, 2], [3, 0], [1, 2]])
     targets = np.array([[7, 2], [5, 0], [2, 2]])
     expected = model.expect(seen)
