@@ -96,11 +96,6 @@ def from_totals(inputs: Floats, totals: Floats) -> Expectation:
     return Expectation(inputs, poisson(np.maximum(totals - inputs, 0.0)), totals)
 
 
-def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expectation:
-    """Return the expectation of a model that predicts the hidden counts."""
-    return Expectation(inputs, distribution)
-
-
 def mix_copies(expectation: Expectation, weights: Floats) -> Expectation:
     """Return the mixture, by weights `[L]`, of L consecutive copies of N nodes."""
     nodes, said = len(expectation.inputs) // len(weights), expectation.raw_totals

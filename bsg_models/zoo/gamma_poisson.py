@@ -25,7 +25,7 @@ from pydantic import Field
 from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import negative_binomial
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import (
     hidden_posterior,
     hidden_tilts,
@@ -86,7 +86,7 @@ class _GammaPoissonModel(BeliefModel):
         if self.config.tilted:
             tilts = hidden_tilts(self.tilts[:, None], inputs)
             hidden = replace(hidden, tilts=np.stack(tilts)[:, None]).without(share == 0)
-        return from_hidden_counts(inputs, sum_rooms(hidden, seen))
+        return Expectation(inputs, sum_rooms(hidden, seen))
 
 
 def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:

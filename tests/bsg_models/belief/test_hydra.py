@@ -27,7 +27,7 @@ from bsg_models.belief.annotation import SPARK_DSG, _strip, annotate_hydra
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import read_belief
 from bsg_models.belief.graph_file import open_graph_file, parse_graph, read_graph
 from bsg_models.errors import HydraError
@@ -41,7 +41,7 @@ def believe_something(graph: PartialGraph, seed: int = 0, *, most: float = 3.0) 
     """Return random beliefs about a graph, with blind nodes in its rooms."""
     inputs = graph.histograms().astype(float)
     hidden = poisson(np.random.default_rng(seed).gamma(0.1, most, inputs.shape))
-    return believe(graph, from_hidden_counts(inputs, hidden), model=f"random {seed}")
+    return believe(graph, Expectation(inputs, hidden), model=f"random {seed}")
 
 
 def annotate(folder: Path, graph: Graph, **how: Any) -> tuple[BeliefGraph, Graph]:

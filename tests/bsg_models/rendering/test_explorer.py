@@ -18,7 +18,7 @@ from random_beliefs import CLASS_SPACE, HOSTILE, make_belief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.rendering import explorer
 from bsg_models.rendering.explorer import View, explorer_page, write_explorer
 
@@ -74,7 +74,7 @@ def make_crowd(count: int = 48, *, objects: int = 20) -> BeliefGraph:
     doors = tuple((a, a + 1) for a in range(1, count))
     graph = PartialGraph("crowd", CLASS_SPACE, 0.5, tuple(rooms), seen, doors)
     inputs = graph.histograms().astype(float)
-    expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.2, 1.0, inputs.shape)))
+    expectation = Expectation(inputs, poisson(rng.gamma(0.2, 1.0, inputs.shape)))
     return believe(graph, expectation, model="random")
 
 
@@ -190,7 +190,7 @@ def test_a_link_opens_the_same_view(page: Any, browser: Any, tmp_path: Path) -> 
 def test_a_building_without_rooms_is_shown(browser: Any, tmp_path: Path) -> None:
     graph = PartialGraph("empty", CLASS_SPACE, 0.5, (), (), ())
     inputs = graph.histograms().astype(float)
-    expectation = from_hidden_counts(inputs, poisson(np.full(inputs.shape, 0.1)))
+    expectation = Expectation(inputs, poisson(np.full(inputs.shape, 0.1)))
     write_explorer([View(believe(graph, expectation, model="random"))], tmp_path / "page.html")
     for drawing in ("plan", "layers"):
         fragment = f"#drawing={drawing}&class=sink"
@@ -219,7 +219,7 @@ def make_home() -> BeliefGraph:
     graph = PartialGraph("home", CLASS_SPACE, 0.5, rooms, seen, ((1, 2), (2, 3), (2, 4)))
     inputs = graph.histograms().astype(float)
     means = np.random.default_rng(1).gamma(0.2, 1.0, inputs.shape)
-    return believe(graph, from_hidden_counts(inputs, poisson(means)), model="random")
+    return believe(graph, Expectation(inputs, poisson(means)), model="random")
 
 
 def make_answer() -> dict[str, Any]:
