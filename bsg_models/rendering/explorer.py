@@ -54,7 +54,6 @@ class View:
 
     belief: BeliefGraph
     truth: npt.NDArray[np.integer] | None = None  # [N, C] counts, the building first
-    title: str = ""  # of the view; if empty, the scene id
     answer: Mapping[str, Any] | None = None  # the page opens with its first thing picked
 
 
@@ -95,7 +94,7 @@ def _encode(view: View) -> dict[str, Any]:
     numbers = {partial.rooms[number - 1].name: node for node, number in enumerate(rooms, 1)}
     classless = Counter(obj.room_index for obj in partial.objects if obj.class_index is None)
     return {
-        "title": view.title or partial.scene_id,
+        "title": partial.scene_id,
         "left_out": _say_left_out(view, len(rooms), len(dots["objects"]), len(dots["blind"])),
         "model": belief.model,
         "mode": belief.mode,

@@ -175,13 +175,6 @@ def open_recording(path: Path) -> Any:
     return RrdReader(path)
 
 
-def name_recording(path: Path) -> tuple[str, int]:
-    """Return the id of the only recording of a file, and the number of its blueprints."""
-    reader = open_recording(path)
-    (recording,) = reader.recordings()
-    return recording.recording_id, len(reader.blueprints())
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_a_belief_is_recorded(seed: int, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
@@ -236,18 +229,6 @@ def test_rooms_that_nobody_placed_stand_beside_the_others(tmp_path: Path) -> Non
         assert (gap <= (1.2, 1.2, 1.25 + CLOSE)).all(), "it is in its room"
 
 
-def test_the_same_content_has_the_same_id(tmp_path: Path) -> None:
-    pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-    paths = [tmp_path / f"{name}.rrd" for name in "abc"]
-    for seed, path in zip((1, 1, 2), paths, strict=True):
-        write("rerun", [make_belief(seed)], path)
-    first, second, other = map(name_recording, paths)
-    assert first == second != other
-    a, b = (read_recording(path) for path in paths[:2])
-    assert {**a, "__properties name": []} == {**b, "__properties name": []}
-    write("rerun", [], tmp_path / "empty.rrd")
-
-
 def test_several_graphs_are_steps_of_one_recording(run: Path, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
     out, said = tmp_path / "day.rrd", json.loads(OFFICE.read_text("utf-8"))
@@ -261,6 +242,7 @@ def test_several_graphs_are_steps_of_one_recording(run: Path, tmp_path: Path) ->
     assert [len(row) for row in found["world/rooms/attic centers"]] == [0, 1]
     assert "--force" in call(OFFICE, "--model", run, "--out", out, code=1).stderr
     call(OFFICE, "--model", run, "--out", out, "--force")
+    write("rerun", [], tmp_path / "empty.rrd")
 
 
 def test_a_missing_library_is_told_before_anything_is_asked(

@@ -100,7 +100,7 @@ def explorer(first: int) -> str:
     believed = Expectation(inputs, poisson(np.full(inputs.shape, 0.7)))
     belief = believe(partial, believed, model=name())
     truth = np.ceil(belief.expected).astype(int)
-    return explorer_page([View(belief, truth, title=name()), View(belief)])
+    return explorer_page([View(belief, truth), View(belief)])
 
 
 def replay(first: int) -> str:
