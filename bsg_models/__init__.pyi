@@ -18,7 +18,7 @@ from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .inputs.whole_buildings import to_pyg
-from .rendering.explorer import View, write_explorer
+from .rendering.explorer import ShownBelief, write_explorer
 from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
 from .robot.unfound_rooms import EXPLORE
 from .robot.ways import Ways
@@ -137,13 +137,13 @@ __all__ = [
     "SearchReport",
     "SearchRequest",
     "SeenBuilding",
+    "ShownBelief",
     "Step",
     "Study",
     "StudyRecipe",
     "TrainingConfig",
     "TrainingError",
     "Travel",
-    "View",
     "Ways",
     "WorldRecipe",
     "WorldResult",

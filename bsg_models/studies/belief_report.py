@@ -27,7 +27,7 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
 from bsg_models.belief.graph_file import GraphFile
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.rendering.explorer import ShownBelief, write_explorer
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import ExpectedClass, SeenBuilding
 from bsg_models.runs.found_model import DEFAULT_MODEL
@@ -107,7 +107,7 @@ def report_beliefs(
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
     predictor = Predictor(request.run)
-    views: list[View] = []
+    views: list[ShownBelief] = []
     rooms: list[RoomBelief] = []
     number = blind = 0
 
@@ -118,7 +118,7 @@ def report_beliefs(
                 graph, expectation, mode=request.mode, top=request.top, model=predictor.name
             )
             if number < MOST_HELD:
-                views.append(View(belief, truth, answer=request.answer))
+                views.append(ShownBelief(belief, truth, answer=request.answer))
             rooms.extend(_describe_rooms(graph, expectation, request.top))
             number, blind = number + 1, blind + len(belief.blind)
             yield belief
@@ -222,7 +222,9 @@ def _refuse_replacing(path: Path, *, force: bool) -> None:
         raise DatasetError(message, code="path-taken", where=path)
 
 
-def _write(row: FormatRow, path: Path, request: BeliefRequest, views: Sequence[View]) -> None:
+def _write(
+    row: FormatRow, path: Path, request: BeliefRequest, views: Sequence[ShownBelief]
+) -> None:
     """Write a result that is not streamed; beliefs go into Hydra's own graph."""
     if row.name == "html":
         write_explorer(views, path)

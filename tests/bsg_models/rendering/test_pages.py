@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_beliefs import HOSTILE, make_belief
 
-from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.rendering.explorer import ShownBelief, explorer_page
 from bsg_models.rendering.pages import Table, encode_for_script, write_report
 
 SCRIPT = re.compile(r'<script type="application/json" id="beliefs">(.*?)</script>', re.DOTALL)
@@ -31,7 +31,7 @@ def test_json_cannot_leave_its_script_element(text: str) -> None:
 
 
 def test_the_policy_has_the_hash_of_every_script_and_style_sheet_of_a_page() -> None:
-    page = explorer_page([View(make_belief(1))])
+    page = explorer_page([ShownBelief(make_belief(1))])
     (policy,) = re.findall(r'Content-Security-Policy" content="(.*?)"', page)
     policy = html.unescape(policy)
     inline = re.findall(r"<(script|style)>(.*?)</\1>", page, re.DOTALL)
