@@ -51,12 +51,12 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-gcn --out $(DEMO)/ceci-gcn --set training.epochs=100
 	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-sage --out $(DEMO)/ceci-sage --set training.epochs=100
 	$(BIN)/bsg-evaluate $(DEMO)/dataset --model $(DEMO)/ceci-gcn --model $(DEMO)/ceci-sage --out $(DEMO)/evaluation --html $(DEMO)/report.html
-	$(BIN)/bsg-search $(DEMO)/dataset --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --replay $(DEMO)/search/search.png --out $(DEMO)/search
+	$(BIN)/bsg-search $(DEMO)/dataset --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."
 	@echo "Open $(DEMO)/report.html in a browser: what was seen, what is believed, and how good that is."
 	@echo "Open $(DEMO)/search/trace.html and press play: a robot with the shipped model and one without look for the same"
-	@echo "thing; above is what each planner saves in all searches (docs/search.md). $(DEMO)/search/search.png is the same as a picture."
+	@echo "thing; above is what each planner saves in all searches (docs/search.md)."
 	@echo "More figures are in $(DEMO)/evaluation and $(DEMO)/classes.png. The dataset is $(DEMO)/dataset;"
 	@echo "docs/loading.md opens it elsewhere, docs/evaluation.md says what the metrics are."
 
@@ -97,7 +97,7 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute th
 
 figures: demo robot ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
-	$(BIN)/bsg-search $(DEMO)/dataset --scene 00017-sta13NdfxpY --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 60 --trace --replay docs/figures/search.png --force --out $(DEMO)/small
+	$(BIN)/python scripts/figures/search.py $(DEMO)/dataset --scene 00017-sta13NdfxpY --out docs/figures/search.png
 	cp demo-robot/robot.png docs/figures/robot.png
 	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html --force
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"

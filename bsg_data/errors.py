@@ -98,7 +98,6 @@ EXTRA_OF = {  # package → the extra that brings it
     "onnx": "onnx",
     "onnxscript": "onnx",
     "pandas": "train",
-    "rerun": "rerun",
     "scipy": "meshes",
     "torch": "train",
     "torch_geometric": "train",

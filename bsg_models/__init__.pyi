@@ -1,11 +1,10 @@
+from .belief.annotation import annotate_hydra
 from .belief.belief_graph import BeliefGraph, BlindNode, believe, rank_unseen
 from .belief.count_distribution import CountDistribution
 from .belief.document import to_networkx
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
-from .belief.hydra import annotate_hydra
-from .belief.tables import write_tables
 from .errors import (
     BeliefFileError,
     CheckpointError,
@@ -19,8 +18,7 @@ from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .inputs.whole_buildings import to_pyg
-from .rendering.explorer import View, write_explorer
-from .rendering.recording import write_recording
+from .rendering.explorer import ShownBelief, write_explorer
 from .robot.answers import EXPLORE, ExpectedClass, Place, Step
 from .robot.seen_building import SeenBuilding, open_graph
 from .robot.ways import Ways
@@ -139,13 +137,13 @@ __all__ = [
     "SearchReport",
     "SearchRequest",
     "SeenBuilding",
+    "ShownBelief",
     "Step",
     "Study",
     "StudyRecipe",
     "TrainingConfig",
     "TrainingError",
     "Travel",
-    "View",
     "Ways",
     "WorldRecipe",
     "WorldResult",
@@ -197,7 +195,5 @@ __all__ = [
     "validate_config",
     "write_belief",
     "write_explorer",
-    "write_recording",
-    "write_tables",
     "write_toml",
 ]

@@ -28,7 +28,7 @@ from bsg_data.scene.surroundings import Surroundings
 from bsg_data.testing import write_example_dataset
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, believe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FORMATS, choose_format
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
 from bsg_models.evaluation.measurement import Fold, measure_metrics
@@ -271,7 +271,7 @@ class MetricContract:
             scene_ids=("a", "b", "c"),
         )
         hidden = poisson(rng.gamma(1.0, 1.0, targets.shape))
-        return Prediction(truth, from_hidden_counts(truth.inputs, hidden))
+        return Prediction(truth, Expectation(truth.inputs, hidden))
 
     def test_it_has_the_values_that_it_says(self) -> None:
         """Check for a number per node set and part, over no more nodes than there are."""
@@ -336,7 +336,7 @@ def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:
         building=truth.building[rows],
         draw=truth.draw[rows],
     )
-    return Prediction(taken, from_hidden_counts(taken.inputs, beliefs.hidden_counts.take(rows)))
+    return Prediction(taken, Expectation(taken.inputs, beliefs.hidden_counts.take(rows)))
 
 
 class FormatContract:
@@ -444,7 +444,7 @@ def make_belief(scene_id: str, *, names: Sequence[str]) -> BeliefGraph:
     graph = PartialGraph(scene_id, class_map.space, 0.25, rooms, objects, pairs)
     inputs = graph.histograms().astype(float)
     hidden = np.random.default_rng(0).gamma(0.1, 1.0, inputs.shape)
-    return believe(graph, from_hidden_counts(inputs, poisson(hidden)), model=scene_id)
+    return believe(graph, Expectation(inputs, poisson(hidden)), model=scene_id)
 
 
 def _bytes_below(folder: Path) -> dict[str, bytes]:

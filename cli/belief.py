@@ -74,8 +74,8 @@ _PAGES = (".html", ".htm")
     type=PATH,
     multiple=True,
     help="Write the belief graphs; may be repeated. The suffix is the format: .html (page), .json, "
-    ".tables (parquet), .dsg.json (of one graph of Hydra), or .rrd (Rerun, one step for each "
-    "GRAPH).",
+    ".dsg.json (of one graph of Hydra), or that of a package: docs/belief.md has .tables (parquet) "
+    "and .rrd (Rerun).",
 )
 @click.option("--open", "shows", is_flag=True, help="Open the page of --out in the browser.")
 @click.option("--quiet", is_flag=True, help="Leave out the notes on how the graph was read.")
@@ -101,9 +101,9 @@ def main(
     Example:
       bsg-belief graph.json --find microwave --from hall
       bsg-belief graph.json --out belief.html --open
-      bsg-belief graph.json later.json --out growing.rrd
+      bsg-belief graph.json later.json --out beliefs.html
       bsg-belief dsg.json --labels mpcat40 --out annotated.dsg.json
-      bsg-belief dataset --split val --model run --out beliefs.tables
+      bsg-belief dataset --split val --model run --out beliefs.html
     """
     dataset = _find_dataset(paths)
     refuse_unused(_OF_GRAPH if dataset else _OF_DATASET, "a DATASET" if dataset else "a GRAPH")
@@ -173,20 +173,17 @@ def _find_dataset(paths: Sequence[Path]) -> Path | None:
 
 def _describe_file(path: Path, shows: bool) -> str:
     """Return a file that was written, and what opens it if that is not obvious."""
-    suffix = path.suffix.casefold()
-    if suffix in _PAGES and not shows:
+    if path.suffix.casefold() in _PAGES and not shows:
         return f"{path} (open it in a browser, or add --open)"
-    return f"{path} (next: rerun --bind 127.0.0.1 {path})" if suffix == ".rrd" else str(path)
+    return str(path)
 
 
 def _require_formats(paths: Sequence[Path]) -> None:
-    """Refuse a suffix of no format, and a recording without rerun-sdk, before the work starts."""
+    """Refuse a suffix of no format before the work starts."""
     from bsg_models.belief.formats import choose_format
 
-    if any(choose_format(path).name == "rerun" for path in paths):
-        from bsg_models.rendering.recording import require_rerun
-
-        require_rerun()
+    for path in paths:
+        choose_format(path)
 
 
 def _print_report(

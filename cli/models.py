@@ -124,13 +124,12 @@ def _training_row(begun: bsg_models.Begun, ended: bsg_models.Ended | None) -> tu
 def verify(paths: tuple[Path, ...]) -> None:
     """Verify that no byte of a result changed after it was written.
 
-    A PATH is a run, a folder of belief tables, an evaluation, a search, a leaderboard, or a
-    checkpoint.
+    A PATH is a run, an evaluation, a search, a leaderboard, or a checkpoint.
 
     \b
     Example:
       bsg-models verify run
-      bsg-models verify beliefs.tables run/evaluation
+      bsg-models verify run/evaluation search
     """
     faults = 0
     for path in paths:

@@ -17,7 +17,6 @@ from bsg_cli.choices import (
     require_known,
 )
 from bsg_cli.options import (
-    PATH,
     choice_option,
     dataset_argument,
     force_option,
@@ -126,14 +125,6 @@ def _read_look(value: str) -> float | str:
     flag_value="auto",
     help="Write one search as a page, beside the same search by `nearest`: search N of the first "
     "building; without N, an instructive one.",
-)
-@click.option(
-    "--replay",
-    "replays",
-    type=PATH,
-    multiple=True,
-    help="Also write the search of --trace as .gif, animated .png or .rrd (Rerun); may be "
-    "repeated. Without --trace, an instructive one.",
 )
 @click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +18,8 @@ from bsg_data.observation.partial_graph import KnownRoom
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import EVIDENCE, Surroundings
+from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.model import ModelInputs
 
 
 def surround_rooms(
@@ -40,6 +43,12 @@ def read_pairs(dataset: Path | Dataset, split: str) -> pa.Table:
     data = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
     empty = pairs_schema(len(data.manifest.class_space.classes)).empty_table()
     return pa.concat_tables([empty, *stream_pairs(data, split)])
+
+
+def make_zoo_model(name: str, *, classes: int, **settings: Any) -> Any:
+    """Return a model of the zoo that has learned nothing, with some settings of its own."""
+    row = ZOO[name]
+    return row.make(row.config.model_copy(update=settings), ModelInputs(classes=classes))
 
 
 def same_surroundings(a: Surroundings, b: Surroundings) -> bool:

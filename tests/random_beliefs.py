@@ -12,7 +12,7 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 
 LOADED = load_class_map()
 CLASS_SPACE = LOADED.space
@@ -63,5 +63,5 @@ def make_belief(seed: int, *, mode: Any = "complete", scene_id: str = "s") -> Be
         source=HOSTILE if around.random() < 0.5 else None,
     )
     inputs = graph.histograms().astype(float)
-    expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.1, 1.0, inputs.shape)))
+    expectation = Expectation(inputs, poisson(rng.gamma(0.1, 1.0, inputs.shape)))
     return believe(graph, expectation, mode=mode, model="random")

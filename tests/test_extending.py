@@ -11,49 +11,29 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
-from conftest import REPOSITORY, tomllib
+from conftest import REPOSITORY
+from example_packages import installed, read_project
 
 from bsg_cli.registry import COMMANDS
 from bsg_data import registry
 from bsg_data.dataset.manifest import CARD, CROISSANT
-from bsg_models import testing
 
 TEXT = (REPOSITORY / "docs" / "extending.md").read_text("utf-8")
 BLOCKS = dict(re.findall(r"```python\n# (\S+)\n(.*?)```", TEXT, re.DOTALL))
-PROJECT = tomllib.loads(TEXT.split("```toml\n")[1].split("```")[0])["project"]
+PROJECT = read_project(TEXT.split("```toml\n")[1].split("```")[0])
 ROOMS = ("stove, sink, chair, chair, kitchen cabinet", "bed, pillow, lamp", "toilet, sink, towel")
 
 
-def install(folder: Path) -> Path:
-    """Write the package of the document as pip installs it."""
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The folder of the document's package, which is installed for the tests of this file."""
+    folder = tmp_path_factory.mktemp("site")
     for name, text in BLOCKS.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, "utf-8")
     (folder / "my_rooms" / "__init__.py").touch()
-    info = folder / "my_rooms-1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-rooms\nVersion: 1\n")
-    lines = [
-        line
-        for group, rows in PROJECT["entry-points"].items()
-        for line in (f"[{group}]", *(f"{name} = {target}" for name, target in rows.items()))
-    ]
-    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """The package on `sys.path`, until the tests of this file are over."""
-    folder = install(tmp_path_factory.mktemp("site"))
-    sys.path.insert(0, str(folder))
-    registry._installed.cache_clear()
-    yield folder
-    sys.path.remove(str(folder))
-    registry._installed.cache_clear()
-    for name in [name for name in sys.modules if name.partition(".")[0] == "my_rooms"]:
-        del sys.modules[name]
-    testing._fit.cache_clear()  # its model is of the modules that are gone
+    with installed(PROJECT, folder, folder):
+        yield folder
 
 
 def run(line: str) -> Result:
@@ -64,7 +44,7 @@ def run(line: str) -> Result:
 
 
 @pytest.fixture(scope="module")
-def work(installed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def work(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset of the source, with pairs of the mask, and a run of the model."""
     folder = tmp_path_factory.mktemp("work")
     (folder / "lists").mkdir()
@@ -131,9 +111,9 @@ def test_the_planner_searches_with_the_beliefs_of_the_model() -> None:
 
 
 def test_a_checkpoint_of_a_model_that_is_not_installed_names_it(
-    installed: Path, monkeypatch: pytest.MonkeyPatch
+    site: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "path", [path for path in sys.path if path != str(installed)])
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path != str(site)])
     registry._installed.cache_clear()
     try:
         result = CliRunner().invoke(COMMANDS["bsg-evaluate"], ["dataset", "--model", "run"])

@@ -107,11 +107,10 @@ def list_expected() -> dict[str, list[str]]:
             f"{size(parquet_pages.MAX_HEADERS)} of their headers",
             f"{parquet_pages.MAX_COLUMNS:,} columns",
         ],
-        "a class map, a configuration, a prior table": [
+        "a class map, a configuration": [
             size(bounds.CLASS_MAP),
             f"{bounds.MAX_MAP_ROWS:,} rows",
             size(bounds.CONFIG),
-            size(bounds.PRIOR),
         ],
         "a question to `bsg-serve`, also by `--stdio`": [
             size(serve.MOST_BYTES),

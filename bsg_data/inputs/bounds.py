@@ -83,7 +83,6 @@ MAX_SHARDS = 100_000  # of a dataset; the names of the files number no more
 CONFIG = 64 * KIB  # TOML
 MAX_TOML_LINE = 4_096  # characters; the parser takes the square of the parts of a key
 CHECKPOINT, CHECKPOINT_HEADER = 4 * GIB, 16 * MIB  # safetensors
-PRIOR = 16 * MIB  # a prior table, JSON
 RESULTS = 256 * MIB  # of an evaluation or a search, JSON
 RUN_RECORD = 16 * MIB  # log, metrics, seconds and figures of a run
 CARD = MIB  # of a model, Markdown with YAML

@@ -30,17 +30,17 @@ class Expectation:
     Attributes:
         inputs: `[N, C]` histograms of what was seen, E′ × O′.
         hidden_counts: distribution of the hidden counts.
-        said_totals: `[N, C]` whole histograms, of a model that predicts those.
+        raw_totals: `[N, C]` whole histograms, of a model that predicts those.
     """
 
     inputs: Floats
     hidden_counts: CountDistribution
-    said_totals: Floats | None = None
+    raw_totals: Floats | None = None
 
     @property
     def is_finite(self) -> bool:
         """Whether all values are finite; a dispersion may be infinite, which is a Poisson."""
-        said = self.inputs if self.said_totals is None else self.said_totals
+        said = self.inputs if self.raw_totals is None else self.raw_totals
         return bool(np.isfinite(said).all()) and self.hidden_counts.is_finite
 
     @property
@@ -49,7 +49,7 @@ class Expectation:
 
         E″ × O″ as the paper measures it.
         """
-        return self.expected if self.said_totals is None else self.said_totals
+        return self.expected if self.raw_totals is None else self.raw_totals
 
     @cached_property
     def hidden(self) -> Floats:
@@ -87,7 +87,7 @@ class Expectation:
 
     def take(self, rows: npt.NDArray[np.integer]) -> Expectation:
         """Return the expectation of some nodes, `rows` `[M]`."""
-        said = None if self.said_totals is None else self.said_totals[rows]
+        said = None if self.raw_totals is None else self.raw_totals[rows]
         return Expectation(self.inputs[rows], self.hidden_counts.take(rows), said)
 
 
@@ -96,14 +96,9 @@ def from_totals(inputs: Floats, totals: Floats) -> Expectation:
     return Expectation(inputs, poisson(np.maximum(totals - inputs, 0.0)), totals)
 
 
-def from_hidden_counts(inputs: Floats, distribution: CountDistribution) -> Expectation:
-    """Return the expectation of a model that predicts the hidden counts."""
-    return Expectation(inputs, distribution)
-
-
 def mix_copies(expectation: Expectation, weights: Floats) -> Expectation:
     """Return the mixture, by weights `[L]`, of L consecutive copies of N nodes."""
-    nodes, said = len(expectation.inputs) // len(weights), expectation.said_totals
+    nodes, said = len(expectation.inputs) // len(weights), expectation.raw_totals
     if said is not None:
         said = np.tensordot(weights, said.reshape(len(weights), nodes, -1), axes=1)
     counts = blend_copies(expectation.hidden_counts, weights)

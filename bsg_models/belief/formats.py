@@ -30,6 +30,7 @@ class FormatRow:
     write: Callable[[BeliefGraph, Path], None] | None = None
     read: Callable[[Path], BeliefGraph] | None = None
     write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
+    in_folder: bool = False  # `write_all` writes a folder, by `bsg_data.results.write_results`
 
     def require_writer(self, path: Path) -> None:
         """Refuse to write a new file of a format that only adds to files of another program."""
@@ -48,18 +49,14 @@ FORMATS = Registry(
     group="bsg_models.formats",
     rows={
         "json": "bsg_models.belief.document:JSON",
-        "tables": "bsg_models.belief.tables:TABLES",
-        "spark-dsg": "bsg_models.belief.hydra:SPARK_DSG",
+        "spark-dsg": "bsg_models.belief.annotation:SPARK_DSG",
         "html": "bsg_models.rendering.explorer:HTML",
-        "rerun": "bsg_models.rendering.recording:RERUN",
     },
 )
 
 
-def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: A002
-    """Return a format by its name, or by the longest suffix that the path ends with."""
-    if format is not None:
-        return FORMATS[format]
+def choose_format(path: Path) -> FormatRow:
+    """Return the format of the longest suffix that a path ends with."""
     rows, broken = FORMATS.load_all()
     name = path.name.casefold()
     suffixes = [(suffix, row) for row in rows.values() for suffix in row.suffixes]
@@ -68,7 +65,8 @@ def choose_format(path: Path, format: str | None = None) -> FormatRow:  # noqa: 
         known = ", ".join(f"{suffix} ({row.name})" for suffix, row in suffixes)
         raise RecipeError(
             f"{path}: no format of belief graphs has this suffix; name the file with one of "
-            f"{known}{''.join(f'; {fault}' for fault in broken)}",
+            f"{known}, or install its package (docs/belief.md)"
+            f"{''.join(f'; {fault}' for fault in broken)}",
             code="format-unknown",
             where=path,
         )
@@ -107,19 +105,18 @@ def write_beliefs(beliefs: Iterable[BeliefGraph], path: Path, row: FormatRow) ->
     row.write(several[0], path)
 
 
-def read_belief(path: AnyPath, format: str | None = None) -> BeliefGraph:  # noqa: A002
+def read_belief(path: AnyPath) -> BeliefGraph:
     """Read the belief graph of a file, in the format of its suffix.
 
     Args:
         path: of the file.
-        format: name of a format in `FORMATS`; None chooses by the suffix.
 
     Raises:
-        RecipeError: if no format has this suffix or name, or the format cannot be read.
+        RecipeError: if no format has this suffix, or the format cannot be read.
         BeliefFileError: if the file is none of this format.
     """
     path = Path(path)
-    row = choose_format(path, format)
+    row = choose_format(path)
     if row.read is None:
         raise RecipeError(
             f"{path}: the format {row.name} is written only, and cannot be read; write json as "

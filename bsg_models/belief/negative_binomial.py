@@ -97,13 +97,9 @@ def log_normaliser(
     return normaliser
 
 
-def log_negative_binomial(counts: Any, mean: Array, dispersion: Any, tilts: Any = ()) -> Array:
-    """Return log P(counts) for μ > 0, r > 0; arguments broadcast, `tilts` as for log Z."""
+def log_negative_binomial(counts: Any, mean: Array, dispersion: Any) -> Array:
+    """Return log P(counts) for μ > 0, r > 0; arguments broadcast."""
     log_p: Array = log_beyond_none(counts, mean, dispersion) + log_none(mean, dispersion)
-    for count, tilt in enumerate(tilts):
-        log_p = log_p + tilt * (counts == count)
-    if len(tilts):
-        log_p = log_p - log_normaliser(tilts, mean, dispersion)
     return log_p
 
 

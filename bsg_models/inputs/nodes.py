@@ -23,7 +23,7 @@ _SILENT_NEIGHBOURS = 4.0  # of features 0, added to each mean: one room says lit
 _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 # Of a building's kind and source, so that what is learned in shops stays there: restaurants have
 # several refrigerators, and a home was believed to have another with .13, now with .05.
-_LOUD = 4.0
+_MARK_SCALE = 4.0
 Singles = npt.NDArray[np.float32]
 
 
@@ -194,7 +194,7 @@ def encode_area(area: Array) -> Array:
 def mark(index: Array, width: int) -> Array:
     """Return a mark in the column of each index `[B]`, `[B, width]`; none for one below 0."""
     columns = library_of(index).arange(width)
-    return floats(_LOUD * (index[:, None] == columns))
+    return floats(_MARK_SCALE * (index[:, None] == columns))
 
 
 # By the name in `NetworkConfig.reads`. A network forgets in this order: add new ones at the end.

@@ -45,7 +45,7 @@ _ONE_ROW = 1e9  # an aspect so wide that all storeys lie in one row
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ShownBelief:
     """One belief graph for the explorer.
 
     An answer says where things are that somebody asked for, in its `places`, and in which order
@@ -54,16 +54,15 @@ class View:
 
     belief: BeliefGraph
     truth: npt.NDArray[np.integer] | None = None  # [N, C] counts, the building first
-    title: str = ""  # of the view; if empty, the scene id
     answer: Mapping[str, Any] | None = None  # the page opens with its first thing picked
 
 
-def write_explorer(views: Sequence[View], path: AnyPath) -> None:
+def write_explorer(views: Sequence[ShownBelief], path: AnyPath) -> None:
     """Write the explorer page of some belief graphs. A failed write leaves no partial file."""
     write_bytes(Path(path), explorer_page(views).encode())
 
 
-def explorer_page(views: Sequence[View]) -> str:
+def explorer_page(views: Sequence[ShownBelief]) -> str:
     """Return the explorer page of some views; the first is open.
 
     The page says at its top what it leaves out: parts of large buildings, and buildings beyond the
@@ -86,7 +85,7 @@ def explorer_page(views: Sequence[View]) -> str:
     return render_page("explorer.html.jinja", data={"views": encoded, "left_out": said})
 
 
-def _encode(view: View) -> dict[str, Any]:
+def _encode(view: ShownBelief) -> dict[str, Any]:
     belief, partial = view.belief, view.belief.partial
     rooms = _choose_rooms(belief, view.answer)
     nodes = [0, *rooms]
@@ -95,7 +94,7 @@ def _encode(view: View) -> dict[str, Any]:
     numbers = {partial.rooms[number - 1].name: node for node, number in enumerate(rooms, 1)}
     classless = Counter(obj.room_index for obj in partial.objects if obj.class_index is None)
     return {
-        "title": view.title or partial.scene_id,
+        "title": partial.scene_id,
         "left_out": _say_left_out(view, len(rooms), len(dots["objects"]), len(dots["blind"])),
         "model": belief.model,
         "mode": belief.mode,
@@ -253,7 +252,7 @@ def _take_evenly(rooms: Sequence[int], shown: Sequence[int]) -> list[int]:
     return sorted(thing for _, thing in sorted(turns)[:MOST_OBJECTS])
 
 
-def _say_left_out(view: View, rooms: int, objects: int, blind: int) -> str:
+def _say_left_out(view: ShownBelief, rooms: int, objects: int, blind: int) -> str:
     belief, partial, answer = view.belief, view.belief.partial, view.answer
     every = (len(partial.rooms), len(partial.objects), len(belief.blind))
     if (rooms, objects, blind) == every:
@@ -268,7 +267,7 @@ def _say_left_out(view: View, rooms: int, objects: int, blind: int) -> str:
 
 
 def _write_beliefs(beliefs: Iterable[BeliefGraph], path: Path) -> None:
-    write_explorer([View(belief) for belief in beliefs], path)
+    write_explorer([ShownBelief(belief) for belief in beliefs], path)
 
 
 HTML = FormatRow("html", (".html", ".htm"), write_all=_write_beliefs)

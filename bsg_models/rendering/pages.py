@@ -84,7 +84,7 @@ def _environment() -> Environment:
     )
     environment.filters["script_json"] = encode_for_script
     environment.globals["own_element"] = _own_element
-    environment.globals["policy"] = content_security_policy
+    environment.globals["policy"] = _content_security_policy
     return environment
 
 
@@ -97,7 +97,7 @@ def encode_for_script(value: Any) -> str:
 
 
 @cache
-def content_security_policy() -> str:
+def _content_security_policy() -> str:
     """Return the policy of every page: run our scripts, use our style sheets, show its pictures.
 
     All pages share one policy, because a report contains the explorer. The hashes are those of the

@@ -61,11 +61,6 @@ class PlannedRoom:
         """Greatest y."""
         return max(y for _, y in self.outline)
 
-    @property
-    def centre(self) -> Spot:
-        """Middle of the box around the outline."""
-        return (self.left + self.right) / 2, (self.top + self.bottom) / 2
-
 
 @dataclass(frozen=True, slots=True)
 class Plan:
@@ -75,10 +70,6 @@ class Plan:
     captions: tuple[tuple[str, Spot], ...]  # names of storeys and where they begin, if several
     width: float
     height: float
-
-    def find(self, number: int) -> PlannedRoom:
-        """Return the room with this number."""
-        return next(room for room in self.rooms if room.number == number)
 
 
 def outline_room(room: Room | KnownRoom, position: Point | None) -> Outline | None:

@@ -1,4 +1,4 @@
-"""Record a search by two planners side by side, and write its page.
+"""A search by two planners side by side, and its page.
 
 `replay.html.jinja` is filled with the record as JSON. Everything that comes from the data is put on
 the page as text, never as markup.
@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
-from bsg_data.files import write_bytes
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.rendering.pages import render_page
 from bsg_models.rendering.plan import Plan
@@ -92,11 +90,6 @@ class Replay:
     def describe_cost(self, cost: float) -> str:
         """Return a cost with its unit."""
         return f"{cost:.1f} {self.unit}".rstrip()
-
-
-def write_replay(replay: Replay, path: Path) -> None:
-    """Write the replay page of a search. A failed write leaves no partial file."""
-    write_bytes(path, replay_page(replay).encode())
 
 
 def replay_page(replay: Replay) -> str:

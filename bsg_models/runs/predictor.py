@@ -141,7 +141,7 @@ class Predictor:
             expectation = mix_copies(expectation, weights)
         # The paper's model does not read the hidden share, and expects some in a searched room.
         left = expectation.hidden_counts.without(seen.cell_share == 0)
-        return Expectation(expectation.inputs, left, expectation.said_totals)
+        return Expectation(expectation.inputs, left, expectation.raw_totals)
 
     def believe_shares(
         self, graph: PartialGraph, *, withheld: Collection[int] | Bools = ()

@@ -19,17 +19,15 @@ from bsg_data.results import (
     list_committed,
     refuse_datasets,
     refuse_file,
-    refuse_other_results,
     write_files,
 )
+from bsg_models.belief.annotation import annotate_hydra
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
 from bsg_models.belief.graph_file import GraphFile
-from bsg_models.belief.hydra import annotate_hydra
-from bsg_models.belief.tables import NODES, TABLES
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.rendering.explorer import View, write_explorer
+from bsg_models.rendering.explorer import ShownBelief, write_explorer
 from bsg_models.robot.answers import ExpectedClass
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import SeenBuilding
@@ -37,7 +35,7 @@ from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run
 
-MOST_HELD = 200  # belief graphs kept in memory and put on a page; tables take any number
+MOST_HELD = 200  # belief graphs kept in memory and put on a page
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +96,11 @@ def report_beliefs(
     paths += [file.path.absolute() for file in request.graphs]
     for path in (path for path, times in Counter(paths).items() if times > 1):
         raise RecipeError(f"{path}: is named twice", code="output-twice", where=path)
-    singles = [path for row, path in results if row.name != TABLES.name]
+    singles = [path for row, path in results if not row.in_folder]
     for row, path in results:
         if not _annotates(row, request):
             row.require_writer(path)
-        if row.name == TABLES.name:
+        if row.in_folder:
             _refuse_replacing(path, force=request.force)
         else:
             refuse_file(path, force=request.force)
@@ -110,7 +108,7 @@ def report_beliefs(
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
     predictor = Predictor(request.run)
-    views: list[View] = []
+    views: list[ShownBelief] = []
     rooms: list[RoomBelief] = []
     number = blind = 0
 
@@ -121,7 +119,7 @@ def report_beliefs(
                 graph, expectation, mode=request.mode, top=request.top, model=predictor.name
             )
             if number < MOST_HELD:
-                views.append(View(belief, truth, answer=request.answer))
+                views.append(ShownBelief(belief, truth, answer=request.answer))
             rooms.extend(_describe_rooms(graph, expectation, request.top))
             number, blind = number + 1, blind + len(belief.blind)
             yield belief
@@ -179,8 +177,8 @@ def _choose_streamed(
     single = [path for row, path in results if row.write_all is None]
     if total != 1 and single:
         raise RecipeError(
-            f"--out {single[0]}: holds one graph, found {total}; write all into a folder, such as "
-            "--out beliefs.tables",
+            f"--out {single[0]}: holds one graph, found {total}; write a page (.html), or add "
+            "a format of many graphs (docs/belief.md)",
             code="graphs-several",
         )
     many = [one for one in results if one[0].write_all is not None and one[0].name != "html"]
@@ -213,9 +211,8 @@ def _describe_rooms(
 
 
 def _refuse_replacing(path: Path, *, force: bool) -> None:
-    """Refuse to replace tables without --force, and files that belong to other results."""
+    """Refuse to replace a folder without --force, and to write into a dataset or a run."""
     refuse_datasets(path)
-    refuse_other_results(path, NODES)
     refuse_run(path)
     if path.is_dir():
         there = {one.name for one in path.iterdir()}
@@ -226,7 +223,9 @@ def _refuse_replacing(path: Path, *, force: bool) -> None:
         raise DatasetError(message, code="path-taken", where=path)
 
 
-def _write(row: FormatRow, path: Path, request: BeliefRequest, views: Sequence[View]) -> None:
+def _write(
+    row: FormatRow, path: Path, request: BeliefRequest, views: Sequence[ShownBelief]
+) -> None:
     """Write a result that is not streamed; beliefs go into Hydra's own graph."""
     if row.name == "html":
         write_explorer(views, path)

@@ -26,7 +26,7 @@ from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.prediction_files import PredictionWriter
 from bsg_models.evaluation.verdict import judge_all, list_headlines
-from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.rendering.explorer import ShownBelief, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.predictor import Predictor
@@ -156,7 +156,9 @@ def _write_page(
     )
 
 
-def _look_into(comparison: Comparison, run: Path | str, request: EvaluationRequest) -> list[View]:
+def _look_into(
+    comparison: Comparison, run: Path | str, request: EvaluationRequest
+) -> list[ShownBelief]:
     """Return a run's beliefs about the median, the smallest and the largest building."""
     predictor = Predictor(run)
     wanted = [comparison.example, comparison.buildings[0], comparison.buildings[-1]]
@@ -165,7 +167,7 @@ def _look_into(comparison: Comparison, run: Path | str, request: EvaluationReque
     for seen, truth in mask_dataset(request.dataset, wanted, recipe):
         expectation = predictor(seen, withheld=list_withheld(recipe, seen))
         belief = believe(seen, expectation, model=predictor.name)
-        views[seen.scene_id] = View(belief, truth)
+        views[seen.scene_id] = ShownBelief(belief, truth)
     return [views[scene] for scene in dict.fromkeys(wanted)]
 
 

@@ -16,13 +16,13 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.results import SEAL, require_seal
 from bsg_models.runs.checkpoint_file import read_fields
 
-_WEIGHTS, _NODES = ".safetensors", "nodes.parquet"
+_WEIGHTS = ".safetensors"
 _BEST = "best.safetensors"
 _OF_A_RUN = {"evaluation": "evaluation.json", "search": "search.json"}  # folder in a run → report
 
 
 def check_results(path: AnyPath) -> tuple[str, ...]:
-    """Check a run, a checkpoint, belief tables, or the results of a search or an evaluation.
+    """Check a run, a checkpoint, or a folder of results, such as those of an evaluation.
 
     Args:
         path: of the folder, or of a checkpoint.
@@ -34,7 +34,6 @@ def check_results(path: AnyPath) -> tuple[str, ...]:
         DatasetError: naming a file that was changed, or if the folder has no seal or is the
             evaluation or the search of a run that has other weights by now.
         CheckpointError: if a checkpoint is damaged.
-        BeliefFileError: if belief tables are damaged.
     """
     path = Path(path)
     if path.is_file():

@@ -18,13 +18,11 @@ from typing import Any, NamedTuple
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import encode_json, noting_failures, write_bytes
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.results import StagedFiles, write_files, write_results
+from bsg_data.results import write_results
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS
-from bsg_models.rendering.animation import write_animation
 from bsg_models.rendering.figures import plot_savings
 from bsg_models.rendering.pages import write_report
-from bsg_models.rendering.recording import RECORDING, write_search
-from bsg_models.rendering.replay import write_replay
+from bsg_models.rendering.replay import replay_page
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import name_run
 from bsg_models.runs.run_folder import checkpoint_of, refuse_run
@@ -77,10 +75,7 @@ def report_search(
     """
     folder = request.folder
     refuse_run(folder)
-    with (
-        write_files(request.replays, force=request.force) as replays,
-        write_results(folder, report=_REPORT, force=request.force) as staged,
-    ):
+    with write_results(folder, report=_REPORT, force=request.force) as staged:
         data = Dataset.open(request.dataset)
         classes = data.manifest.class_space.classes
         chosen, notes = choose_buildings(request, data)
@@ -117,7 +112,7 @@ def report_search(
                 report.written["box plot over buildings"] = folder / _FIGURE
         _write_page(report, staged)
         if request.trace is not None:
-            _write_replay(data, request, report, staged, replays)
+            _write_replay(data, request, report, staged)
         write_searches(study, staged / _TABLE)
         write_bytes(staged / _REPORT, (encode_json(report.summary, indent=1) + "\n").encode())
     notes += [
@@ -167,13 +162,9 @@ def _write_page(report: SearchReport, staged: Path) -> None:
 
 
 def _write_replay(
-    data: Dataset,
-    request: SearchRequest,
-    report: SearchReport,
-    staged: Path,
-    replays: StagedFiles,
+    data: Dataset, request: SearchRequest, report: SearchReport, staged: Path
 ) -> None:
-    """Write a kept search as a page and, if asked, as animations and recordings."""
+    """Write a kept search as a page."""
     replay = replay_search(
         data,
         report.study,
@@ -181,13 +172,9 @@ def _write_replay(
         model=report.model,
         named=request.trace != "auto",
     )
-    write_replay(replay, staged / _TRACE)
+    write_bytes(staged / _TRACE, replay_page(replay).encode())
     which = (
         f"search {replay.episode} of {replay.scene_id} in {replay.world}, {replay.task}, by "
         f"{replay.walks[0].planner}"
     )
     report.written[which] = request.folder / _TRACE
-    for path in request.replays:
-        is_recording = path.suffix.casefold() == RECORDING
-        (write_search if is_recording else write_animation)(replay, replays[path])
-        report.written[f"the same as {path.suffix}"] = path

@@ -16,7 +16,7 @@ from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import log_beyond_none, log_none, log_normaliser
 from bsg_models.inputs.nodes import Nodes
-from bsg_models.zoo.layers import QUIET, Quiet
+from bsg_models.zoo.layers import NO_DROPOUT, NoDropout
 from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.network import Network
 from bsg_models.zoo.networks import CountNetwork, Posterior
@@ -63,8 +63,8 @@ class CountGradients(Network):
 
     def forward(self, nodes: Nodes) -> Posterior:
         """Return the posterior of the hidden counts; a training drops at random."""
-        noise = Noise() if self.training else QUIET
-        return self._model.forward(dict(self.named_parameters()), nodes, noise)
+        drop = Dropout() if self.training else NO_DROPOUT
+        return self._model.forward(dict(self.named_parameters()), nodes, drop)
 
     def loss(self, nodes: Nodes) -> torch.Tensor:
         """Return the mean of −log P(hidden) over rooms and the classes that are known there."""
@@ -102,10 +102,10 @@ class CountGradients(Network):
 
 
 @dataclass(frozen=True)
-class Noise(Quiet):
+class Dropout(NoDropout):
     """What a training drops at random."""
 
-    def drop(
+    def channels(
         self, values: torch.Tensor, share: float, *, kept: Sequence[slice] = ()
     ) -> torch.Tensor:
         """Return values of which a share is 0 and the others scaled up, but for columns `kept`."""
@@ -117,11 +117,11 @@ class Noise(Quiet):
             whole[columns] = True
         return torch.where(whole, values, dropped)
 
-    def overlook(self, values: torch.Tensor, share: float) -> torch.Tensor:
+    def entries(self, values: torch.Tensor, share: float) -> torch.Tensor:
         """Return values of which a share is 0: a robot overlooks things, too."""
         return values * (torch.rand_like(values) >= share)
 
-    def forget(self, rows: torch.Tensor, share: float) -> torch.Tensor:
+    def rows(self, rows: torch.Tensor, share: float) -> torch.Tensor:
         """Return rows of which a share is 0."""
         kept = torch.rand(len(rows), device=rows.device) >= share
         return rows * kept[:, None]

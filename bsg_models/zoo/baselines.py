@@ -10,7 +10,7 @@ from bsg_data.arrays import Floats
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs
@@ -46,7 +46,7 @@ class _InputModel(BeliefModel):
     def predict(self, seen: Observation) -> Expectation:
         """Return an expectation of nothing hidden."""
         inputs = seen.inputs.astype(np.float64)
-        return from_hidden_counts(inputs, poisson(np.zeros_like(inputs)))
+        return Expectation(inputs, poisson(np.zeros_like(inputs)))
 
 
 class _DoubledModel(BeliefModel):
@@ -61,7 +61,7 @@ class _DoubledModel(BeliefModel):
         """Return the input scaled up."""
         inputs = seen.inputs.astype(np.float64)
         share = seen.hidden_share[:, None].astype(np.float64)
-        return from_hidden_counts(inputs, poisson(inputs * share / np.maximum(1 - share, 1e-6)))
+        return Expectation(inputs, poisson(inputs * share / np.maximum(1 - share, 1e-6)))
 
 
 class _TrainMeanModel(BeliefModel):

@@ -25,7 +25,7 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.arrays import library_of
 from bsg_models.belief.count_distribution import CountDistribution
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.zoo.building_tilt import (
     log_none_of,
     share_to_tilt,
@@ -77,7 +77,7 @@ class CalibratedModel(BeliefModel):
             factor = np.empty(share.shape)
             factor[first], factor[is_room] = tilts, factors
             whole = whole.with_none_likelier(np.where(share > 0, factor, 0.0))
-        return from_hidden_counts(seen.inputs.astype(np.float64), whole)
+        return Expectation(seen.inputs.astype(np.float64), whole)
 
     def predict_rooms(
         self, seen: Observation, rows: Ints, columns: Ints | None = None

@@ -45,7 +45,6 @@ ZOO: Registry[ZooRow] = Registry(
         "train-mean": "bsg_models.zoo.baselines:TRAIN_MEAN",
         "gamma-poisson": "bsg_models.zoo.gamma_poisson:GAMMA_POISSON",
         "tilted-gamma-poisson": "bsg_models.zoo.gamma_poisson:TILTED_GAMMA_POISSON",
-        "prior-table": "bsg_models.zoo.prior_table:PRIOR_TABLE",
         "mixture": "bsg_models.zoo.mixture:MIXTURE",
         "ceci-gcn": "bsg_models.zoo.gcn:CECI_GCN",
         "ceci-sage": "bsg_models.zoo.networks:CECI_SAGE",

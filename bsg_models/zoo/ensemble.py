@@ -16,7 +16,7 @@ from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZOO, ZooRow
 from bsg_models.zoo.config import RunConfig, find_config
 from bsg_models.zoo.model import BeliefModel, ModelInputs, State, require_same_shapes
-from bsg_models.zoo.settings import WHATEVER, ModelConfig
+from bsg_models.zoo.settings import ANY_MASK, ModelConfig
 
 
 class EnsembleConfig(ModelConfig):
@@ -137,4 +137,4 @@ def make_model(
     return model
 
 
-ENSEMBLE = ZooRow(EnsembleConfig(), Ensemble, data=WHATEVER)
+ENSEMBLE = ZooRow(EnsembleConfig(), Ensemble, data=ANY_MASK)

@@ -3,7 +3,7 @@
 Every feature is of order one, whatever the size of a room or a building.
 
 `LabelPrior` is common sense about room labels. Few buildings have a laundry room, and a table
-written down by hand knows what one holds (`bsg_models.zoo.prior_table`). It changes the odds that a
+written by hand knows what one holds (`mappings/hand-prior-v2.json`). It changes the odds that a
 room holds any of class c, and not how many it holds if it does:
 
     log odds of at least one  +=  f · trust_c · (logit P(c | label) − logit P(c | any room))
@@ -14,6 +14,7 @@ network learns how far to trust the table, and what it knows better of labels th
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Literal
 
@@ -21,12 +22,13 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from bsg_data.arrays import Floats
+from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.arrays import Array, floats, library_of
 from bsg_models.inputs.nodes import EVIDENCE, Nodes, sum_buildings
 from bsg_models.zoo.layers import (
-    QUIET,
-    Quiet,
+    NO_DROPOUT,
+    NoDropout,
     Weight,
     Weights,
     linear,
@@ -36,6 +38,8 @@ from bsg_models.zoo.layers import (
 from bsg_models.zoo.settings import ModelConfig
 
 _SILENT_ROOMS = 3.0  # without anything, added to the others: one room says little of the next
+_TABLE = "hand-prior-v2.json"  # of `bsg_mappings`: label → how usual, and class → probability
+_LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 _TRUST = 0.5  # in the table, at the start
 _EMBEDDING = "features.embedding"
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
@@ -113,8 +117,8 @@ class NodeFeatures:
                 self.width = columns.stop
                 self.kept += [columns] if evidence.of_building else []
 
-    def __call__(self, weights: Weights, nodes: Nodes, noise: Quiet = QUIET) -> Array:
-        """Return features `[N, F]`; what trainings drop of them is `noise`."""
+    def __call__(self, weights: Weights, nodes: Nodes, drop: NoDropout = NO_DROPOUT) -> Array:
+        """Return features `[N, F]`; what trainings drop of them is `drop`."""
         xp = library_of(nodes.x)
         seen = floats(nodes.x > 0)
         parts = [xp.log1p(nodes.x), seen, xp.log1p(nodes.x.sum(axis=1, keepdims=True))]
@@ -126,7 +130,7 @@ class NodeFeatures:
             parts.append(1 - looked_for)
         shown = [seen]
         if "categories" in self.reads:
-            present = noise.overlook(floats(nodes.unclassified > 0), self.category_dropout)
+            present = drop.entries(floats(nodes.unclassified > 0), self.category_dropout)
             shown.append(linear(weights, _EMBEDDING, present))
             parts.append(shown[-1])
         if "building" in self.reads:
@@ -137,12 +141,12 @@ class NodeFeatures:
         parts += [nodes.evidence[name] for name in EVIDENCE if name in self.reads]
         return xp.concatenate(parts, axis=1)
 
-    def forget(self, nodes: Nodes, noise: Quiet) -> Nodes:
+    def forget(self, nodes: Nodes, drop: NoDropout) -> Nodes:
         """Return nodes whose `EVIDENCE` of a share of the rooms a training hides."""
         evidence = dict(nodes.evidence)
         for name in (name for name in EVIDENCE if name in self.reads):
             if not EVIDENCE[name].of_building:  # without it, a building is taken for a home
-                evidence[name] = noise.forget(evidence[name], self.share_forgotten)
+                evidence[name] = drop.rows(evidence[name], self.share_forgotten)
         return replace(nodes, evidence=evidence)
 
 
@@ -185,7 +189,12 @@ def tabulate_labels(classes: tuple[str, ...]) -> Floats:
 
     They are 0 for labels that it does not list.
     """
-    from bsg_models.zoo.prior_table import read_prior_table  # only trainings come here
-
-    presence, weight = read_prior_table("", classes).list_types(classes)
+    table = json.loads(read_published(_TABLE))
+    unlisted, none = table["unlisted"], {"weight": 0.0, "presence": {}}
+    types = [table["room_types"].get(label, none) for label in list_room_labels()]
+    weight = np.array([one["weight"] for one in types])
+    presence = np.array(
+        [[one["presence"].get(name, unlisted) for name in classes] for one in types]
+    )
+    presence, weight = np.clip(presence, _LEAST, 1 - _LEAST), weight / weight.sum()
     return np.where(weight[:, None] > 0, logit(presence) - logit(weight @ presence), 0.0)

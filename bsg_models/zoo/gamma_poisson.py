@@ -25,7 +25,7 @@ from pydantic import Field
 from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import negative_binomial
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import (
     hidden_posterior,
     hidden_tilts,
@@ -44,14 +44,14 @@ if TYPE_CHECKING:
 Tally = tuple[Ints, Ints]  # distinct counts, rising, and the number of rooms with each
 
 
-class GammaPoissonConfig(ModelConfig):
+class _GammaPoissonConfig(ModelConfig):
     """Shrink each count to its class: Poisson counts with a Gamma prior fitted per class."""
 
     family: Literal["gamma-poisson"] = "gamma-poisson"
     tilted: int = Field(default=0, ge=0, le=8)  # J, first counts whose prior is tilted
 
 
-class GammaPoissonModel(BeliefModel):
+class _GammaPoissonModel(BeliefModel):
     """Shrink each room's counts to its class; the building is the sum of its rooms."""
 
     by_seed = False
@@ -59,9 +59,9 @@ class GammaPoissonModel(BeliefModel):
     rate: Floats  # [C] b of the Gamma prior
     tilts: Floats  # [J, C] log factors of the first true counts; only with `tilted`
 
-    config: GammaPoissonConfig
+    config: _GammaPoissonConfig
 
-    def __init__(self, config: GammaPoissonConfig, inputs: ModelInputs) -> None:
+    def __init__(self, config: _GammaPoissonConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         self.hold(shape=np.ones(inputs.classes), rate=np.ones(inputs.classes))
         if config.tilted:
@@ -86,7 +86,7 @@ class GammaPoissonModel(BeliefModel):
         if self.config.tilted:
             tilts = hidden_tilts(self.tilts[:, None], inputs)
             hidden = replace(hidden, tilts=np.stack(tilts)[:, None]).without(share == 0)
-        return from_hidden_counts(inputs, sum_rooms(hidden, seen))
+        return Expectation(inputs, sum_rooms(hidden, seen))
 
 
 def tally_rooms(data: Dataset, scenes: Sequence[str]) -> list[Tally]:
@@ -164,9 +164,9 @@ def _log_likelihood(counts: Ints, mean: float, dispersion: float) -> Floats:
     return np.asarray(choose - dispersion * np.log1p(mean / dispersion) + power)
 
 
-GAMMA_POISSON = ZooRow(GammaPoissonConfig(), GammaPoissonModel)
+GAMMA_POISSON = ZooRow(_GammaPoissonConfig(), _GammaPoissonModel)
 TILTED_GAMMA_POISSON = ZooRow(
-    GammaPoissonConfig(tilted=2),
-    GammaPoissonModel,
+    _GammaPoissonConfig(tilted=2),
+    _GammaPoissonModel,
     summary="Shrink each count to its class, with a prior that also fits P(none) and P(one).",
 )

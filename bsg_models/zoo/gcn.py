@@ -31,7 +31,7 @@ from bsg_models.zoo.settings import ModelConfig
 _LEAST_RATE = 1e-6  # objects, of a Poisson law
 
 
-class GCNConfig(ModelConfig):
+class _GCNConfig(ModelConfig):
     """The paper's CECI: GCNConv layers with batch normalisation, ReLU and dropout."""
 
     family: Literal["ceci-gcn"] = "ceci-gcn"
@@ -76,12 +76,12 @@ class _NormalisedEdges(Arrays):
         return cls(every, scale[every[0]] * scale[every[1]])
 
 
-class CECIGCN(Network):
+class _CECIGCN(Network):
     """Predict the whole histogram of every node of interest from the seen histograms."""
 
-    config: GCNConfig
+    config: _GCNConfig
 
-    def __init__(self, config: GCNConfig, inputs: ModelInputs) -> None:
+    def __init__(self, config: _GCNConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         hidden = [config.width] * (config.depth - 1)
         widths = [inputs.classes, *hidden, inputs.classes]
@@ -156,4 +156,4 @@ class CECIGCN(Network):
             return to_array(self(nodes).clamp(min=0))
 
 
-CECI_GCN = ZooRow(GCNConfig(), CECIGCN)
+CECI_GCN = ZooRow(_GCNConfig(), _CECIGCN)

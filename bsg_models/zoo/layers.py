@@ -28,23 +28,23 @@ class Weight:
     learned: bool = True
 
 
-class Quiet:
+class NoDropout:
     """What is dropped of an answer: nothing. Trainings drop at random."""
 
-    def drop(self, values: Array, share: float, *, kept: Sequence[slice] = ()) -> Array:
+    def channels(self, values: Array, share: float, *, kept: Sequence[slice] = ()) -> Array:
         """Return values of which a share is 0 and the others scaled up, but for columns `kept`."""
         return values
 
-    def overlook(self, values: Array, share: float) -> Array:
+    def entries(self, values: Array, share: float) -> Array:
         """Return values of which a share is 0, without scaling."""
         return values
 
-    def forget(self, rows: Array, share: float) -> Array:
+    def rows(self, rows: Array, share: float) -> Array:
         """Return rows of which a share is 0."""
         return rows
 
 
-QUIET = Quiet()
+NO_DROPOUT = NoDropout()
 
 
 def _functions_of(x: Array) -> Any:

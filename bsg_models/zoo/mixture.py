@@ -68,7 +68,7 @@ _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
 _PRIOR_LABEL = 4.0  # weight of the average room in P(k | l), in rooms
 
 
-class MixtureConfig(ModelConfig):
+class _MixtureConfig(ModelConfig):
     """Latent room types with negative-binomial counts, fitted by expectation maximisation."""
 
     family: Literal["mixture"] = "mixture"
@@ -80,7 +80,7 @@ class MixtureConfig(ModelConfig):
     calibrate: bool = True  # on the val buildings
 
 
-class RoomTypeMixture(CalibratedModel):
+class _RoomTypeMixture(CalibratedModel):
     """Room types, fitted by counting; the posterior is in closed form."""
 
     log_types: Floats  # [K] log π
@@ -90,10 +90,10 @@ class RoomTypeMixture(CalibratedModel):
     labels: Floats  # [K, L] log P(k | label) / P(k)
     tilts: Floats  # [J, K, C] log factors of the first counts; only with `tilted`
 
-    config: MixtureConfig
+    config: _MixtureConfig
     reads_labels = True
 
-    def __init__(self, config: MixtureConfig, inputs: ModelInputs) -> None:
+    def __init__(self, config: _MixtureConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
         ones = np.ones((config.types, inputs.classes))
         self.hold(log_types=0 * ones[:, 0], means=ones, dispersions=ones, habits=ones[0])
@@ -329,4 +329,4 @@ def _sum_others(values: Floats, building: Ints) -> Floats:
     return np.asarray(np.maximum(sums[building] - values, 0.0))
 
 
-MIXTURE = ZooRow(MixtureConfig(), RoomTypeMixture)
+MIXTURE = ZooRow(_MixtureConfig(), _RoomTypeMixture)

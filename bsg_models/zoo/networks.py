@@ -47,8 +47,8 @@ from bsg_models.zoo.features import (
 )
 from bsg_models.zoo.gamma_poisson import tally_rooms
 from bsg_models.zoo.layers import (
-    QUIET,
-    Quiet,
+    NO_DROPOUT,
+    NoDropout,
     Weight,
     Weights,
     linear,
@@ -59,7 +59,7 @@ from bsg_models.zoo.layers import (
     silu,
 )
 from bsg_models.zoo.model import ModelInputs, State, require_same_shapes
-from bsg_models.zoo.settings import CONNECTED, COUNTS, LONG, WHATEVER, DataConfig
+from bsg_models.zoo.settings import ANY_MASK, CONNECTED, COUNT_TRAINING, LONG_TRAINING, DataConfig
 
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset
@@ -112,7 +112,7 @@ class CountNetwork(CalibratedModel):
 
     @abstractmethod
     def encode(
-        self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet, rows: Any
+        self, weights: Weights, features: Array, nodes: Nodes, drop: NoDropout, rows: Any
     ) -> Array:
         """Return the trunk's encoding of features `[N, F]`, of some rows: `[N, width]`."""
 
@@ -164,17 +164,22 @@ class CountNetwork(CalibratedModel):
         return np.zeros((len(seen.inputs), len(self.vocabulary)), dtype=np.int64)
 
     def forward(
-        self, weights: Weights, nodes: Nodes, noise: Quiet = QUIET, *, rows: Any = slice(None)
+        self,
+        weights: Weights,
+        nodes: Nodes,
+        drop: NoDropout = NO_DROPOUT,
+        *,
+        rows: Any = slice(None),
     ) -> Posterior:
         """Return the posterior of the hidden counts of N nodes, or some rows, and C classes."""
-        nodes = self.features.forget(nodes, noise)
-        features = self.features(weights, nodes, noise)
-        encoded = self.encode(weights, features, nodes, noise, rows)
-        sense = None
+        nodes = self.features.forget(nodes, drop)
+        features = self.features(weights, nodes, drop)
+        encoded = self.encode(weights, features, nodes, drop, rows)
+        label_log_odds = None
         if self.labels is not None:  # a room that was seen says more than its label
-            sense = self.labels(weights, nodes.evidence["labels"][rows])
-            sense = sense * nodes.hidden_share[rows][:, None]
-        return self.head(weights, encoded, nodes.x[rows], nodes.share[rows], sense, noise)
+            label_log_odds = self.labels(weights, nodes.evidence["labels"][rows])
+            label_log_odds = label_log_odds * nodes.hidden_share[rows][:, None]
+        return self.head(weights, encoded, nodes.x[rows], nodes.share[rows], label_log_odds, drop)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the network gives."""
@@ -220,18 +225,18 @@ class PriorHead:
         encoded: Array,
         seen: Array,
         share: Array,
-        sense: Array | None,
-        noise: Quiet = QUIET,
+        label_log_odds: Array | None,
+        drop: NoDropout = NO_DROPOUT,
     ) -> Posterior:
         """Return the posterior of the hidden counts, given what was seen and the share hidden.
 
-        `sense` adds to the log odds of any; all are `[N, C]`.
+        `label_log_odds` adds to the log odds of any; all are `[N, C]`.
         """
         xp = library_of(encoded)
 
         def read(name: str) -> Array:
             """Return what a layer says of each component, `[K, N, C]`, or `[J · K, N, C]`."""
-            said = linear(weights, f"head.{name}", noise.drop(encoded, self.dropout))
+            said = linear(weights, f"head.{name}", drop.channels(encoded, self.dropout))
             return said.reshape(said.shape[0], -1, self.classes).swapaxes(0, 1)
 
         mean = xp.exp(read("mean").clip(-2 * _MOST, _MOST))
@@ -241,10 +246,10 @@ class PriorHead:
         tilts = xp.zeros_like(mean)[None]
         if self.tilted:
             tilts = read("tilt").clip(-_MOST, _MOST).reshape(self.tilted, *mean.shape)
-        elif sense is None:
+        elif label_log_odds is None:
             return Posterior(*hidden, log_weight, [])
-        if sense is not None:
-            tilts = xp.concatenate([tilts[:1] - sense, tilts[1:]])
+        if label_log_odds is not None:
+            tilts = xp.concatenate([tilts[:1] - label_log_odds, tilts[1:]])
         return Posterior(*hidden, log_weight, hidden_tilts(tilts, seen))
 
 
@@ -283,16 +288,16 @@ class _CECISAGE(CountNetwork):
         return weights
 
     def encode(
-        self, weights: Weights, features: Array, nodes: Nodes, noise: Quiet, rows: Any
+        self, weights: Weights, features: Array, nodes: Nodes, drop: NoDropout, rows: Any
     ) -> Array:
         """Return the nodes' features after all rounds."""
         dropout = self.config.dropout
-        shown = noise.drop(features, dropout / 2, kept=self.features.kept)
+        shown = drop.channels(features, dropout / 2, kept=self.features.kept)
         h = silu(linear(weights, "enter.1", shown))
         for number in range(self.config.depth):
             taken = rows if number == self.config.depth - 1 else slice(None)
             heard = convolve(weights, f"convolutions.{number}", h, nodes.edges, taken)
-            h = h[taken] + noise.drop(silu(norm(weights, f"norms.{number}", heard)), dropout)
+            h = h[taken] + drop.channels(silu(norm(weights, f"norms.{number}", heard)), dropout)
         return h
 
     def edges_of(self, seen: Observation) -> Neighbours:
@@ -313,11 +318,11 @@ class _CECISAGE(CountNetwork):
         )
 
 
-CECI_SAGE = ZooRow(_SAGEConfig(), _CECISAGE, data=CONNECTED, training=COUNTS)
+CECI_SAGE = ZooRow(_SAGEConfig(), _CECISAGE, data=CONNECTED, training=COUNT_TRAINING)
 UNIVERSAL = ZooRow(
     _SAGEConfig(reads=EVERYTHING),
     _CECISAGE,
-    data=WHATEVER,
-    training=LONG,
+    data=ANY_MASK,
+    training=LONG_TRAINING,
     summary="GraphSAGE for any observation: trained on every kind of mask; reads all evidence.",
 )

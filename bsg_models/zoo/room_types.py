@@ -4,7 +4,7 @@ Each round computes P(type | room), sums over the rooms what each type holds (`_
 types to these sums. Rooms are read `_CHUNK` at a time, and most counts are 0. So a round takes
 memory for one chunk, and time for the counts above 0.
 
-Beyond `SAMPLE` rooms, all rounds but the last few use a sample of that size; the last
+Beyond `_SAMPLE` rooms, all rounds but the last few use a sample of that size; the last
 `_LAST_ROUNDS` use all rooms. A type is a few hundred numbers, which the sample determines nearly as
 well as all rooms do.
 """
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 Rooms = npt.NDArray[np.integer]  # counts `[R, C]`, of any width
 MOST = 60  # the fit treats larger counts of a class in a room as this
 MISSING = MOST + 1  # count of a class that the room's source has no word for: it says nothing
-SAMPLE = 20_000  # rooms in the sample of all rounds
+_SAMPLE = 20_000  # rooms in the sample of all rounds
 _LAST_ROUNDS = 10  # on all rooms, if there are more
 _CHUNK = 4_096  # rooms in memory as floats at a time
 _LOG_SHAPE = 4.0  # limit of |log r|, whose prior is a standard normal
@@ -96,7 +96,6 @@ def fit_types(
     iterations: int,
     seed: int,
     tilted: int = 0,
-    sample: int = SAMPLE,
 ) -> FittedTypes:
     """Fit a mixture of tilted negative binomials to complete rooms by expectation maximisation.
 
@@ -106,7 +105,7 @@ def fit_types(
     seed is that of the sample, and of the start, in which rooms are grouped around K random ones.
     """
     width = max(int(counts.max(initial=0)) + 1, tilted, 2)
-    some = _take_sample(counts, sample, seed=seed)
+    some = _take_sample(counts, _SAMPLE, seed=seed)
     points = np.where(some == MISSING, 0, some)
     membership = _group(np.log1p(points.astype(np.float64)), types, seed=seed)
     shape = (types, counts.shape[1])

@@ -117,21 +117,19 @@ class TrainingConfig(Record):
     device: Device = "cpu"
 
 
-# The visible share varies, so that a model works at any share.
-VARIED = DataConfig(fractions=(0.1, 0.9))
-# Every room sees every other.
+# Every room sees every other, and the visible share varies: a model then works at any share.
 CONNECTED = DataConfig(fractions=(0.1, 0.9), edges=("complete",))
 # Any observation: every kind of mask in turn, sometimes with withheld classes, as in a search, or
 # with a detector of few words.
 # Words of fewer buildings mislead: with a coat rack in nine, a hall was taken for a bathroom.
-WHATEVER = DataConfig(
+ANY_MASK = DataConfig(
     mask=MaskRecipe(strategy="mixed", withhold=0.05, detector=0.25),
     fractions=(0.1, 0.9),
     edges=("complete",),
     min_scenes=10,
 )
 # How networks of hidden counts are trained.
-COUNTS = TrainingConfig(
+COUNT_TRAINING = TrainingConfig(
     epochs=160,
     batch_size=32,
     learning_rate=0.002,
@@ -142,4 +140,4 @@ COUNTS = TrainingConfig(
     validate_every=20,
 )
 # Of a building that is being found there are more views than of a whole one.
-LONG = COUNTS.model_copy(update={"epochs": 280})
+LONG_TRAINING = COUNT_TRAINING.model_copy(update={"epochs": 280})

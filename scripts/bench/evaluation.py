@@ -92,7 +92,7 @@ def predict(data: Dataset) -> Iterator[tuple[Truth, Expectation]]:
 def forget(found: Expectation) -> Expectation:
     """Return predictions of which nothing is computed yet."""
     counts = found.hidden_counts
-    return Expectation(found.inputs, counts.take(np.arange(len(found.inputs))), found.said_totals)
+    return Expectation(found.inputs, counts.take(np.arange(len(found.inputs))), found.raw_totals)
 
 
 def score_with_scikit_learn(batches: list[tuple[Truth, Expectation]]) -> dict[str, float]:

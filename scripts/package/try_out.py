@@ -32,7 +32,7 @@ NAME = "belief_scene_graphs"
 ASKS = (
     "bsg-belief home.json --find microwave --from living",
     "bsg-belief home.json --find microwave --from living",
-    "bsg-belief home.json --out home.html --out home.tables",
+    "bsg-belief home.json --out home.html --out home.json",
     "bsg-models show universal",
 )
 NEED_MORE = (

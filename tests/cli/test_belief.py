@@ -8,15 +8,16 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 from dsg_files import write_graph
 
 from bsg_cli.belief import main
-from bsg_models.belief.annotation import strip_annotation
+from bsg_data.dataset.dataset import Dataset
+from bsg_models.belief.annotation import _strip
 from bsg_models.belief.formats import read_belief
+from bsg_models.inputs.folds import scenes_of
 
 
 def call(*words: object, code: int = 0) -> Result:
@@ -31,38 +32,14 @@ OFFICE = REPOSITORY / "docs" / "office.json"
 def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     out, page = tmp_path / "b.json", tmp_path / "b.html"
     words = (OFFICE, "--model", run, "--out", out, "--out", page)
-    done = call(*words, "--out", tmp_path / "b.tables", "--top", 2)
+    done = call(*words, "--top", 2)
     assert "B: shared kitchen" in done.output
-    belief = read_belief(out)
-    nodes = pd.read_parquet(tmp_path / "b.tables" / "nodes.parquet")
-    assert (nodes.kind == "blind").sum() == len(belief.blind)
+    assert f"1 belief graph, {len(read_belief(out).blind)} blind nodes" in done.output
     assert page.read_text("utf-8").startswith("<!doctype html>")
     assert "is there already; --force replaces it" in call(*words, code=1).stderr
     call(*words, "--force")
     refused = call(*words, "--force", "--out", tmp_path / "h.dsg.json", code=2)
     assert "adds beliefs to one graph of its program" in refused.stderr
-
-
-def test_several_graphs_are_steps_of_one_recording(run: Path, tmp_path: Path) -> None:
-    from recordings import read_recording
-
-    out, said = tmp_path / "day.rrd", json.loads(OFFICE.read_text("utf-8"))
-    said["rooms"].append({"id": "attic", "visited": False})
-    later = tmp_path / "later.json"
-    later.write_text(json.dumps(said))
-    done = call(OFFICE, later, "--model", run, "--out", out)
-    assert f"written: {out}" in done.stdout
-    assert [len(row) for row in read_recording(out)["expected/attic scalars"]] == [0, 1]
-    assert "--force" in call(OFFICE, "--model", run, "--out", out, code=1).stderr
-    call(OFFICE, "--model", run, "--out", tmp_path / "day.mp4", code=2)
-
-
-def test_a_recording_that_cannot_be_written_is_refused_before_anything_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("bsg_models.rendering.recording.find_spec", lambda name: None)
-    done = call("none.json", "--out", tmp_path / "b.rrd", code=2)
-    assert "pip install '.[rerun]'" in done.stderr
 
 
 def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> None:
@@ -72,7 +49,7 @@ def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> 
     out, other = tmp_path / "out.dsg.json", tmp_path / "other.dsg.json"
     words = ("--model", run, "--labels", "mpcat40", "--out")
     done = call(packed, *words, out)
-    stripped = strip_annotation(json.loads(out.read_text("utf-8")))
+    stripped = _strip(json.loads(out.read_text("utf-8")))
     assert json.dumps(stripped) == json.dumps(json.loads(path.read_text("utf-8")))
     for told in (
         "1 of 4 objects under no room",
@@ -109,11 +86,12 @@ def test_masked_buildings_give_a_belief_graph_each(
     dataset: Path, run: Path, tmp_path: Path
 ) -> None:
     words = (dataset, "--model", run, "--split", "train", "--mode", "unseen")
-    done = call(*words, "--out", tmp_path / "b.tables", "--json")
+    done = call(*words, "--out", tmp_path / "b.html", "--json")
     answers = json.loads(done.stdout)
-    nodes = pd.read_parquet(tmp_path / "b.tables" / "nodes.parquet")
-    assert {answer["scene_id"] for answer in answers} == set(nodes.scene_id)
-    assert len(answers) == (nodes.kind == "room").sum()
+    shown = (tmp_path / "b.html").read_text("utf-8")
+    scenes = set(scenes_of(Dataset.open(dataset), "train"))
+    assert {answer["scene_id"] for answer in answers} == scenes
+    assert all(f'"title":"{scene}"' in shown for scene in scenes)
     assert all(len(answer["unseen"]) <= 3 for answer in answers)
     one = call(dataset, "--model", run, "--scene", answers[0]["scene_id"], "--json")
     assert {answer["scene_id"] for answer in json.loads(one.stdout)} == {answers[0]["scene_id"]}

@@ -24,9 +24,7 @@ INTO = (
     "bsg-evaluate dataset --model run --out new --write-predictions PLACE",
     "bsg-leaderboard dataset --models doubled --folds 3 --workers 1 --out PLACE",
     "bsg-belief home.json --model run --out PLACE.json",
-    "bsg-belief home.json --model run --out PLACE.tables",
     "bsg-search dataset --model run --workers 1 --out PLACE",
-    "bsg-search dataset --model run --workers 1 --out new --trace --replay PLACE.gif",
 )
 
 

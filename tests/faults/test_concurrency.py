@@ -29,7 +29,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.extend import HM3DFolder, count_frequencies
 from bsg_data.files import hold
-from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.sealed_results import check_results
@@ -109,9 +108,8 @@ def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path) -> None:
 
 
 def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.tables"
+    out = tmp_path / "out"
     measure = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
-    believe = BeliefRequest(run=run, dataset=dataset, split="test", out=(out,), force=True)
     met: list[bool] = []
 
     def interrupt(*_: object) -> None:
@@ -119,7 +117,7 @@ def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) 
             report_evaluation(measure)
         met.append(True)
 
-    report_beliefs(believe, progress=interrupt)
+    report_evaluation(measure, progress=interrupt)
     assert met
     assert check_results(out)
 

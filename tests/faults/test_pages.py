@@ -23,8 +23,8 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObje
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts
-from bsg_models.rendering.explorer import View, explorer_page
+from bsg_models.belief.expectation import Expectation
+from bsg_models.rendering.explorer import ShownBelief, explorer_page
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.rendering.replay import replay_page
 
@@ -97,10 +97,10 @@ def explorer(first: int) -> str:
     )
     partial = PartialGraph(name(), space, 0.5, rooms, objects, ((1, 2), (2, 3)), source=name())
     inputs = partial.histograms().astype(float)
-    believed = from_hidden_counts(inputs, poisson(np.full(inputs.shape, 0.7)))
+    believed = Expectation(inputs, poisson(np.full(inputs.shape, 0.7)))
     belief = believe(partial, believed, model=name())
     truth = np.ceil(belief.expected).astype(int)
-    return explorer_page([View(belief, truth, title=name()), View(belief)])
+    return explorer_page([ShownBelief(belief, truth), ShownBelief(belief)])
 
 
 def replay(first: int) -> str:

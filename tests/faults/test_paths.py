@@ -36,7 +36,7 @@ READ_DATASET = [
     "bsg-data pairs dataset --draws 1 --force --workers 1",
     "bsg-data split dataset --ratios 0.5 0.25 0.25 --force",
 ]
-BELIEVE = "bsg-belief {} --model {} --out b.json --out b.html --out b.tables"
+BELIEVE = "bsg-belief {} --model {} --out b.json --out b.html"
 
 
 def hostile_names(victim: Path) -> tuple[str, ...]:

@@ -28,10 +28,10 @@ HOME = {"kitchen": ["stove", "sink"], "bedroom": ["bed"], "hall": []}
 
 
 def believe(run: Path, dataset: Path, out: Path) -> None:
-    """Files and tables of one graph."""
+    """Files of one graph."""
     path = dataset.parent / "home.json"
     path.write_text(json.dumps(HOME))
-    names = ("a.json", "a.html", "a.tables", "b.tables")
+    names = ("a.json", "a.html", "b.json")
     graphs = (open_graph_file(path),)
     report_beliefs(BeliefRequest(run=run, graphs=graphs, out=tuple(out / name for name in names)))
 
@@ -45,12 +45,11 @@ def evaluate(run: Path, dataset: Path, out: Path) -> None:
 
 
 def search(run: Path, dataset: Path, out: Path) -> None:
-    """A folder of results, and a replay beside it."""
+    """A folder of results with a replay."""
     request = SearchRequest.read(
         dataset,
         runs=(run,),
         out=out / "search",
-        replays=(out / "a.png",),
         trace="auto",
         planners=("nearest", "expected-cost"),
         worlds=("star",),

@@ -17,7 +17,7 @@ from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import ModelConfig
@@ -81,7 +81,7 @@ class Knowing(BeliefModel):
                 seen.scene_ids, seen.starts, seen.starts[1:], strict=False
             )
         ]
-        return from_hidden_counts(seen.inputs.astype(float), poisson(np.concatenate(parts)))
+        return Expectation(seen.inputs.astype(float), poisson(np.concatenate(parts)))
 
 
 def masked(data: Dataset, scenes: tuple[str, ...]) -> MaskedBuildings:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from conftest import REPOSITORY, list_unpinned, load_script
+from PIL import Image
+from replays import make_replay
 
-CONCEPTS = load_script("figures/concepts")
+CONCEPTS, SEARCH = load_script("figures/concepts"), load_script("figures/search")
 FIGURES = REPOSITORY / "docs" / "figures"
 NUMBER = re.compile(r"\d+\.\d+")  # a place; processors differ in its last digits
 
@@ -18,6 +21,15 @@ def test_every_picture_is_drawn_by_make_figures() -> None:
     recipe = (REPOSITORY / "Makefile").read_text("utf-8").split("\nfigures:")[1].split("\n\n")[0]
     drawn = set(re.findall(r"docs/figures/(\w+\.png)", recipe)) | set(CONCEPTS.FIGURES)
     assert drawn == {path.name for path in FIGURES.iterdir()}
+
+
+def test_a_search_has_a_frame_for_every_room(tmp_path: Path) -> None:
+    replay = make_replay()
+    SEARCH.draw_replay(replay, tmp_path / "search.png")
+    with Image.open(tmp_path / "search.png") as picture:
+        assert picture.n_frames == replay.steps + 1 == 4  # type: ignore[attr-defined]
+        edge = np.asarray(picture.convert("RGB"))[:, [*range(6), *range(-6, 0)]]
+    assert (edge > 250).all(), "no line is cut off"
 
 
 @pytest.mark.heavy

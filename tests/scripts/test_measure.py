@@ -45,7 +45,7 @@ from bsg_data.scene.surroundings import Surroundings
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import weigh_buildings
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
@@ -82,7 +82,7 @@ def case() -> Case:
         np.zeros(4, dtype=np.int64),
         ("a",),
     )
-    found = from_hidden_counts(INPUTS.astype(float), poisson(-np.log1p(-PRESENCE)))
+    found = Expectation(INPUTS.astype(float), poisson(-np.log1p(-PRESENCE)))
     return (
         truth,
         MaskedBuildings(seen, INPUTS + HIDDEN, np.zeros(1, dtype=np.int64), np.arange(len(INPUTS))),

@@ -21,7 +21,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts, from_totals
+from bsg_models.belief.expectation import Expectation, from_totals
 from bsg_models.inputs.folds import scenes_of
 
 FOUR = ClassSpace.of("test", ("bed", "lamp", "sink", "tv"))
@@ -53,7 +53,7 @@ def test_blind_nodes_complete_a_room_to_its_rounded_total(hidden: np.ndarray) ->
 def test_a_belief_graph_by_hand() -> None:
     inputs = GRAPH.histograms().astype(float)
     hidden = np.array([[0.1, 2.0, 0.7, 0], [0.1, 1.4, 0.6, 0], [0, 0.6, 0.1, 0]])
-    expectation = from_hidden_counts(inputs, poisson(hidden))
+    expectation = Expectation(inputs, poisson(hidden))
     belief = believe(GRAPH, expectation, model="by hand")
     found = [(node.room_index, node.class_index, node.expected) for node in belief.blind]
     assert found == [(1, 1, 1.4), (1, 2, 0.6), (2, 1, 0.6)]
@@ -101,7 +101,7 @@ def test_totals_below_the_input_hide_nothing() -> None:
 
 
 def test_what_was_seen_is_below_every_quantile() -> None:
-    found = from_hidden_counts(SEEN, poisson(np.array([[0.5, 3.0, 0.0]])))
+    found = Expectation(SEEN, poisson(np.array([[0.5, 3.0, 0.0]])))
     assert found.totals.tolist() == found.expected.tolist() == [[2.5, 3.0, 1.0]]
     assert found.quantile(0.0).tolist() == SEEN.tolist()
     assert found.quantile(0.5).tolist() == [[2.0, 3.0, 1.0]]

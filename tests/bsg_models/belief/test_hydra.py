@@ -23,14 +23,13 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import RobotGraphError, read_robot_graph
 from bsg_models.belief import graph_file
-from bsg_models.belief.annotation import strip_annotation
+from bsg_models.belief.annotation import SPARK_DSG, _strip, annotate_hydra
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import read_belief
 from bsg_models.belief.graph_file import open_graph_file, parse_graph, read_graph
-from bsg_models.belief.hydra import annotate_hydra
 from bsg_models.errors import HydraError
 
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -42,7 +41,7 @@ def believe_something(graph: PartialGraph, seed: int = 0, *, most: float = 3.0) 
     """Return random beliefs about a graph, with blind nodes in its rooms."""
     inputs = graph.histograms().astype(float)
     hidden = poisson(np.random.default_rng(seed).gamma(0.1, most, inputs.shape))
-    return believe(graph, from_hidden_counts(inputs, hidden), model=f"random {seed}")
+    return believe(graph, Expectation(inputs, hidden), model=f"random {seed}")
 
 
 def annotate(folder: Path, graph: Graph, **how: Any) -> tuple[BeliefGraph, Graph]:
@@ -135,7 +134,7 @@ def test_what_is_put_in_is_taken_out(
     form(graph)
     text = json.dumps(graph, sort_keys=sort)
     belief, once = annotate(tmp_path, json.loads(text), seed=seed, most=most)
-    assert json.dumps(strip_annotation(once)) == text
+    assert json.dumps(_strip(once)) == text
     assert read_graph(tmp_path / "out.json") == belief.partial, "seen is not what is believed"
     again = tmp_path / "again.json"
     annotate_hydra(believe_something(belief.partial, 100), tmp_path / "out.json", again)
@@ -163,7 +162,7 @@ def test_what_others_added_since_stays(tmp_path: Path) -> None:
     read["nodes"][2]["attributes"]["metadata"]["other"] = 1
     read["nodes"].append(node("O", 77, 2))
     read["layer_ids"] = [2, 0]
-    left = strip_annotation(read)
+    left = _strip(read)
     assert left["nodes"][1]["attributes"]["metadata"] == {"bsg": {"hidden_share": 0.1}}
     assert left["nodes"][2]["attributes"]["metadata"] == {"other": 1}
     assert left["nodes"][len(robot_graph()["nodes"]) :] == [node("O", 77, 2)]
@@ -299,7 +298,7 @@ def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:
     with refuses(HydraError, "suffix-unknown", tmp_path / "out.json.gz"):
         annotate_hydra(believe_something(read_graph(path)), path, tmp_path / "out.json.gz")
     with refuses(HydraError, "belief-missing", path):
-        read_belief(path, "spark-dsg")
+        SPARK_DSG.read(path)
     with refuses(HydraError, "dsg-malformed", OFFICE):
         annotate_hydra(make_belief(1), OFFICE, tmp_path / "out.json")
     assert list(tmp_path.iterdir()) == [path]
@@ -359,10 +358,10 @@ def test_spark_dsg_finds_its_own_graph_again(tmp_path: Path) -> None:
     assert after.metadata.get()["run"] == {"seconds": 0.1}
     np.testing.assert_array_equal(after.mesh.get_vertices(), before.mesh.get_vertices())
     # Back without loss, also when spark_dsg has written it again.
-    assert read_belief(out, "spark-dsg") == belief
+    assert SPARK_DSG.read(out) == belief
     after.save(str(tmp_path / "again.json"))
-    assert read_belief(tmp_path / "again.json", "spark-dsg") == belief
-    bare = strip_annotation(json.loads(out.read_text("utf-8")))
+    assert SPARK_DSG.read(tmp_path / "again.json") == belief
+    bare = _strip(json.loads(out.read_text("utf-8")))
     assert json.dumps(bare) == json.dumps(json.loads(path.read_text("utf-8")))
 
 
@@ -373,7 +372,7 @@ def test_a_binary_graph_is_converted(tmp_path: Path) -> None:
     graph = read_graph(binary, labels="mpcat40")
     assert graph == read_graph(path, labels="mpcat40")
     annotate_hydra(believe_something(graph), binary, tmp_path / "out.json")
-    assert read_belief(tmp_path / "out.json", "spark-dsg") == believe_something(graph)
+    assert SPARK_DSG.read(tmp_path / "out.json") == believe_something(graph)
     binary.write_bytes(b"no graph")
     with refuses(HydraError, "binary-unloadable", binary):
         read_graph(binary)
@@ -392,8 +391,8 @@ def test_the_recorded_apartment_comes_back_as_it_was(tmp_path: Path) -> None:
     ]
     belief, out = believe_something(graph), tmp_path / "out.json"
     annotate_hydra(belief, SAMPLE, out)
-    assert read_belief(out, "spark-dsg") == belief
-    stripped = strip_annotation(json.loads(out.read_text("utf-8")))
+    assert SPARK_DSG.read(out) == belief
+    stripped = _strip(json.loads(out.read_text("utf-8")))
     assert json.dumps(stripped) == json.dumps(json.loads(original))
 
 

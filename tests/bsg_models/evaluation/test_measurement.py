@@ -13,7 +13,7 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import weigh_buildings
 from bsg_models.evaluation.details import ClassErrors, ShownCollector
@@ -34,7 +34,7 @@ def truth() -> Truth:
 
 def believe(truth: Truth, seed: int = 1) -> Expectation:
     rng = np.random.default_rng(seed)
-    return from_hidden_counts(truth.inputs, poisson(rng.gamma(1.0, 1.0, truth.inputs.shape)))
+    return Expectation(truth.inputs, poisson(rng.gamma(1.0, 1.0, truth.inputs.shape)))
 
 
 def evaluate(
@@ -75,7 +75,7 @@ def test_perfect_and_empty_beliefs(truth: Truth) -> None:
     assert found["all/correlation_frobenius"] == pytest.approx(0, abs=1e-9)
     assert found["rooms/presence_auroc_macro/all"] == 1
     assert found["rooms/top1_unseen"] == 1
-    nothing = from_hidden_counts(truth.inputs, poisson(np.zeros_like(truth.inputs)))
+    nothing = Expectation(truth.inputs, poisson(np.zeros_like(truth.inputs)))
     assert evaluate(truth, nothing)[0]["rooms/presence_auroc_macro/all"] == 0.5
 
 
@@ -178,7 +178,7 @@ def test_every_kth_masked_building_is_kept_and_the_example(
             draw=np.zeros(len(rows), dtype=np.int64),
             scene_ids=scenes if not shift else ("a", "d"),
         )
-        collector.add(truth, from_hidden_counts(truth.inputs, poisson(truth.inputs)))
+        collector.add(truth, Expectation(truth.inputs, poisson(truth.inputs)))
     shown = collector.finish()
     assert shown.targets[:, 0].tolist() == kept
     assert shown.totals[:, 0].tolist() == [2 * one for one in kept]

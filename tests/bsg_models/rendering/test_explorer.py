@@ -18,9 +18,9 @@ from random_beliefs import CLASS_SPACE, HOSTILE, make_belief
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.rendering import explorer
-from bsg_models.rendering.explorer import View, explorer_page, write_explorer
+from bsg_models.rendering.explorer import ShownBelief, explorer_page, write_explorer
 
 SINK = CLASS_SPACE.classes.index("sink")
 BOXES = """all => all.map((one) => {
@@ -43,7 +43,7 @@ def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
     rooms = tuple(replace(room, label=HOSTILE) for room in partial.rooms)
     hostile = replace(first, partial=replace(partial, rooms=rooms, scene_id=HOSTILE), model=HOSTILE)
     truth = np.ceil(hostile.expected).astype(int)
-    write_explorer([View(hostile, truth), View(second)], tmp_path / "page.html")
+    write_explorer([ShownBelief(hostile, truth), ShownBelief(second)], tmp_path / "page.html")
     with open_page(browser, tmp_path / "page.html") as opened:
         yield opened
 
@@ -74,14 +74,14 @@ def make_crowd(count: int = 48, *, objects: int = 20) -> BeliefGraph:
     doors = tuple((a, a + 1) for a in range(1, count))
     graph = PartialGraph("crowd", CLASS_SPACE, 0.5, tuple(rooms), seen, doors)
     inputs = graph.histograms().astype(float)
-    expectation = from_hidden_counts(inputs, poisson(rng.gamma(0.2, 1.0, inputs.shape)))
+    expectation = Expectation(inputs, poisson(rng.gamma(0.2, 1.0, inputs.shape)))
     return believe(graph, expectation, model="random")
 
 
 @pytest.fixture(scope="module")
 def crowd(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("explorer") / "crowd.html"
-    write_explorer([View(make_crowd())], path)
+    write_explorer([ShownBelief(make_crowd())], path)
     return path
 
 
@@ -190,8 +190,10 @@ def test_a_link_opens_the_same_view(page: Any, browser: Any, tmp_path: Path) -> 
 def test_a_building_without_rooms_is_shown(browser: Any, tmp_path: Path) -> None:
     graph = PartialGraph("empty", CLASS_SPACE, 0.5, (), (), ())
     inputs = graph.histograms().astype(float)
-    expectation = from_hidden_counts(inputs, poisson(np.full(inputs.shape, 0.1)))
-    write_explorer([View(believe(graph, expectation, model="random"))], tmp_path / "page.html")
+    expectation = Expectation(inputs, poisson(np.full(inputs.shape, 0.1)))
+    write_explorer(
+        [ShownBelief(believe(graph, expectation, model="random"))], tmp_path / "page.html"
+    )
     for drawing in ("plan", "layers"):
         fragment = f"#drawing={drawing}&class=sink"
         with open_page(browser, tmp_path / "page.html", fragment=fragment) as page:
@@ -219,7 +221,7 @@ def make_home() -> BeliefGraph:
     graph = PartialGraph("home", CLASS_SPACE, 0.5, rooms, seen, ((1, 2), (2, 3), (2, 4)))
     inputs = graph.histograms().astype(float)
     means = np.random.default_rng(1).gamma(0.2, 1.0, inputs.shape)
-    return believe(graph, from_hidden_counts(inputs, poisson(means)), model="random")
+    return believe(graph, Expectation(inputs, poisson(means)), model="random")
 
 
 def make_answer() -> dict[str, Any]:
@@ -270,7 +272,7 @@ def make_answer() -> dict[str, Any]:
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     belief = make_home()
     path = tmp_path_factory.mktemp("explorer") / "home.html"
-    write_explorer([View(belief, answer=make_answer())], path)
+    write_explorer([ShownBelief(belief, answer=make_answer())], path)
     return path
 
 
@@ -353,7 +355,7 @@ def test_objects_in_no_room_are_drawn(browser: Any, home: Path, tmp_path: Path) 
     answer = make_answer()
     mug = answer["things"][0]
     mug["places"].append({**mug["places"][0], "room": None, "seen": ["9"]})
-    write_explorer([View(belief, answer=answer)], tmp_path / "page.html")
+    write_explorer([ShownBelief(belief, answer=answer)], tmp_path / "page.html")
     with open_page(browser, tmp_path / "page.html") as page:
         assert page.locator("circle.sought").count() == 1, "a thing of no class is found, too"
 
@@ -425,7 +427,7 @@ def test_the_page_says_what_its_words_mean(browser: Any, home: Path) -> None:
 
 def test_an_answer_names_nodes_of_the_page() -> None:
     belief = make_home()
-    _, (view,) = read_views(explorer_page([View(belief, answer=make_answer())]))
+    _, (view,) = read_views(explorer_page([ShownBelief(belief, answer=make_answer())]))
     answer = view["answer"]
     ids = {k: room["id"] for k, room in enumerate(view["rooms"], 1)}
     assert (ids[answer["here"]], ids[answer["go_first"]]) == ("living", "kitchen")
@@ -437,19 +439,19 @@ def test_an_answer_names_nodes_of_the_page() -> None:
     assert [obj.get("asked") for obj in view["objects"]] == [[1], [1], None]
     for node in view["blind"]:
         assert node.get("asked") == ([1] if node["class"] == SINK else None)
-    _, (view,) = read_views(explorer_page([View(belief)]))
+    _, (view,) = read_views(explorer_page([ShownBelief(belief)]))
     assert view["answer"] is None
 
 
 def test_an_answer_keeps_its_rooms_on_the_page_of_a_large_building() -> None:
     belief = make_crowd(220, objects=50)
-    _, (view,) = read_views(explorer_page([View(belief)]))
+    _, (view,) = read_views(explorer_page([ShownBelief(belief)]))
     out = sorted({f"r{k}" for k in range(220)} - {room["id"] for room in view["rooms"]})
     home = make_answer()
     stop = home["plan"][0]
     plan = [{**stop, "room": room} for room in out]
     told = {**home, "here": out[0], "go_first": out[1], "plan": plan}
-    _, (view,) = read_views(explorer_page([View(belief, answer=told)]))
+    _, (view,) = read_views(explorer_page([ShownBelief(belief, answer=told)]))
     names = [room["id"] for room in view["rooms"]]
     answer = view["answer"]
     assert len(names) == 200
@@ -468,7 +470,7 @@ def read_views(page: str) -> tuple[str, list[dict[str, Any]]]:
 
 def test_a_usual_building_is_shown_whole() -> None:
     belief = make_belief(10)
-    left_out, (view,) = read_views(explorer_page([View(belief)]))
+    left_out, (view,) = read_views(explorer_page([ShownBelief(belief)]))
     assert (left_out, view["left_out"]) == ("", "")
     assert [room["id"] for room in view["rooms"]] == [room.name for room in belief.partial.rooms]
     assert len(view["objects"]) == len(belief.partial.objects)
@@ -477,7 +479,7 @@ def test_a_usual_building_is_shown_whole() -> None:
 
 def test_of_a_large_building_the_promising_rooms_are_shown_evenly() -> None:
     belief = make_crowd(220, objects=4400)
-    _, (view,) = read_views(explorer_page([View(belief)]))
+    _, (view,) = read_views(explorer_page([ShownBelief(belief)]))
     shown = [int(room["id"][1:]) + 1 for room in view["rooms"]]
     assert shown == sorted(shown)
     assert len(shown) == 200
@@ -495,7 +497,7 @@ def test_of_a_large_building_the_promising_rooms_are_shown_evenly() -> None:
 
 
 def test_a_page_holds_so_many_buildings(monkeypatch: pytest.MonkeyPatch) -> None:
-    views = [View(make_belief(10, scene_id=name)) for name in "abcd"]
+    views = [ShownBelief(make_belief(10, scene_id=name)) for name in "abcd"]
     rooms = len(views[0].belief.partial.rooms)
     for most, expected in ((4 * rooms, 4), (3 * rooms, 3), (0, 1)):
         monkeypatch.setattr(explorer, "PAGE_ROOMS", most)

@@ -12,7 +12,7 @@ from headless_browser import open_page, start_browser
 from random_beliefs import HOSTILE
 from replays import make_replay
 
-from bsg_models.rendering.replay import replay_page, write_replay
+from bsg_models.rendering.replay import replay_page
 
 
 def test_the_page_says_how_the_search_was_chosen_and_what_all_came_to() -> None:
@@ -34,7 +34,9 @@ def browser() -> Iterator[Any]:
 @pytest.fixture
 def page(browser: Any, tmp_path: Path) -> Iterator[Any]:
     """A page of a search with hostile names."""
-    write_replay(make_replay(name=HOSTILE, artifact=HOSTILE), tmp_path / "page.html")
+    (tmp_path / "page.html").write_text(
+        replay_page(make_replay(name=HOSTILE, artifact=HOSTILE)), "utf-8"
+    )
     with open_page(browser, tmp_path / "page.html") as opened:
         yield opened
 
@@ -51,7 +53,7 @@ def test_the_whole_plan_is_there_on_load(
     browser: Any, tmp_path: Path, size: tuple[int, int]
 ) -> None:
     """On a phone, too; there both robots are on the first screen."""
-    write_replay(make_replay(), tmp_path / "page.html")
+    (tmp_path / "page.html").write_text(replay_page(make_replay()), "utf-8")
     viewport = dict(zip(("width", "height"), size, strict=True))
     with open_page(browser, tmp_path / "page.html", viewport=viewport) as opened:
         for plan in opened.locator(".walk svg").all():

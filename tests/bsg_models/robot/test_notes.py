@@ -11,7 +11,7 @@ from bsg_data.observation.robot_json import parse_robot_graph
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.predictor import Predictor
-from bsg_models.zoo.mixture import RoomTypeMixture
+from bsg_models.zoo.catalogue import ZOO
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_a_word_without_a_class_is_evidence_for_models_that_read_it(universal: P
 
 
 def test_a_model_that_reads_no_room_types_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(RoomTypeMixture, "reads_labels", False)
+    monkeypatch.setattr(ZOO["mixture"].make, "reads_labels", False)
     (note,) = notes_on(Predictor("mixture"), {"room_type": "kitchen"}, "sink")
     assert note == "room types: mixture does not read them"
 

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.arrays import Floats
-from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.results import read_seal
 from bsg_data.scene.class_map import normalise_name
 from bsg_models import SeenBuilding, open_graph
 from bsg_models.belief.count_distribution import poisson
@@ -19,7 +16,6 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.robot.nouns import (
     EPSILON,
     HEAD,
-    NOUNS,
     Noun,
     NounTable,
     read_nouns,
@@ -133,11 +129,6 @@ def test_a_table_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.M
     assert again.rows == shipped.rows
     np.testing.assert_array_equal(again.vectors, shipped.vectors)
     np.testing.assert_array_equal(again.projection, shipped.projection)
-
-
-def test_the_shipped_table_is_the_published_one() -> None:
-    folder = Path(str(files("bsg_mappings")))
-    assert hash_file(folder / NOUNS) == (read_seal(folder) or {})[NOUNS]
 
 
 @pytest.fixture(scope="module")

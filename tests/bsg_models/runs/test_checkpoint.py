@@ -29,7 +29,7 @@ from bsg_models.runs.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import BEST
-from bsg_models.zoo.gamma_poisson import GammaPoissonModel
+from bsg_models.zoo.catalogue import ZOO
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 
@@ -131,12 +131,12 @@ def test_a_checkpoint_of_another_model_is_refused(path: Path) -> None:
 def test_an_answer_that_is_not_finite_is_an_error(
     path: Path, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bad: float
 ) -> None:
-    def predict(self: GammaPoissonModel, seen: Observation) -> object:
+    def predict(self: object, seen: Observation) -> object:
         totals = seen.inputs.astype(float)
         totals[-1, -1] = bad
         return from_totals(seen.inputs.astype(float), totals)
 
-    monkeypatch.setattr(GammaPoissonModel, "predict", predict)
+    monkeypatch.setattr(ZOO["gamma-poisson"].make, "predict", predict)
     model = restore_model(path, load_checkpoint(path))
     masked = read_split(Dataset.open(dataset), "val")
     with pytest.raises(PredictionError, match=rf"{path}: the model's answer is not finite"):

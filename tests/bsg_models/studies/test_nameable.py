@@ -22,7 +22,7 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.catalogue import open_source
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.measurement import Fold, measure, read_truth
 from bsg_models.studies.comparison import WHOLE, EvaluationRequest, compare_runs
 from bsg_models.training.count_gradients import as_network
@@ -110,7 +110,7 @@ def test_only_what_can_be_named_is_measured(merged: Path) -> None:
         for beds in (0.25, 9.0):
             rates = np.full(masked.targets.shape, 0.5)
             rates[:, data.manifest.class_space.class_index("bed")] = beds
-            found = from_hidden_counts(masked.seen.inputs.astype(float), poisson(rates))
+            found = Expectation(masked.seen.inputs.astype(float), poisson(rates))
             values.append(measure([Fold(tuple(scenes), [(read_truth(masked), found)])]).point)
     office, wrong_office, home, wrong_home = values
     assert {n: office[n] for n in office if office[n] == office[n]} == {

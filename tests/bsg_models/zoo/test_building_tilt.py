@@ -137,16 +137,6 @@ def test_a_building_without_rooms_is_not_tilted() -> None:
     np.testing.assert_allclose(found.mean[0], [3, 1])
 
 
-def test_a_searched_room_hides_nothing_and_changes_nothing() -> None:
-    model = tilted_model()
-    seen = observe_rooms([[0, 0]] * 3, [0.0, 1.0, 1.0])
-    found = model.predict(seen).hidden_counts
-    assert (found.presence[1] == 0).all()
-    np.testing.assert_allclose(
-        found.log_probability(np.zeros((4, 2)), floor=0.0)[1], 0.0, atol=1e-12
-    )
-
-
 def test_rooms_whose_labels_are_told_are_not_tilted_unless_the_source_is() -> None:
     model, plain = (
         tilted_model(),

@@ -28,7 +28,6 @@ COUNTING = {
     "train-mean",
     "gamma-poisson",
     "tilted-gamma-poisson",
-    "prior-table",
     "mixture",
 }
 

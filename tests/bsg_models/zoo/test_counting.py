@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from one_building import observe_building
+from one_building import make_zoo_model, observe_building
 from scipy import stats
 
 from bsg_data.dataset.dataset import Dataset
@@ -21,16 +21,14 @@ from bsg_models.training.training import new_model
 from bsg_models.zoo.calibration import fit_calibration, recalibrate, take_sample
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import (
-    GammaPoissonConfig,
-    GammaPoissonModel,
     fit_gamma_prior,
     tally_rooms,
 )
 from bsg_models.zoo.mixture import read_rooms
-from bsg_models.zoo.model import BeliefModel, ModelInputs
+from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.room_sums import sum_rooms
 
-TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal", "prior-table")
+TOLD = ("gamma-poisson", "mixture", "ceci-sage", "universal")
 STOVE = 35
 
 
@@ -87,7 +85,7 @@ def test_a_class_that_never_occurs_has_a_weak_prior() -> None:
 
 def test_gamma_poisson_by_hand() -> None:
     """Prior Gamma(2, 1), 3 seen of a mask of one half: posterior Gamma(5, 1.5), hidden mean 5/3."""
-    model = GammaPoissonModel(GammaPoissonConfig(), ModelInputs(classes=1))
+    model = make_zoo_model("gamma-poisson", classes=1)
     model.hold(shape=np.full_like(model.shape, 2.0), rate=np.ones_like(model.rate))
     found = model.predict(observe_building([[3.0], [3.0], [0.0]]))
     assert found.hidden[1, 0] == pytest.approx(0.5 * 5 / 1.5)

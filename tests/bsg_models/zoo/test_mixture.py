@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-from one_building import observe_building, surround_rooms
+from one_building import make_zoo_model, observe_building, surround_rooms
 from scipy import stats
 
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.zoo import room_types
-from bsg_models.zoo.mixture import MixtureConfig, RoomTypeMixture, fit_habit, fit_labels
-from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.mixture import fit_habit, fit_labels
 from bsg_models.zoo.room_types import FittedTypes, fit_types
 
 
-def two_types(*, temper: float = 1.0, building: bool = False, tilted: int = 0) -> RoomTypeMixture:
-    config = MixtureConfig(types=2, temper=temper, building=building, tilted=tilted)
-    model = RoomTypeMixture(config, ModelInputs(classes=2))
+def two_types(*, temper: float = 1.0, building: bool = False, tilted: int = 0) -> Any:
+    how: dict[str, Any] = {"temper": temper, "building": building, "tilted": tilted}
+    model = make_zoo_model("mixture", classes=2, types=2, **how)
     model.hold(
         log_types=np.log([0.7, 0.3]),
         means=[[4.0, 0.1], [0.2, 3.0]],
@@ -26,7 +27,7 @@ def two_types(*, temper: float = 1.0, building: bool = False, tilted: int = 0) -
     return model
 
 
-def naive_posterior(model: RoomTypeMixture, seen: list[float], f: float) -> np.ndarray:
+def naive_posterior(model: Any, seen: list[float], f: float) -> np.ndarray:
     weights = []
     for k in range(2):
         weight = float(np.exp(model.log_types[k]))
@@ -208,7 +209,9 @@ def test_planted_types_are_found_in_chunks_bytes_and_samples_too(
     np.testing.assert_allclose(np.exp(fitted.log_types[order]), [0.6, 0.4], atol=0.03)
     assert (fitted.belonging(counts).argmax(axis=1) == order[kind]).mean() > 0.93  # types overlap
     np.testing.assert_allclose(fitted.dispersions[order[0], 0], 2.0, rtol=0.25)
-    quick = fit_types(counts, types=2, iterations=60, seed=0, sample=400)
+    with monkeypatch.context() as few:
+        few.setattr(room_types, "_SAMPLE", 400)
+        quick = fit_types(counts, types=2, iterations=60, seed=0)
     lost = fitted.log_probability(counts).mean() - quick.log_probability(counts).mean()
     assert lost < 1e-3  # of 5 nats a room
     monkeypatch.setattr(room_types, "_CHUNK", 7)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +11,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import torch
-from one_building import observe_building, surround_rooms
+from one_building import make_zoo_model, observe_building, surround_rooms
 from scipy.stats import poisson
 from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
+from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.edges import list_edges
@@ -23,17 +25,13 @@ from bsg_models.inputs.graphs import read_split
 from bsg_models.inputs.nodes import EVIDENCE, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST, LAST
-from bsg_models.training.count_gradients import CountGradients, Noise
+from bsg_models.training.count_gradients import CountGradients, Dropout
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, tabulate_labels
-from bsg_models.zoo.gamma_poisson import GammaPoissonConfig, GammaPoissonModel
-from bsg_models.zoo.gcn import CECIGCN, GCNConfig
-from bsg_models.zoo.layers import QUIET, Weight
-from bsg_models.zoo.model import ModelInputs
+from bsg_models.zoo.layers import NO_DROPOUT, Weight
 from bsg_models.zoo.networks import CountNetwork, PriorHead, to_distribution
-from bsg_models.zoo.prior_table import read_prior_table
 
 NETWORKS = [name for name in ZOO if isinstance(ZOO[name].config, NetworkConfig)]
 SMALL = ("model.width=8", "model.embedding=4", "training.epochs=4", "training.validate_every=2")
@@ -77,7 +75,7 @@ def test_the_head_is_shrinkage_with_a_prior_of_its_own() -> None:
     nodes = to_nodes(seen)
     found = head(weights, encoded, nodes.x, nodes.share, None)
     assert not found.log_weight.any()
-    model = GammaPoissonModel(GammaPoissonConfig(tilted=2), ModelInputs(classes=2))
+    model = make_zoo_model("gamma-poisson", classes=2, tilted=2)
     model.hold(tilts=tilts, shape=[3.0, 0.7], rate=[3.0 / 2.0, 0.7 / 0.5])
     expected = model.predict(seen).hidden_counts
     np.testing.assert_allclose(found.mean[0, 1:], expected.means[0, 1:], rtol=1e-5)
@@ -123,10 +121,10 @@ def test_the_loss_is_minus_the_log_probability_of_what_rooms_hide(dataset: Path)
 
 def test_dropout_leaves_what_is_told_of_the_mask() -> None:
     features = torch.ones(50, 8)
-    dropped = Noise().drop(features, 0.5, kept=[slice(2, 4), slice(4, 5)])
+    dropped = Dropout().channels(features, 0.5, kept=[slice(2, 4), slice(4, 5)])
     assert (dropped[:, 2:5] == 1).all()
     assert set(dropped[:, [0, 1, 5, 6, 7]].unique().tolist()) == {0.0, 2.0}
-    assert QUIET.drop(features, 0.5, kept=[slice(2, 5)]) is features
+    assert NO_DROPOUT.channels(features, 0.5, kept=[slice(2, 5)]) is features
 
 
 def test_features_by_hand() -> None:
@@ -160,8 +158,8 @@ def test_training_forgets_evidence_of_rooms_and_never_of_buildings() -> None:
     features = NodeFeatures(NetworkConfig(reads=tuple(EVIDENCE), forget=0.4), 1, 0)
     told, first = features({}, nodes), 3
     torch.manual_seed(0)
-    trained = features.forget(nodes, Noise())
-    quiet = features.forget(nodes, QUIET)
+    trained = features.forget(nodes, Dropout())
+    quiet = features.forget(nodes, NO_DROPOUT)
     for name, kind in EVIDENCE.items():
         columns = slice(first, first := first + kind.width)
         assert torch.equal(told[:, columns], nodes.evidence[name])
@@ -176,12 +174,18 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
     classes = ("toilet", "bed")
     sense = LabelPrior(2)
     known = {**weights_of(sense.weights), "labels.log_odds": tabulate_labels(classes)}
-    presence, weight = read_prior_table("", classes).list_types(classes)
+    table = json.loads(read_published("hand-prior-v2.json"))
+    types, unlisted = table["room_types"], table["unlisted"]
     labels = np.zeros((4, len(list_room_labels())))
     bathroom, infirmary = map(list_room_labels().index, ("bathroom", "infirmary"))
     labels[1, bathroom], labels[2, infirmary] = 1.0, 1.0
-    usual = float(weight @ presence[:, 0])
-    odds = presence[bathroom, 0] / (1 - presence[bathroom, 0]) / (usual / (1 - usual))
+    weights, toilets = zip(
+        *((one["weight"], one["presence"].get("toilet", unlisted)) for one in types.values()),
+        strict=True,
+    )
+    usual = np.average(np.clip(toilets, 0.01, 0.99), weights=weights)
+    there = types["bathroom"]["presence"]["toilet"]
+    odds = there / (1 - there) / (usual / (1 - usual))
     added = np.exp(sense(known, labels))
     assert added[1] == pytest.approx([np.sqrt(odds), added[1, 1]], rel=1e-5)
     assert odds > 5
@@ -266,7 +270,7 @@ def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
 
 def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
     torch.manual_seed(0)
-    model = CECIGCN(GCNConfig(depth=3, width=8, dropout=0.0), ModelInputs(classes=2)).eval()
+    model = make_zoo_model("ceci-gcn", classes=2, depth=3, width=8, dropout=0.0).eval()
     seen = observe_building([[4, 2], [3, 0], [1, 2]])
     nodes = model.nodes_of(seen)
     x, edges = nodes.x, torch.from_numpy(list_edges(seen, model.inputs.edges))
@@ -280,8 +284,8 @@ def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
 
 
 def test_the_gcn_of_poisson_laws_loses_what_scipy_says() -> None:
-    config = GCNConfig(depth=2, width=8, dropout=0.0, likelihood="poisson")
-    model = CECIGCN(config, ModelInputs(classes=2)).eval()
+    how = {"depth": 2, "width": 8, "dropout": 0.0, "likelihood": "poisson"}
+    model = make_zoo_model("ceci-gcn", classes=2, **how).eval()
     seen = observe_building([[4, 2], [3, 0], [1, 2]])
     targets = np.array([[7, 2], [5, 0], [2, 2]])
     expected = model.expect(seen)

@@ -29,7 +29,7 @@ from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
-from bsg_models.belief.expectation import from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import read_belief
 from bsg_models.evaluation.prediction_files import read_predictions
 from bsg_models.zoo.config import find_config, override, read_config, validate_config, write_toml
@@ -120,7 +120,7 @@ def _make_belief() -> bytes:
         "s", space, 0.5, (room, KnownRoom("hall", hidden_share=1.0)), (seen,), ((1, 2),)
     )
     counts = graph.histograms().astype(float)
-    hidden = from_hidden_counts(counts, poisson(np.full(counts.shape, 0.75)))
+    hidden = Expectation(counts, poisson(np.full(counts.shape, 0.75)))
     return encode(encode_belief(believe(graph, hidden, mode="complete", model="m")))
 
 

@@ -1,4 +1,5 @@
-"""Models that others would bring: naive Bayes, GloVe and co-occurrence, as an installable package.
+"""Models that others would bring, as an installable package.
 
-They prove what a package of models needs, and keep their rows on the leaderboard.
+Naive Bayes, a table of common sense, GloVe and co-occurrence prove what a package of models needs,
+and keep their rows on the leaderboard.
 """

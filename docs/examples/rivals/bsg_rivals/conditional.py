@@ -36,7 +36,7 @@ from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stream
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import zero_inflated
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.zoo.catalogue import ZooRow
@@ -104,7 +104,7 @@ class ConditionalModel(BeliefModel):
         scale = seen.cell_share / float(self.fraction)
         presence = 1 - (1 - weights @ self.presence) ** scale
         distribution = zero_inflated(presence, scale * (weights @ self.hidden))
-        return from_hidden_counts(inputs, sum_rooms(distribution, seen))
+        return Expectation(inputs, sum_rooms(distribution, seen))
 
     def _observe(self, seen: Floats) -> Floats:
         """Return which observations hold in each node, `[N, C · levels]`."""

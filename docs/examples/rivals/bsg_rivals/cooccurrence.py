@@ -26,8 +26,8 @@ from bsg_data.observation.observation import Observation
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.presence_odds import PresenceOdds, average_others
-from bsg_models.zoo.settings import VARIED, ModelConfig
+from bsg_models.zoo.settings import ModelConfig
+from bsg_rivals.presence_odds import ANY_FRACTION, PresenceOdds, average_others
 
 BEHAVIOR_TABLE = "behavior-cooccurrence-v1.csv"
 _HEADER = ("class_a", "class_b", "rooms_with_both", "rooms_with_a", "rooms_with_b", "rooms")
@@ -125,10 +125,10 @@ def read_table(file: str, data: bytes, classes: tuple[str, ...]) -> tuple[Floats
     return np.where(unmet, _UNLISTED, together), float(max(rooms, 1))
 
 
-COOCCURRENCE = ZooRow(CooccurrenceConfig(), Cooccurrence, data=VARIED)
+COOCCURRENCE = ZooRow(CooccurrenceConfig(), Cooccurrence, data=ANY_FRACTION)
 COOCCURRENCE_NAIVE_BAYES = ZooRow(
     CooccurrenceConfig(rule="naive-bayes"),
     Cooccurrence,
-    data=VARIED,
+    data=ANY_FRACTION,
     summary="Co-occurrence of classes in BEHAVIOR's rooms: naive Bayes over seen and absent ones.",
 )

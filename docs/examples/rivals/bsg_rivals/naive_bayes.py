@@ -18,7 +18,7 @@ from bsg_data.arrays import Floats
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import zero_inflated
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
@@ -101,7 +101,7 @@ class NaiveBayesModel(BeliefModel):
         scale = share / float(self.fraction)
         presence = 1 - expit(-odds) ** scale
         distribution = zero_inflated(presence, presence * self.number)
-        return from_hidden_counts(inputs, sum_rooms(distribution, seen))
+        return Expectation(inputs, sum_rooms(distribution, seen))
 
 
 NAIVE_BAYES = ZooRow(NaiveBayesConfig(), NaiveBayesModel)

@@ -36,7 +36,7 @@ from bsg_data.observation.masked_buildings import (
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import negative_binomial
-from bsg_models.belief.expectation import Expectation, from_hidden_counts
+from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import hidden_posterior
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
@@ -48,6 +48,8 @@ from bsg_models.zoo.settings import DataConfig, ModelConfig
 if TYPE_CHECKING:
     from bsg_data.dataset.dataset import Dataset
 
+# The visible share varies, so that a model works at any share.
+ANY_FRACTION = DataConfig(fractions=(0.1, 0.9))
 _DRAWS = 3  # masks of every training building
 _MOST_ODDS = 12.0  # limit of the log odds of a presence, beyond which nothing changes
 _RIDGE = 1.0  # keeps parameters that few rooms determine near the prior
@@ -100,7 +102,7 @@ class PresenceOdds(BeliefModel):
         odds = self.odds + float(self.slope) * self._centred(self.score(seen))
         shape = to_shape(np.clip(odds, -_MOST_ODDS, _MOST_ODDS), rate)
         hidden = negative_binomial(*hidden_posterior(shape, rate, inputs, seen.cell_share))
-        return from_hidden_counts(inputs, sum_rooms(hidden, seen))
+        return Expectation(inputs, sum_rooms(hidden, seen))
 
     def _centred(self, scores: Floats) -> Floats:
         """Return scores minus their means; 0 without evidence."""

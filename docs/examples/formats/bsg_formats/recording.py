@@ -1,7 +1,7 @@
-"""Record beliefs and searches for the Rerun viewer: `.rrd` files of metres, Z up.
+"""Record beliefs for the Rerun viewer: `.rrd` files of metres, Z up.
 
-The timeline `step` counts graphs, or the rooms that robots enter; the clock is in none. Each entity
-has a row for every step, which is empty where the entity is not there.
+The timeline `step` counts graphs; the clock is in none. Each entity has a row for every step, which
+is empty where the entity is not there.
 """
 
 from __future__ import annotations
@@ -16,33 +16,21 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.errors import RecipeError, ask_to_install
+from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.observation.partial_graph import KnownRoom
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.formats import FormatRow
 from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room, place_beside
-from bsg_models.rendering.replay import Replay
 
 _STOREY, _HEIGHT, _GAP = 3.0, 2.5, 2.4  # metres, where nobody says them
-_OBJECT, _BLIND, _ROBOT = 0.08, 0.12, 0.3  # metres: radii
-RECORDING = ".rrd"  # suffix of a file
+_OBJECT, _BLIND = 0.08, 0.12  # metres: radii
 _TOLD = 5  # blind nodes of a room that are named beside the world
 _NAMED = 100  # objects, and blind nodes, that show their names at once; of more, under the pointer
 _Colour = tuple[int, ...]
-# colours as in theme.css, dark; of robots with the height of their way, metres
-_ENTERED: _Colour = (128, 134, 148)
-_DARK, _ROOM, _SOUGHT = (43, 49, 62), (189, 107, 255), (255, 98, 87)
-_ROBOTS: tuple[tuple[_Colour, float], ...] = (((255, 154, 61), 0.5), ((47, 214, 74), 2.0))
+_ENTERED, _ROOM = (128, 134, 148), (189, 107, 255)  # colours as in theme.css, dark
 _Columns = Mapping[str, Sequence[Any]]
-
-
-def require_rerun() -> None:
-    """Refuse to go on without rerun-sdk, before the work starts."""
-    if find_spec("rerun") is None:
-        how = ask_to_install("rerun")
-        raise RecipeError(f"a recording needs rerun-sdk: {how}", code="library-missing")
 
 
 def write_recording(beliefs: Iterable[BeliefGraph], path: AnyPath) -> None:
@@ -55,22 +43,15 @@ def write_recording(beliefs: Iterable[BeliefGraph], path: AnyPath) -> None:
         RecipeError: if rerun-sdk is not installed.
         DatasetError: if it cannot be written.
     """
-    require_rerun()
+    if find_spec("rerun") is None:  # before the first graph is asked for
+        raise RecipeError(
+            "a recording needs rerun-sdk: pip install 'docs/examples/formats[rerun]' in your clone "
+            "of the project",
+            code="library-missing",
+        )
     recording = _Recording()
     for recording.step, belief in enumerate(beliefs):
         _show_belief(recording, belief)
-    recording.write(Path(path))
-
-
-def write_search(replay: Replay, path: AnyPath) -> None:
-    """Write a search, one room a step, on the page's plan: storeys lie beside each other.
-
-    The rooms show what the first robot believes. A failed write leaves no partial file.
-    """
-    require_rerun()
-    recording = _Recording()
-    for recording.step in range(replay.steps + 1):
-        _show_search(recording, replay)
     recording.write(Path(path))
 
 
@@ -184,38 +165,6 @@ def _show_belief(recording: _Recording, belief: BeliefGraph) -> None:
     )
 
 
-def _show_search(recording: _Recording, replay: Replay) -> None:
-    """Show the rooms as the first robot believes them at this step, and where all robots are."""
-    stops, boxes = replay.walks[0].stops[: recording.step + 1], {}
-    for room in replay.plan.rooms:
-        number, label, presence = room.number, room.name, stops[-1].presence
-        boxes[number] = _stand([(x, -y) for x, y in room.outline], 0.0, _HEIGHT)
-        colour: _Colour = _DARK
-        if presence is not None:
-            likely = presence[number - 1]
-            label = f"{room.name} {likely:.0%}"
-            colour = tuple(round(a + (b - a) * likely) for a, b in zip(_DARK, _ROOM, strict=True))
-            recording.show("Scalars", "probability", room.name, scalars=[likely])
-        if any(stop.room == number for stop in stops):
-            label, colour = room.name, _ENTERED
-        _show_room(recording, room.name, boxes[number], label, colour)
-    _show_ways(recording, replay.doors, boxes)
-    there = [boxes[number].centre for number in replay.holds]
-    marks: _Columns = {"colors": [_SOUGHT] * len(there), "radii": [_ROBOT] * len(there)}
-    labels = [" or ".join(replay.artifacts)] * len(there)
-    recording.show("Points3D", "world", "sought", positions=there, labels=labels, **marks)
-    for walk, (colour, height) in zip(replay.walks, _ROBOTS, strict=False):
-        robot, stops = ("world", "robot", walk.planner), walk.stops[: recording.step + 1]
-        way = [stops[0].room, *(room for stop in stops[1:] for room in stop.way)]
-        path = [(*boxes[room].centre[:2], height) for room in way]
-        found = f" found {', '.join(stops[-1].found)}" if stops[-1].found else ""
-        marks = {"labels": [walk.planner + found], "colors": [colour], "radii": [_ROBOT]}
-        recording.show("Points3D", *robot, positions=path[-1:], **marks)
-        recording.show("LineStrips3D", *robot, "path", strips=[path], colors=[colour])
-        recording.show("Scalars", "travelled", walk.planner, scalars=[stops[-1].cost])
-        recording.show("SeriesLines", "travelled", walk.planner, colors=[colour])
-
-
 def _show_room(recording: _Recording, name: str, box: Box, label: str, colour: _Colour) -> None:
     half = [(b - a) / 2 for a, b in zip(box.minimum, box.maximum, strict=True)]
     shape: _Columns = {"centers": [box.centre], "half_sizes": [half]}
@@ -267,4 +216,4 @@ def _spread(rooms: Sequence[int], boxes: Sequence[Box], *, level: float) -> list
     return spots
 
 
-RERUN = FormatRow("rerun", (RECORDING,), write_all=write_recording)
+RERUN = FormatRow("rerun", (".rrd",), write_all=write_recording)

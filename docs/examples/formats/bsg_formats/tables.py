@@ -24,7 +24,6 @@ from bsg_models.belief.document import encode_belief, list_edges, list_nodes
 from bsg_models.belief.formats import FormatRow
 from bsg_models.errors import BeliefFileError
 
-NODES = "nodes.parquet"  # the file that identifies belief tables
 _ROWS_PER_GROUP = 65_536
 _TEXT, _WHOLE, _NUMBER = pa.string(), pa.int32(), pa.float64()
 _WHOLES, _NUMBERS = pa.list_(_WHOLE), pa.list_(_NUMBER)
@@ -67,7 +66,7 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
     folder, scenes = Path(folder), set()
     header: dict[str, Any] = {}
     waiting: dict[str, list[dict[str, Any]]] = {name: [] for name in _SCHEMAS}
-    with write_results(folder, report=NODES) as staged, ExitStack() as stack:
+    with write_results(folder, report="nodes.parquet") as staged, ExitStack() as stack:
         writers = {
             name: stack.enter_context(
                 pq.ParquetWriter(staged / f"{name}.parquet", schema, compression="zstd")
@@ -122,4 +121,4 @@ def _list_node_rows(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield {**node, "node": number, "room_type": list(shares.items()) or None}
 
 
-TABLES = FormatRow("tables", (".tables",), write_all=write_tables)
+TABLES = FormatRow("tables", (".tables",), write_all=write_tables, in_folder=True)

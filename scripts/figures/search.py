@@ -1,15 +1,19 @@
-"""Draw a search as an animation: one frame per room, two robots side by side.
+"""Draw one search of a study as an animation: one frame a room, two robots side by side.
 
-All frames share one palette, which keeps the file small. The same replay gives the same bytes.
+    python scripts/figures/search.py demo/dataset --scene 00017-sta13NdfxpY --out search.png
+
+It shows the search that `bsg-search --trace` shows in the same study. The suffix is the format,
+`.png` or `.gif`. All frames share one palette, which keeps the file small. The same study gives the
+same bytes.
 """
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
+import click
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -18,15 +22,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 
-from bsg_data.errors import RecipeError
-from bsg_data.files import PLAIN_TEXT, write_bytes
+from bsg_data import Dataset
+from bsg_data.files import PLAIN_TEXT
+from bsg_models import SearchRequest, locate_run, study_search
 from bsg_models.rendering.plan import PlannedRoom
 from bsg_models.rendering.replay import Replay, Visit, Walk
+from bsg_models.studies.replay import replay_search
+from bsg_models.studies.savings import summarise
+from bsg_models.studies.search_request import choose_buildings
 
 FRAME_MS, LAST_MS = 1200, 5000  # milliseconds that a frame and the last frame are shown
-_FORMATS = {".gif": "GIF", ".png": "PNG"}
 _WIDTH, _DPI = 10.0, 120  # inches
 _HEAD, _FOOT = 1.15, 1.12  # inches above and below the plans
 _MARGIN = 0.012  # of the width
@@ -40,38 +46,49 @@ _LEGEND = (
 )
 
 
-def require_suffix(path: Path) -> None:
-    """Refuse a path whose format cannot hold an animation."""
-    if path.suffix.lower() not in _FORMATS:
-        raise RecipeError(
-            f"{path}: expected a name that ends in {', '.join(_FORMATS)} or .rrd",
-            code="suffix-unknown",
-            where=path,
-        )
+@click.command(help=__doc__, context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("dataset", type=click.Path(path_type=Path))
+@click.option("--scene", required=True, help="The building.")
+@click.option("--model", default="universal", show_default=True, help="Of the left robot.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="The picture.")
+def main(dataset: Path, scene: str, model: str, out: Path) -> None:
+    """Search the building, and draw one search."""
+    draw_replay(run_study(dataset, scene, model), out)
 
 
-def write_animation(replay: Replay, path: Path) -> None:
-    """Write a search as `.gif` or animated `.png`. A failed write leaves no partial file."""
-    require_suffix(path)
+def run_study(dataset: Path, scene: str, model: str) -> Replay:
+    """Return a search that is worth watching, of 60 in a building with doors."""
+    request = SearchRequest.read(
+        dataset,
+        runs=(locate_run(model),),
+        scene=scene,
+        worlds=("layout",),
+        artifacts=("room-specific",),
+        mask="explore",
+        fraction=0.9,
+        episodes=60,
+        trace="auto",
+    )
+    data = Dataset.open(dataset)
+    study = study_search(dataset, choose_buildings(request, data)[0], request, trace="auto")
+    results = summarise(study, resamples=request.resamples)
+    return replay_search(data, study, results, model=model, named=False)
+
+
+def draw_replay(replay: Replay, path: Path) -> None:
+    """Draw a search from its start to its end."""
     frames = [draw_frame(replay, k) for k in range(replay.steps + 1)]
     strip = Image.fromarray(np.concatenate([np.asarray(frame) for frame in frames]))
     palette = strip.quantize(_COLOURS, dither=Image.Dither.NONE)
     first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    buffer, made_by = io.BytesIO(), PngInfo()
-    made_by.add_text("Creator", "bsg-figure")  # what `--force` may replace says so
     first.save(
-        buffer,
-        format=_FORMATS[path.suffix.lower()],
+        path,
         save_all=True,
         append_images=others,
         duration=[FRAME_MS] * len(others) + [LAST_MS],
         loop=0,
         optimize=False,
-        pnginfo=made_by,
-        comment=b"Creator: bsg-figure",
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, buffer.getvalue())
 
 
 @rc_context(PLAIN_TEXT)
@@ -111,7 +128,7 @@ def _write_head(
     figure.text(x, 1 - 0.68 / height, name, size=13, weight="bold", color=_INK)
     figure.text(x, 1 - 0.95 / height, done, size=12, color=_INK)
     saw = ", ".join(f"{count} × {name}" for name, count in here.seen[:4]) or "no object of a class"
-    line = f"saw in {replay.plan.find(here.room).name}: {saw}"
+    line = f"saw in {_find(replay, here.room).name}: {saw}"
     figure.text(x, (_FOOT - 0.27) / height, _cut(line, 68), size=9.5, color=_SOFT)
 
 
@@ -162,23 +179,32 @@ def _name_room(axes: Axes, room: PlannedRoom, likely: float | None, *, colour: s
 
 def _draw_way(axes: Axes, replay: Replay, stops: Sequence[Visit]) -> None:
     """Draw the numbered route of a robot and the next room."""
-    find, here = replay.plan.find, stops[-1]
+    here = stops[-1]
     way = [stops[0].room, *(room for stop in stops[1:] for room in stop.way)]
-    for a, b in pairwise(map(find, way)):
-        (x, y), (to_x, to_y) = a.centre, b.centre
+    for a, b in pairwise(_find(replay, number) for number in way):
+        (x, y), (to_x, to_y) = _centre(a), _centre(b)
         alpha = 1.0 if a.part == b.part else 0.3  # stairs
         axes.plot([x, to_x], [y, to_y], color=_INK, linewidth=1.8, alpha=alpha)
     if here.target is not None:
-        (x, y), (to_x, to_y) = find(here.room).centre, find(here.target).centre
+        x, y = _centre(_find(replay, here.room))
+        to_x, to_y = _centre(_find(replay, here.target))
         axes.plot([x, to_x], [y, to_y], color=_INK, linewidth=1.4, linestyle=(0, (2, 2)))
         axes.plot(to_x, to_y, "o", markersize=7, color=_PAPER, markeredgecolor=_INK)
     for number, stop in enumerate(stops):
-        x, y = find(stop.room).centre
+        x, y = _centre(_find(replay, stop.room))
         size, letters = (17, 9) if stop is here else (13, 7.5)
         colour = _HOLDS if stop.found else _INK
         axes.plot(x, y, "o", markersize=size, color=colour, markeredgecolor=_PAPER)
         text = axes.text(x, y, str(number), size=letters, color=_PAPER, weight="bold")
         text.set(ha="center", va="center_baseline")
+
+
+def _find(replay: Replay, number: int) -> PlannedRoom:
+    return next(room for room in replay.plan.rooms if room.number == number)
+
+
+def _centre(room: PlannedRoom) -> tuple[float, float]:
+    return (room.left + room.right) / 2, (room.top + room.bottom) / 2
 
 
 def _describe_all(replay: Replay) -> str:
@@ -207,3 +233,7 @@ def _cut_name(name: str, letters: int) -> str:
 
 def _cut(text: str, most: int) -> str:
     return text if len(text) <= most else text[: max(0, most - 1)].rstrip() + "…"
+
+
+if __name__ == "__main__":
+    main()
