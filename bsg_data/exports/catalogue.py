@@ -47,8 +47,8 @@ EXPORTS = Registry(
     ExportRow,
     group="bsg_data.exports",
     rows={
-        "graphml": "bsg_data.exports.networkx:GRAPHML",
-        "networkx": "bsg_data.exports.networkx:NODE_LINK",
+        "graphml": "bsg_data.exports.graphml:ROW",
+        "networkx": "bsg_data.exports.node_link:ROW",
         "habitat": "bsg_data.exports.habitat:ROW",
     },
 )

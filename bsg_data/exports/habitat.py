@@ -31,7 +31,7 @@ def find_orientation(up_axis: str) -> tuple[Point, Point]:
     return up, front
 
 
-def _encode(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
+def encode_regions(graph: SceneGraph) -> EncodedScene:
     """Encode the rooms that have a box as regions, in their order."""
     regions = [_region(room, room.box) for room in graph.rooms if room.box is not None]
     if not regions:
@@ -68,5 +68,5 @@ def _turn(point: Point) -> Point:
 
 ROW = ExportRow(
     summary="rooms with a box as habitat-sim's region_annotations, <scene>.semantic_config.json",
-    encode=_encode,
+    encode=lambda graph, _: encode_regions(graph),
 )

@@ -14,7 +14,7 @@ from painted_meshes import Painting, write_painted
 from bsg_data.build import build_dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.exports.export import export_dataset
-from bsg_data.exports.habitat import ROW, find_orientation
+from bsg_data.exports.habitat import encode_regions, find_orientation
 from bsg_data.geometry.placement import STAIRS, UPRIGHT
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
@@ -25,7 +25,7 @@ CUBE = Box((0, 0, 0), (1, 1, 1))
 
 def regions_of(*rooms: Room) -> list[dict[str, Any]]:
     graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (), class_map="hm3d45-v2")
-    (data,) = ROW.encode(graph, ()).files.values()
+    (data,) = encode_regions(graph).files.values()
     assert b"-0.0" not in data
     return json.loads(data)["region_annotations"]
 

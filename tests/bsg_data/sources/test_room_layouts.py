@@ -17,7 +17,7 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
-from bsg_data.exports.habitat import ROW
+from bsg_data.exports.habitat import encode_regions
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
@@ -427,7 +427,7 @@ def test_what_is_exported_for_habitat_comes_back_onto_a_build_without_meshes(
         graph = mesh.read(ref, load_class_map()).graph
         rooms = tuple(_relabel(room, words[room.room_index % 4]) for room in graph.rooms)
         whole[ref.scene_id] = graph = replace(graph, rooms=rooms)
-        for name, data in ROW.encode(graph, ()).files.items():
+        for name, data in encode_regions(graph).files.items():
             (back / name).write_bytes(data)
     text = WithLayouts(HM3DFolder(places, meshes=False), back)
     for scene_id, graph in whole.items():
