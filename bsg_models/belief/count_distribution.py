@@ -202,9 +202,12 @@ class CountDistribution:
             choose(self.means), choose(self.dispersions), choose(self.weights), tilts
         )
 
-    def take(self, rows: npt.NDArray[np.integer]) -> CountDistribution:
-        """Return the distribution of some nodes, `rows` `[M]`."""
-        return self._each(lambda part: part[..., rows, :])
+    def take(
+        self, rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer] | None = None
+    ) -> CountDistribution:
+        """Return the distribution of some nodes `[M]`, and of some classes of each, `[M, A]`."""
+        taken = self._each(lambda part: part[..., rows, :])
+        return taken if columns is None else taken.take_classes(columns)
 
     def take_classes(self, columns: npt.NDArray[np.integer]) -> CountDistribution:
         """Return the distribution of some classes of every node, `columns` `[N, A]`."""
@@ -216,9 +219,13 @@ class CountDistribution:
 
         return self._each(choose)
 
-    def recalibrated(self, *, shift: float, slope: float, spread: float) -> CountDistribution:
-        """Return it with untilted means e^shift · μ^slope and dispersions e^spread · r."""
-        means = math.exp(shift) * self.means**slope
+    def recalibrated(self, calibration: Floats) -> CountDistribution:
+        """Return it with untilted means e^shift · μ^slope and dispersions e^spread · r.
+
+        The calibration `[3]` is shift, logarithm of the slope, and spread.
+        """
+        shift, log_slope, spread = calibration.tolist()
+        means = math.exp(shift) * self.means ** float(np.exp(log_slope))
         return replace(self, means=means, dispersions=math.exp(spread) * self.dispersions)
 
     def with_none_likelier(self, log_factor: Floats) -> CountDistribution:

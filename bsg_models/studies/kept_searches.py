@@ -1,4 +1,4 @@
-"""Keep searches of a study step by step, and prepare one for a page.
+"""Keep searches of a study step by step, and prepare one for a page or an animation.
 
 A caller may name one search by its number. Without a number, the study shows a search that is worth
 watching. The rule does not favour a planner:

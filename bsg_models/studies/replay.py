@@ -1,4 +1,4 @@
-"""Choose a kept search, and prepare it for a page; it is not run again."""
+"""Choose a kept search, and prepare it for a page or an animation; it is not run again."""
 
 from __future__ import annotations
 

@@ -52,7 +52,6 @@ from bsg_models.zoo.calibration import (
     CalibratedModel,
     fit_calibration,
     fit_presence_calibration,
-    recalibrate,
     take_sample,
 )
 from bsg_models.zoo.config import RunConfig
@@ -231,7 +230,7 @@ def calibrate(
     of_rooms = learned.take(rooms)
     fitted = fit_calibration(of_rooms, hidden[rooms])
     model.hold(calibration=fitted)
-    recalibrated = recalibrate(of_rooms, fitted)
+    recalibrated = of_rooms.recalibrated(fitted)
     lines = fit_presence_calibration(recalibrated, hidden[rooms], share=share[rooms])
     model.hold(presence_calibration=lines)
     presence = model.calibrate(learned, share).presence

@@ -33,7 +33,7 @@ from bsg_models.zoo.building_tilt import (
     tilt_buildings,
     tilt_rooms,
 )
-from bsg_models.zoo.model import BeliefModel, ModelInputs, take_cells, to_array
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.room_sums import sum_rooms
 from bsg_models.zoo.settings import ModelConfig
 
@@ -146,12 +146,11 @@ class CalibratedModel(BeliefModel):
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
         """Return the uncalibrated hidden counts of some rooms."""
-        return take_cells(self.predict_hidden_counts(seen), rows, columns)
+        return self.predict_hidden_counts(seen).take(rows, columns)
 
     def calibrate(self, learned: CountDistribution, share: Floats) -> CountDistribution:
         """Return the calibrated counts of some cells `[N, A]`, of which a share is hidden."""
-        calibrated = recalibrate(learned, to_array(self.calibration))
-        lines = to_array(self.presence_calibration)
+        calibrated, lines = learned.recalibrated(self.calibration), self.presence_calibration
         if lines.any():
             calibrated = _recalibrate_presence(calibrated, lines, looked_into=share < 1)
         return calibrated.without(share == 0)
@@ -179,17 +178,11 @@ def take_sample(masked: MaskedBuildings, *, most: int) -> MaskedBuildings:
     return masked.take(np.sort(order[: max(last, 1)]))
 
 
-def recalibrate(distribution: CountDistribution, calibration: Floats) -> CountDistribution:
-    """Return the distribution under the three numbers of a calibration, `[3]`."""
-    shift, log_slope, spread = calibration.tolist()
-    return distribution.recalibrated(shift=shift, slope=float(np.exp(log_slope)), spread=spread)
-
-
 def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
     """Return the calibration `[3]` that maximises the likelihood of hidden counts `[N, C]`."""
 
     def cost(calibration: Floats) -> float:
-        return -float(recalibrate(distribution, calibration).log_probability(hidden).mean())
+        return -float(distribution.recalibrated(calibration).log_probability(hidden).mean())
 
     from scipy.optimize import minimize  # only trainings come here
 

@@ -24,7 +24,7 @@ from bsg_models.belief.expectation import Expectation, from_totals
 from bsg_models.inputs.edges import list_edges
 from bsg_models.inputs.nodes import Arrays, Nodes
 from bsg_models.zoo.catalogue import ZooRow
-from bsg_models.zoo.model import ModelInputs, to_array
+from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.network import Network
 from bsg_models.zoo.settings import ModelConfig
 
@@ -142,7 +142,7 @@ class _CECIGCN(Network):
         with torch.no_grad():
             outputs = self._convolve(nodes).double()
             losses = self._losses(nodes, outputs.clamp(min=0) if self._is_squared else outputs)
-        known = to_array(losses[nodes.known])
+        known = losses[nodes.known].numpy()
         return float(known.sum()), known.size
 
     def predict(self, seen: Observation) -> Expectation:
@@ -153,7 +153,8 @@ class _CECIGCN(Network):
     def _predict_totals(self, nodes: Nodes) -> Floats:
         self.eval()
         with torch.no_grad():
-            return to_array(self(nodes).clamp(min=0))
+            totals: Floats = self(nodes).clamp(min=0).double().numpy()
+        return totals
 
 
 CECI_GCN = ZooRow(_GCNConfig(), _CECIGCN)

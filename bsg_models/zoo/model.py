@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from threadpoolctl import ThreadpoolController
 
-from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.arrays import Bools, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
@@ -139,7 +139,7 @@ class BeliefModel(ABC):
         self, seen: Observation, rows: Ints, columns: Ints | None = None
     ) -> CountDistribution:
         """Return the hidden counts of some rooms; arguments as for `expect_rooms`."""
-        return take_cells(self.predict(seen).hidden_counts, rows, columns)
+        return self.predict(seen).hidden_counts.take(rows, columns)
 
     def with_independent_rooms(self) -> BeliefModel:
         """Return it without what makes rooms depend on each other: some are asked faster."""
@@ -167,19 +167,6 @@ def require_same_shapes(own: Mapping[str, Any], other: Mapping[str, Any]) -> Non
         expected, found = (state[name].shape if name in state else "none" for state in (own, other))
         if expected != found:
             raise CheckpointError(f"tensor {name}: expected the shape {expected}, found {found}")
-
-
-def take_cells(
-    distribution: CountDistribution, rows: Ints, columns: Ints | None
-) -> CountDistribution:
-    """Return the distribution of some nodes `[M]` and classes `[M, A]`, None for all."""
-    taken = distribution.take(rows)
-    return taken if columns is None else taken.take_classes(columns)
-
-
-def to_array(values: Any) -> Floats:
-    """Return an array, or a tensor of torch without a gradient, as an array of float64."""
-    return np.asarray(values, dtype=np.float64)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.training.training import new_model
-from bsg_models.zoo.calibration import fit_calibration, recalibrate, take_sample
+from bsg_models.zoo.calibration import fit_calibration, take_sample
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.gamma_poisson import (
     fit_gamma_prior,
@@ -164,7 +164,7 @@ def test_calibration_mends_what_is_too_sure() -> None:
     hidden = rng.poisson(rng.gamma(2.0, rates / 2.0)).astype(float)
     distorted = negative_binomial(0.6 * rates**1.4, np.full(rates.shape, 5.0))
     found = fit_calibration(distorted, hidden)
-    mended = recalibrate(distorted, found)
+    mended = distorted.recalibrated(found)
     assert mended.log_probability(hidden).mean() > distorted.log_probability(hidden).mean()
     np.testing.assert_allclose(np.exp(found[1]), 1 / 1.4, rtol=0.05)
     np.testing.assert_allclose(mended.dispersions[0, 0, 0], 2.0, rtol=0.15)
