@@ -41,7 +41,7 @@ from .runs.model_summary import (
     summarise_model,
 )
 from .runs.predictor import Predictor
-from .runs.run_log import Begun, Ended, read_log
+from .runs.run_folder import EpochReport, TrainingRecord
 from .search.catalogue import PLANNERS, Planner
 from .search.knowledge import Knowledge, Travel
 from .search.planners import next_room
@@ -71,13 +71,12 @@ from .studies.leaderboard_report import (
     report_leaderboard,
     summary_rows,
 )
-from .studies.run_summary import RunSummary, plot_run, summarise_run
+from .studies.run_summary import RunSummary, summarise_run
 from .studies.savings import Saving, WorldResult, tabulate_savings
 from .studies.sealed_results import check_results
 from .studies.search_report import SearchReport, report_search
 from .studies.search_request import SearchRequest, StudyRecipe, choose_default_run
 from .studies.search_study import Study, study_search
-from .training.learning_curve import EpochReport
 from .training.onnx_file import export_onnx
 from .training.training import train_run
 from .zoo.catalogue import BASELINES, ZOO
@@ -93,7 +92,6 @@ __all__ = [
     "FORMATS",
     "PLANNERS",
     "ZOO",
-    "Begun",
     "BeliefFileError",
     "BeliefGraph",
     "BeliefModel",
@@ -107,7 +105,6 @@ __all__ = [
     "ConfigError",
     "CountDistribution",
     "DataConfig",
-    "Ended",
     "EpochReport",
     "Estimate",
     "EvaluationReport",
@@ -144,6 +141,7 @@ __all__ = [
     "StudyRecipe",
     "TrainingConfig",
     "TrainingError",
+    "TrainingRecord",
     "Travel",
     "View",
     "Ways",
@@ -169,12 +167,10 @@ __all__ = [
     "next_room",
     "open_graph",
     "override",
-    "plot_run",
     "rank_unseen",
     "read_belief",
     "read_config",
     "read_graph",
-    "read_log",
     "read_split",
     "refuse_finished",
     "report_beliefs",

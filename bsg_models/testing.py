@@ -35,7 +35,7 @@ from bsg_models.evaluation.measurement import Fold, measure_metrics
 from bsg_models.evaluation.metric_kinds import Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_fitted
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Knowledge, Task, find_ways
@@ -163,7 +163,7 @@ class ModelContract:
     def test_all_that_it_learns_is_in_its_checkpoint(self, tmp_path: Path) -> None:
         """Check that a checkpoint restores the same beliefs, to the last bit."""
         (config, model), data = _fit(self.name), _example()[1]
-        save_fitted(model, config, data, tmp_path, calibrated=False)
+        save_model(model, config, data, tmp_path / BEST)
         checkpoint = load_checkpoint(tmp_path / BEST)
         restored = restore_model(tmp_path / BEST, checkpoint)
         assert checkpoint.header.config == config

@@ -36,8 +36,9 @@ HOUSE = (
     "bsg_models.belief bsg_models.search bsg_models.inputs",
     "bsg_models.zoo",
     "bsg_models.runs bsg_models.evaluation",
-    "bsg_models.training bsg_models.robot",
-    "bsg_models.rendering bsg_models.testing",
+    "bsg_models.rendering bsg_models.robot",
+    "bsg_models.training",
+    "bsg_models.testing",
     "bsg_models.studies",
     "bsg_cli",
 )

@@ -1,9 +1,9 @@
 """Read and write checkpoints: safetensors files that hold everything needed to restore a model.
 
-The tensors are the model's state dict under `model.`, and the optimiser's under `adam.` if the
-training can continue. The header holds the configuration, the class space, the dataset's hash and
-the sha256 of the tensors; its own sha256 comes last. A flipped bit anywhere is refused. Nothing is
-pickled.
+The tensors are the model's state dict under `model.`; a training that was stopped has more
+(`bsg_models.training.epochs`). The header holds the configuration, the class space, the dataset's
+hash and the sha256 of the tensors; its own sha256 comes last. A flipped bit anywhere is refused.
+Nothing is pickled.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from safetensors.numpy import load, save
 from bsg_data.dataset.manifest import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.recipes import Record, name_fault
-from bsg_data.results import read_seal
+from bsg_data.results import SEAL
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.errors import CheckpointError, ConfigError
@@ -36,7 +36,7 @@ from bsg_models.runs.checkpoint_file import (
     read_fields,
     seal_header,
 )
-from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.runs.run_folder import BEST
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.model import BeliefModel, State
@@ -110,19 +110,16 @@ def save_checkpoint(path: Path, header: CheckpointHeader, tensors: State) -> Non
     write_bytes(path, save(plain, metadata={"bsg": seal_header(text)}))
 
 
-def save_fitted(
+def save_model(
     model: BeliefModel,
     config: RunConfig,
     data: Dataset,
-    run: Path,
-    *,
-    calibrated: bool,
-    members: Mapping[str, RunConfig] | None = None,
+    path: Path,
+    **fields: Any,
 ) -> None:
-    """Save a model that was fitted by counting, or made of members, as the best of its run."""
-    fields = {"calibrated": calibrated, "members": dict(members or {})}
+    """Save a model that was trained on a dataset; `fields` are other fields of the header."""
     header = make_header(config, data, vocabulary=model.vocabulary, **fields)
-    save_checkpoint(run / BEST, header, name_tensors("model", model.state()))
+    save_checkpoint(path, header, name_tensors("model", model.state()))
 
 
 def hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
@@ -193,17 +190,14 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
     return model
 
 
+def is_of(header: CheckpointHeader, config: RunConfig, data: Dataset) -> bool:
+    """Return whether a checkpoint is of this configuration and dataset."""
+    return (header.config, header.dataset_sha256) == (config, data.sha256)
+
+
 def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
     """Return whether a run is complete and of this configuration and dataset."""
-    if read_seal(run) is None:
-        return False
     try:
-        header = read_header(run / BEST)
-        last = read_header(run / LAST).epoch if (run / LAST).is_file() else None
+        return (run / SEAL).is_file() and is_of(read_header(run / BEST), config, data)
     except CheckpointError:
         return False
-    if header.config != config or header.dataset_sha256 != data.sha256:
-        return False
-    if header.calibrated != getattr(config.model, "calibrate", False):
-        return False
-    return header.epoch == 0 or last == config.training.epochs

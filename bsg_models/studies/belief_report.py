@@ -34,7 +34,6 @@ from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import ExpectedClass, SeenBuilding
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import refuse_run
 
 MOST_HELD = 200  # belief graphs kept in memory and put on a page; tables take any number
 
@@ -215,7 +214,6 @@ def _refuse_replacing(path: Path, *, force: bool) -> None:
     """Refuse to replace tables without --force, and files that belong to other results."""
     refuse_datasets(path)
     refuse_other_results(path, NODES)
-    refuse_run(path)
     if path.is_dir():
         there = {one.name for one in path.iterdir()}
     else:

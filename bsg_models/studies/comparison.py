@@ -35,11 +35,9 @@ from bsg_models.runs.checkpoint import (
     Checkpoint,
     CheckpointHeader,
     load_checkpoint,
-    read_header,
     restore_model,
 )
 from bsg_models.runs.found_model import FoundModel, find_model
-from bsg_models.runs.run_folder import LAST
 from bsg_models.studies.stored_pairs import (
     Expect,
     Folds,
@@ -376,13 +374,6 @@ def _notes(loaded: Sequence[_Loaded], measuring: _Measuring) -> Iterator[str]:
                 f"note: {run.name} was trained on another dataset or another version of this one; "
                 f"{where} may have been in its training set"
             )
-        epochs = header.config.training.epochs
-        unfinished = run.found.path.with_name(LAST)
-        last = read_header(unfinished).epoch if unfinished.is_file() else epochs
-        if header.calibrated != getattr(header.config.model, "calibrate", False):
-            yield f"note: {run.name} stopped before its calibration; --resume finishes it"
-        if last < epochs:
-            yield f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on"
     if (buildings := len(measuring.buildings)) < LEAST_BUILDINGS:
         yield (
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "

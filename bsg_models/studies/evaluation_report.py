@@ -30,7 +30,6 @@ from bsg_models.rendering.explorer import View, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, compare_runs
 from bsg_models.studies.stored_pairs import open_entry
 
@@ -68,7 +67,6 @@ def report_evaluation(
     force = request.force
     if into is not None:
         refuse_datasets(into)
-    refuse_run(folder)
     with (
         write_files(pages, force=force) as beside,
         write_results(folder, report=REPORT, force=force) as staged,

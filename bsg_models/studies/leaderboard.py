@@ -18,7 +18,6 @@ A stopped leaderboard continues: finished runs of the same configuration and dat
 from __future__ import annotations
 
 import shutil
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -47,10 +46,9 @@ from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_t
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import is_finished, load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST
-from bsg_models.runs.run_log import Ended, read_log
+from bsg_models.runs.run_folder import BEST, read_record
 from bsg_models.studies.stored_pairs import stream_batches
-from bsg_models.training.training import combine_runs, member_config, train_run
+from bsg_models.training.training import member_config, train_run
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import EnsembleConfig, is_by_seed
 from bsg_models.zoo.model import one_thread
@@ -304,13 +302,13 @@ def _make_run(
     run = find_run(name)
     if not planned.members:
         if not is_finished(run, config, data):
-            deque(train_run(config, data.path, run, force=True), maxlen=0)
+            train_run(config, data.path, run, force=True)
         return
     members = {member: find_run(one) for member, one in planned.members.items()}
     for member, trained in members.items():
         if not is_finished(trained, member_config(config, member), data):
             raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
-    combine_runs(config, data, members, run)
+    train_run(config, data.path, run, force=True, members=members)
 
 
 def _measure(
@@ -333,11 +331,10 @@ def _measure(
         with one_thread():
             found.append(measure(folds, resamples=recipe.resamples, seed=recipe.seed))
         seconds += sum(
-            entry.seconds
+            record.seconds
             for fold in range(recipe.folds)
             for one in (name, *planned.members.values())
-            for entry in read_log(find_run(one, fold))
-            if isinstance(entry, Ended)
+            if (record := read_record(find_run(one, fold)))
         )
     mean = seconds / (planned.seeds * recipe.folds)
     return ModelResult(average_seeds(found, seed=recipe.seed), mean, own, planned.seeds)

@@ -31,7 +31,6 @@ from bsg_models.evaluation.metrics import MOMENTS
 from bsg_models.evaluation.verdict import HEADLINES, judge
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.rendering.pages import Table, write_report
-from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 
 REPORT, _TABLE, _PAGE = "leaderboard.json", "leaderboard.md", "leaderboard.html"
@@ -63,7 +62,6 @@ def refuse_finished(out: AnyPath, *, force: bool) -> None:
     """
     out = Path(out)
     refuse_other_results(out, REPORT)
-    refuse_run(out)
     if (out / REPORT).exists() and not force:
         raise DatasetError(
             f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"

@@ -27,7 +27,7 @@ from bsg_models.rendering.recording import RECORDING, write_search
 from bsg_models.rendering.replay import write_replay
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import name_run
-from bsg_models.runs.run_folder import checkpoint_of, refuse_run
+from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.studies.replay import replay_search
 from bsg_models.studies.savings import (
     WorldResult,
@@ -76,7 +76,6 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     folder = request.folder
-    refuse_run(folder)
     with (
         write_files(request.replays, force=request.force) as replays,
         write_results(folder, report=_REPORT, force=request.force) as staged,

@@ -1,36 +1,35 @@
 """Train by gradient, epoch by epoch, on masked graphs (paper, section IV-A).
 
 The order and dropout of an epoch depend only on (seed, epoch), and its masks on (the mask's own
-seed, epoch). So a stopped run continues to the same weights as one that was not stopped.
+seed, epoch). So a training that was stopped goes on to the same weights as one that was not.
 """
 
 from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
+from pydantic import TypeAdapter
 from torch import nn
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.files import write_bytes
+from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.runs.checkpoint import (
-    CheckpointHeader,
+    is_of,
     load_checkpoint,
     make_header,
     name_tensors,
-    read_header,
     save_checkpoint,
 )
-from bsg_models.runs.run_folder import BEST, LAST, METRICS
-from bsg_models.training.buildings import TrainingBuildings, epoch_seed
-from bsg_models.training.learning_curve import EpochReport, encode_metrics, read_metrics
+from bsg_models.runs.run_folder import EpochReport
+from bsg_models.training.buildings import TrainingBuildings, epoch_seed, validation_buildings
 from bsg_models.training.optimiser import (
     learning_rate,
     load_optimiser,
@@ -38,8 +37,43 @@ from bsg_models.training.optimiser import (
     optimiser_state,
 )
 from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.model import State
 from bsg_models.zoo.network import Network
 from bsg_models.zoo.settings import Device
+
+Progress = Callable[[EpochReport], None]
+_REPORTS = TypeAdapter(list[EpochReport])
+
+
+@dataclass(eq=False)
+class _Done:
+    """What a training has done so far, besides its weights and the optimiser."""
+
+    reports: list[EpochReport] = field(default_factory=list)
+    best: State = field(default_factory=dict)  # the weights of the lowest validation loss
+
+    @property
+    def lowest(self) -> tuple[float, int]:
+        """The lowest validation loss, and its epoch."""
+        epoch = self.reports[-1].best_epoch if self.reports else 0
+        loss = self.reports[epoch - 1].val_loss if epoch else None
+        return (float("inf"), 0) if loss is None else (loss, epoch)
+
+    def add(self, *, epochs: int, train_loss: float, val_loss: float | None, began: float) -> bool:
+        """Add an epoch; return whether it is the best so far."""
+        epoch, best = len(self.reports) + 1, self.lowest
+        if val_loss is not None:
+            best = min(best, (val_loss, epoch))
+        report = EpochReport(
+            epoch=epoch,
+            epochs=epochs,
+            train_loss=train_loss,
+            val_loss=val_loss,
+            best_epoch=best[1],
+            seconds=time.perf_counter() - began,
+        )
+        self.reports.append(report)
+        return report.best_epoch == epoch
 
 
 class GradientSteps:
@@ -80,6 +114,34 @@ class GradientSteps:
         """Return the model on the CPU, for validation or saving."""
         return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
 
+    def save(self, path: Path, config: RunConfig, data: Dataset, done: _Done) -> None:
+        """Write all that the training needs to go on."""
+        header = make_header(
+            config, data, vocabulary=self.model.vocabulary, epoch=len(done.reports)
+        )
+        tensors = {
+            **name_tensors("model", self.on_cpu().state()),
+            **name_tensors("adam", optimiser_state(self.optimiser, self.model)),
+            **name_tensors("best", done.best),
+            "reports": np.frombuffer(_REPORTS.dump_json(done.reports), dtype=np.uint8),
+        }
+        path.parent.mkdir(exist_ok=True)
+        save_checkpoint(path, header, tensors)
+
+    def restore(self, path: Path, config: RunConfig, data: Dataset) -> _Done:
+        """Go on with what was saved, if it is of this training.
+
+        Raises:
+            CheckpointError: if the file is damaged.
+        """
+        checkpoint = load_checkpoint(path) if path.exists() else None
+        if checkpoint is None or not is_of(checkpoint.header, config, data):
+            return _Done()
+        self.model.load_state(checkpoint.state_of("model"))
+        load_optimiser(self.optimiser, self.model, checkpoint.state_of("adam"))
+        reports = _REPORTS.validate_json(checkpoint.tensors["reports"].tobytes())
+        return _Done(reports, checkpoint.state_of("best"))
+
 
 def find_device(wanted: Device) -> torch.device:
     """Return the device of a training.
@@ -96,137 +158,48 @@ def find_device(wanted: Device) -> torch.device:
     return torch.device("cuda" if there and wanted != "cpu" else "cpu")
 
 
-def train_epochs(
-    steps: GradientSteps,
-    config: RunConfig,
-    data: Dataset,
-    run: Path,
-    buildings: TrainingBuildings,
-    validation: Sequence[Nodes],
-) -> Iterator[EpochReport]:
-    """Train a model from its last checkpoint, or from the start, into the folder of a run.
+def train_network(
+    network: Network, config: RunConfig, data: Dataset, *, unfinished: Path, progress: Progress
+) -> tuple[State, list[EpochReport]]:
+    """Train a network from its start, or from where it was stopped.
 
     Args:
-        steps: of a new model, or of any weights if the run has a last checkpoint.
+        network: a new one.
         config: of the run.
         data: an open dataset.
-        run: folder, whose lock the caller holds; its content passed `require_same_training`.
-        buildings: of every epoch.
-        validation: batches of masked buildings that the training does not see.
+        unfinished: the checkpoint that each validation writes, and that a stopped training goes on
+            from.
+        progress: is told of every epoch.
 
-    Yields:
-        One report per epoch.
+    Returns:
+        The weights of the lowest validation loss, and one report per epoch.
     """
-    training = config.training
-    rows = _restore(steps, run) if (run / LAST).exists() else []
-    losses = ((row.val_loss, row.epoch) for row in rows if row.val_loss is not None)
-    best = min(losses, default=(float("inf"), 0))
-    for epoch in range(len(rows) + 1, training.epochs + 1):
+    training, device = config.training, find_device(config.training.device)
+    buildings = TrainingBuildings(config, data, vocabulary=network.vocabulary)
+    masked = validation_buildings(config, data, vocabulary=network.vocabulary)
+    validation = [network.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
+    network.fit(data, config.data)
+    steps = GradientSteps(network, config, device=device)
+    done = steps.restore(unfinished, config, data)
+    for epoch in range(len(done.reports) + 1, training.epochs + 1):
         began = time.perf_counter()
         train_loss, val_loss = steps.train_epoch(buildings, epoch), None
         if epoch % training.validate_every == 0 or epoch == training.epochs:
             val_loss = _validate(steps.on_cpu(), validation)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
             raise TrainingError(
-                f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
-                f"validation {val_loss}); lower training.learning_rate. "
-                "The saved checkpoints are of earlier epochs"
+                f"the loss of epoch {epoch} is not finite (training {train_loss}, validation "
+                f"{val_loss}); lower training.learning_rate"
             )
+        if done.add(epochs=training.epochs, train_loss=train_loss, val_loss=val_loss, began=began):
+            done.best = steps.on_cpu().state()
         if val_loss is not None:
-            best = min(best, (val_loss, epoch))
-        report = EpochReport(
-            epoch=epoch,
-            epochs=training.epochs,
-            train_loss=train_loss,
-            val_loss=val_loss,
-            best_epoch=best[1],
-            seconds=time.perf_counter() - began,
-        )
-        rows.append(report)
-        if val_loss is not None:
-            header = make_header(
-                config,
-                data,
-                vocabulary=steps.model.vocabulary,
-                epoch=epoch,
-                val_loss=val_loss,
-                best_epoch=best[1],
-                best_loss=best[0],
-            )
-            _save(steps, header, rows, run)
-        yield report
+            steps.save(unfinished, config, data, done)
+        progress(done.reports[-1])
+    return done.best, done.reports
 
 
 def _validate(model: Network, validation: Sequence[Nodes]) -> float:
     """Return a model's loss per (node, class) cell."""
     parts = [model.validation_loss(some) for some in validation]
     return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
-
-
-def _save(
-    steps: GradientSteps, header: CheckpointHeader, rows: list[EpochReport], run: Path
-) -> None:
-    """Write the metrics, the last checkpoint, and the best one if this epoch is the best."""
-    write_bytes(run / METRICS, encode_metrics(rows))
-    state = name_tensors("model", steps.on_cpu().state())
-    if header.epoch == header.best_epoch:
-        save_checkpoint(run / BEST, header, state)
-    adam = name_tensors("adam", optimiser_state(steps.optimiser, steps.model))
-    save_checkpoint(run / LAST, header, {**state, **adam})
-
-
-def _restore(steps: GradientSteps, run: Path) -> list[EpochReport]:
-    """Restore model and optimiser from the last checkpoint; return the reports up to it."""
-    checkpoint = load_checkpoint(run / LAST)
-    epochs = checkpoint.header.epoch
-    rows = [row for row in read_metrics(run / METRICS) if row.epoch <= epochs]
-    if not (run / BEST).is_file() or len(rows) < epochs:
-        gone = METRICS if (run / BEST).is_file() else BEST
-        raise TrainingError(f"{run / gone}: is gone, or a part of it; --force starts the run again")
-    steps.model.load_state(checkpoint.state_of("model"))
-    load_optimiser(steps.optimiser, steps.model, checkpoint.state_of("adam"))
-    return rows
-
-
-def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:
-    """Refuse to continue a run of another dataset or configuration; epochs and device may differ.
-
-    Args:
-        config: of the run.
-        data: an open dataset.
-        path: of the checkpoint to continue from, which may be missing.
-    """
-    if not path.exists():
-        return
-    header = read_header(path)
-    if header.dataset_sha256 != data.sha256:
-        raise TrainingError(
-            f"{path}: was trained on another dataset (manifest {header.dataset_sha256[:12]}…, "
-            f"this one {data.sha256[:12]}…); resume with the same one, or start a new run"
-        )
-    if config.training.schedule == "one-cycle" and header.config.training.epochs != (
-        config.training.epochs
-    ):
-        raise TrainingError(
-            f"{path}: its learning rate falls over {header.config.training.epochs} epochs "
-            "(training.schedule one-cycle), so it cannot be made longer; --force starts again"
-        )
-    theirs = header.config.training
-    aside = {"epochs": theirs.epochs, "device": theirs.device}
-    same = config.model_copy(update={"training": config.training.model_copy(update=aside)})
-    if header.config != same:
-        differing = ", ".join(_differences(header.config.model_dump(), same.model_dump()))
-        raise TrainingError(
-            f"{path}: was trained with another configuration ({differing}); only training.epochs "
-            "and training.device may change. Choose another --out, or --force"
-        )
-
-
-def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> Iterator[str]:
-    """Yield `path: old → new` for every value that differs."""
-    for key in old.keys() | new.keys():
-        a, b = old.get(key), new.get(key)
-        if isinstance(a, dict) and isinstance(b, dict):
-            yield from _differences(a, b, f"{path}{key}.")
-        elif a != b:
-            yield f"{path}{key}: {a} → {b}"

@@ -11,7 +11,6 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import BSGError
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.studies.run_summary import plot_run
 from bsg_models.studies.sealed_results import check_results
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
@@ -81,7 +80,6 @@ def test_in_a_run(dataset: Path, tmp_path: Path, full: bool) -> None:
     run = tmp_path / "run"
     small = ["model.width=4", "training.epochs=1"]
     tables = override(find_config("ceci-gcn").model_dump(mode="json"), small)
-    list(train_run(validate_config(tables, source="test"), dataset, run))
-    plot_run(run)
+    train_run(validate_config(tables, source="test"), dataset, run)
     assert {*check_results(run), "SHA256SUMS"} == {path.name for path in run.iterdir()}
     assert find_missed(run, lambda: not check_results(run), full=full) == []
