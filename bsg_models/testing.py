@@ -31,7 +31,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import from_hidden_counts
 from bsg_models.belief.formats import FORMATS, choose_format
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
-from bsg_models.evaluation.measurement import Fold, measure_metrics
+from bsg_models.evaluation.measurement import Fold, tally_folds
 from bsg_models.evaluation.metric_kinds import Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
@@ -321,7 +321,8 @@ class MetricContract:
 def _measure(name: str, batches: Sequence[Prediction], weights: Weights) -> Values:
     """Return a row of `METRICS` for the buildings of the first batch, under weights `[B, W]`."""
     fold = Fold(batches[0].truth.scene_ids, [(one.truth, one.expectation) for one in batches])
-    return measure_metrics({name: METRICS[name]}, [fold], weights)[0][name]
+    (tally,) = tally_folds([METRICS[name]], [fold], weights)
+    return METRICS[name].finish(tally)
 
 
 def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:

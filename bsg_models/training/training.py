@@ -7,7 +7,7 @@ on in `RUN.partial`; the same command goes on from there after a kill.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +23,7 @@ from bsg_data.results import name_staged, write_results
 from bsg_models.belief.count_distribution import concatenate
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.rendering.figures import plot_learning_curve
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_model
+from bsg_models.runs.checkpoint import save_model
 from bsg_models.runs.run_folder import (
     BEST,
     CONFIG,
@@ -59,7 +59,6 @@ def train_run(
     *,
     force: bool = False,
     progress: Progress | None = None,
-    members: Mapping[str, Path] | None = None,
 ) -> tuple[EpochReport, ...]:
     """Train a configuration on a dataset into the folder of a run, or go on after a kill.
 
@@ -70,7 +69,6 @@ def train_run(
             `metrics.csv` and `curve.png`.
         force: replace a finished run, which stays until the new one is whole.
         progress: is told of every epoch.
-        members: of an ensemble, name → run of a member that was trained before.
 
     Returns:
         One report per epoch; none for a model that is fitted by counting.
@@ -83,8 +81,7 @@ def train_run(
     partial = name_staged(run)
     refuse_links(run.parent, partial)
     with write_results(run, report=BEST, force=force) as staged:
-        training = _Training(data, partial, progress or (lambda _: None), members or {})
-        trained = training.train(config)
+        trained = _Training(data, partial, progress or (lambda _: None)).train(config)
         save_model(trained.model, config, data, staged / BEST, **trained.fields)
         write_bytes(staged / CONFIG, write_toml(config).encode())
         notes = list(trained.model.notes)
@@ -113,7 +110,6 @@ class _Training:
     data: Dataset
     partial: Path  # folder of what a stopped training goes on from
     progress: Progress
-    members: Mapping[str, Path]  # that were trained before
 
     def train(self, config: RunConfig, *, name: str = "network") -> _Trained:
         """Train a model; `name` is its own in the folder of unfinished trainings."""
@@ -138,11 +134,7 @@ class _Training:
         """Train the members of an ensemble, one after another; return their configurations."""
         configs = {name: member_config(config, name) for name in model.members}
         for number, (name, own) in enumerate(configs.items()):
-            if name in self.members:
-                path = self.members[name] / BEST
-                model.members[name] = restore_model(path, load_checkpoint(path))
-            else:
-                model.members[name] = self.train(own, name=f"member-{number}").model
+            model.members[name] = self.train(own, name=f"member-{number}").model
         return configs
 
 
