@@ -17,8 +17,7 @@ from .errors import (
 from .evaluation.bootstrap import Bootstrap, Estimate
 from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
-from .inputs.graphs import MaskedGraphs, read_split, to_graph
-from .inputs.whole_buildings import to_pyg
+from .inputs.graphs import MaskedGraphs, read_split, to_graph, to_pyg
 from .rendering.explorer import View, write_explorer
 from .rendering.recording import write_recording
 from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
@@ -35,7 +34,7 @@ from .runs.found_model import (
     shipped_names,
 )
 from .runs.hub import HubModel
-from .runs.model_summary import (
+from .runs.model_card import (
     ModelSummary,
     list_shipped,
     summarise_model,

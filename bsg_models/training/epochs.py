@@ -7,6 +7,7 @@ seed, epoch). So a training that was stopped goes on to the same weights as one 
 from __future__ import annotations
 
 import copy
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -30,16 +31,10 @@ from bsg_models.runs.checkpoint import (
 )
 from bsg_models.runs.run_folder import EpochReport
 from bsg_models.training.buildings import TrainingBuildings, epoch_seed, validation_buildings
-from bsg_models.training.optimiser import (
-    learning_rate,
-    load_optimiser,
-    make_optimiser,
-    optimiser_state,
-)
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import State
 from bsg_models.zoo.network import Network
-from bsg_models.zoo.settings import Device
+from bsg_models.zoo.settings import Device, TrainingConfig
 
 Progress = Callable[[EpochReport], None]
 _REPORTS = TypeAdapter(list[EpochReport])
@@ -87,7 +82,7 @@ class GradientSteps:
 
     def __init__(self, model: Network, config: RunConfig, *, device: torch.device) -> None:
         self.model = model.to(device)
-        self.optimiser = make_optimiser(model, config.training)
+        self.optimiser = _make_optimiser(model, config.training)
         self._config, self._device = config, device
 
     def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
@@ -121,7 +116,7 @@ class GradientSteps:
         )
         tensors = {
             **name_tensors("model", self.on_cpu().state()),
-            **name_tensors("adam", optimiser_state(self.optimiser, self.model)),
+            **name_tensors("adam", _optimiser_state(self.optimiser, self.model)),
             **name_tensors("best", done.best),
             "reports": np.frombuffer(_REPORTS.dump_json(done.reports), dtype=np.uint8),
         }
@@ -138,7 +133,7 @@ class GradientSteps:
         if checkpoint is None or not is_of(checkpoint.header, config, data):
             return _Done()
         self.model.load_state(checkpoint.state_of("model"))
-        load_optimiser(self.optimiser, self.model, checkpoint.state_of("adam"))
+        _load_optimiser(self.optimiser, self.model, checkpoint.state_of("adam"))
         reports = _REPORTS.validate_json(checkpoint.tensors["reports"].tobytes())
         return _Done(reports, checkpoint.state_of("best"))
 
@@ -203,3 +198,61 @@ def _validate(model: Network, validation: Sequence[Nodes]) -> float:
     """Return a model's loss per (node, class) cell."""
     parts = [model.validation_loss(some) for some in validation]
     return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
+
+
+def _make_optimiser(model: Network, training: TrainingConfig) -> torch.optim.Optimizer:
+    """Return Adam with the decay as `training.decay_as` reads it.
+
+    `fused` steps all tensors in one call, a fifth of the time of the usual way.
+    """
+    if training.decay_as == "decoupled":
+        matrices = [
+            p for p in model.parameters() if p.ndim > 1 and p.requires_grad
+        ]  # norms and biases do not decay
+        vectors = [p for p in model.parameters() if p.ndim <= 1]
+        groups = [
+            {"params": matrices, "weight_decay": training.decay},
+            {"params": vectors, "weight_decay": 0.0},
+        ]
+        return torch.optim.AdamW(groups, lr=training.learning_rate, fused=True)
+    decay = training.decay if training.decay_as == "weight-decay" else 0.0
+    return torch.optim.Adam(
+        model.parameters(), lr=training.learning_rate, weight_decay=decay, fused=True
+    )
+
+
+def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
+    """Return the learning rate of a step, counted from 0, of `steps` in all.
+
+    >>> learning_rate(TrainingConfig(decay=0.5, decay_as="learning-rate"), 2, steps=9)
+    0.005
+    >>> cycle = TrainingConfig(schedule="one-cycle", learning_rate=1.0)
+    >>> [round(learning_rate(cycle, step, steps=20), 2) for step in (0, 1, 10, 19)]
+    [0.5, 1.0, 0.54, 0.01]
+    """
+    rate = training.learning_rate
+    if training.decay_as == "learning-rate":
+        rate /= 1 + training.decay * step
+    if training.schedule == "one-cycle":
+        rising = max(1, steps // 10)
+        if step < rising:
+            return rate * (step + 1) / rising
+        return rate * 0.5 * (1 + math.cos(math.pi * (step - rising + 1) / (steps - rising + 1)))
+    return rate
+
+
+def _optimiser_state(optimiser: torch.optim.Optimizer, model: Network) -> State:
+    """Return Adam's state by the names of the parameters, on the CPU."""
+    return {
+        f"{name}.{key}": torch.as_tensor(value).cpu().numpy().copy()
+        for name, parameter in model.named_parameters()
+        for key, value in optimiser.state[parameter].items()
+    }
+
+
+def _load_optimiser(optimiser: torch.optim.Optimizer, model: Network, state: State) -> None:
+    """Restore what `_optimiser_state` returned; parameters that do not learn have no state."""
+    for name, parameter in model.named_parameters():
+        for key in ("step", "exp_avg", "exp_avg_sq") if parameter.requires_grad else ():
+            value = torch.tensor(state[f"{name}.{key}"], device=parameter.device)
+            optimiser.state[parameter][key] = value

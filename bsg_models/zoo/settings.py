@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_models.inputs.edges import EdgeSet
+from bsg_models.inputs.nodes import EdgeSet
 
 Device = Literal["auto", "cpu", "cuda"]
 Share = Annotated[float, Field(ge=0, le=1)]

@@ -17,9 +17,8 @@ from torch_geometric.nn import GCNConv
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.scene.room_label import list_room_labels
-from bsg_models.inputs.edges import list_edges
 from bsg_models.inputs.graphs import read_split
-from bsg_models.inputs.nodes import EVIDENCE, to_nodes
+from bsg_models.inputs.nodes import EVIDENCE, list_edges, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.training.count_gradients import CountGradients, Noise
