@@ -23,7 +23,7 @@ _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 # Of a building's kind and source, so that what is learned in shops stays there: restaurants have
 # several refrigerators, and a home was believed to have another with .13, now with .05.
 _LOUD = 4.0
-Singles = npt.NDArray[np.float32]
+_Singles = npt.NDArray[np.float32]
 # `up` from rooms to the building, `down` from it to rooms, both ways between rooms that are known
 # to connect (`adjacent`), or between all rooms of a building (`complete`).
 EdgeSet = Literal["up", "down", "adjacent", "complete"]
@@ -69,7 +69,7 @@ class _Encoding:
     """How networks read what is known of a room, or of its building, besides objects."""
 
     width: int
-    encode: Callable[[Surroundings], Singles]  # [N or B, width] of order one; 0 if unknown
+    encode: Callable[[Surroundings], _Singles]  # [N or B, width] of order one; 0 if unknown
     of_building: bool = False
 
 
@@ -240,7 +240,7 @@ EVIDENCE = {
 }
 
 
-def _floats(values: npt.NDArray[Any]) -> Singles:
+def _floats(values: npt.NDArray[Any]) -> _Singles:
     return values.astype(np.float32)
 
 

@@ -68,6 +68,10 @@ class CheckpointHeader(Record):
     # of names, types, shapes and bytes of the tensors; None until it is saved
     tensors_sha256: str | None = None
 
+    def is_of(self, config: RunConfig, data: Dataset) -> bool:
+        """Return whether the checkpoint is of this configuration and dataset."""
+        return (self.config, self.dataset_sha256) == (config, data.sha256)
+
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
@@ -105,7 +109,7 @@ def name_tensors(part: str, state: Mapping[str, npt.NDArray[Any]]) -> State:
 def save_checkpoint(path: Path, header: CheckpointHeader, tensors: State) -> None:
     """Write a checkpoint to a temporary file and rename it."""
     plain = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
-    hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
+    hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": _hash_tensors(plain)}
     text = header.model_copy(update=hashed).model_dump_json()
     write_bytes(path, save(plain, metadata={"bsg": seal_header(text)}))
 
@@ -122,7 +126,7 @@ def save_model(
     save_checkpoint(path, header, name_tensors("model", model.state()))
 
 
-def hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
+def _hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
     """Return the sha256 of tensors, sorted by name: name, type, shape and bytes of each."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
@@ -151,7 +155,7 @@ def load_checkpoint(path: AnyPath) -> Checkpoint:
             tensors = load(file.read())
         except (SafetensorError, KeyError, ValueError) as error:  # NumPy raises the last two
             raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
-    if header.tensors_sha256 != hash_tensors(tensors):
+    if header.tensors_sha256 != _hash_tensors(tensors):
         raise CheckpointError(
             f"{path}: is damaged: the sha256 of its tensors is not the one in its header; {AGAIN}"
         )
@@ -190,14 +194,9 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
     return model
 
 
-def is_of(header: CheckpointHeader, config: RunConfig, data: Dataset) -> bool:
-    """Return whether a checkpoint is of this configuration and dataset."""
-    return (header.config, header.dataset_sha256) == (config, data.sha256)
-
-
 def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
     """Return whether a run is complete and of this configuration and dataset."""
     try:
-        return (run / SEAL).is_file() and is_of(read_header(run / BEST), config, data)
+        return (run / SEAL).is_file() and read_header(run / BEST).is_of(config, data)
     except CheckpointError:
         return False

@@ -2,12 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import platform
-import time
-from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -19,7 +13,6 @@ from bsg_models.errors import TrainingError
 
 BEST, CONFIG, RECORD = "best.safetensors", "config.toml", "training.json"
 METRICS, CURVE = "metrics.csv", "curve.png"  # only of networks
-_PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
 
 
 class EpochReport(Record):
@@ -45,26 +38,6 @@ class TrainingRecord(Record):
 def checkpoint_of(run: Path) -> Path:
     """Return the best checkpoint of a run; a file is returned as it is."""
     return run / BEST if run.is_dir() else run
-
-
-def encode_metrics(rows: Sequence[EpochReport]) -> bytes:
-    """Return reports as CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(EpochReport.model_fields), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({**row.model_dump(), "seconds": f"{row.seconds:.4f}"} for row in rows)
-    return text.getvalue().encode()
-
-
-def make_record(*, began: float, notes: Sequence[str]) -> TrainingRecord:
-    """Return the record of a training that ends now; `began` is of `time.perf_counter`."""
-    versions = {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
-    return TrainingRecord(
-        time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        seconds=round(time.perf_counter() - began, 3),
-        versions=versions,
-        notes=tuple(notes),
-    )
 
 
 def read_record(run: Path) -> TrainingRecord | None:

@@ -23,7 +23,6 @@ from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.runs.checkpoint import (
-    is_of,
     load_checkpoint,
     make_header,
     name_tensors,
@@ -109,11 +108,10 @@ class GradientSteps:
         """Return the model on the CPU, for validation or saving."""
         return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
 
-    def save(self, path: Path, config: RunConfig, data: Dataset, done: _Done) -> None:
+    def save(self, path: Path, data: Dataset, done: _Done) -> None:
         """Write all that the training needs to go on."""
-        header = make_header(
-            config, data, vocabulary=self.model.vocabulary, epoch=len(done.reports)
-        )
+        vocabulary, epoch = self.model.vocabulary, len(done.reports)
+        header = make_header(self._config, data, vocabulary=vocabulary, epoch=epoch)
         tensors = {
             **name_tensors("model", self.on_cpu().state()),
             **name_tensors("adam", _optimiser_state(self.optimiser, self.model)),
@@ -123,14 +121,18 @@ class GradientSteps:
         path.parent.mkdir(exist_ok=True)
         save_checkpoint(path, header, tensors)
 
-    def restore(self, path: Path, config: RunConfig, data: Dataset) -> _Done:
+    def restore(self, path: Path, data: Dataset) -> _Done:
         """Go on with what was saved, if it is of this training.
 
         Raises:
             CheckpointError: if the file is damaged.
         """
         checkpoint = load_checkpoint(path) if path.exists() else None
-        if checkpoint is None or not is_of(checkpoint.header, config, data):
+        if (
+            checkpoint is None
+            or not checkpoint.header.is_of(self._config, data)
+            or "reports" not in checkpoint.tensors
+        ):
             return _Done()
         self.model.load_state(checkpoint.state_of("model"))
         _load_optimiser(self.optimiser, self.model, checkpoint.state_of("adam"))
@@ -175,7 +177,7 @@ def train_network(
     validation = [network.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
     network.fit(data, config.data)
     steps = GradientSteps(network, config, device=device)
-    done = steps.restore(unfinished, config, data)
+    done = steps.restore(unfinished, data)
     for epoch in range(len(done.reports) + 1, training.epochs + 1):
         began = time.perf_counter()
         train_loss, val_loss = steps.train_epoch(buildings, epoch), None
@@ -183,13 +185,13 @@ def train_network(
             val_loss = _validate(steps.on_cpu(), validation)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
             raise TrainingError(
-                f"the loss of epoch {epoch} is not finite (training {train_loss}, validation "
-                f"{val_loss}); lower training.learning_rate"
+                f"{config.name}: the loss of epoch {epoch} is not finite (training {train_loss}, "
+                f"validation {val_loss}); lower training.learning_rate"
             )
         if done.add(epochs=training.epochs, train_loss=train_loss, val_loss=val_loss, began=began):
             done.best = steps.on_cpu().state()
         if val_loss is not None:
-            steps.save(unfinished, config, data, done)
+            steps.save(unfinished, data, done)
         progress(done.reports[-1])
     return done.best, done.reports
 

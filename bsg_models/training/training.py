@@ -6,10 +6,14 @@ on in `RUN.partial`; the same command goes on from there after a kill.
 
 from __future__ import annotations
 
+import csv
+import io
+import platform
 import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +35,7 @@ from bsg_models.runs.run_folder import (
     METRICS,
     RECORD,
     EpochReport,
-    encode_metrics,
-    make_record,
+    TrainingRecord,
 )
 from bsg_models.training.buildings import validation_buildings
 from bsg_models.training.count_gradients import as_network
@@ -49,6 +52,7 @@ from bsg_models.zoo.config import RunConfig, write_toml
 from bsg_models.zoo.ensemble import Ensemble, find_member, make_model, reads_categories
 from bsg_models.zoo.model import BeliefModel, one_thread
 
+_PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
 
 
@@ -86,9 +90,9 @@ def train_run(
         write_bytes(staged / CONFIG, write_toml(config).encode())
         notes = list(trained.model.notes)
         if trained.reports:
-            write_bytes(staged / METRICS, encode_metrics(trained.reports))
+            write_bytes(staged / METRICS, _encode_metrics(trained.reports))
             _plot_curve(config, trained.reports, staged / CURVE, notes)
-        record = make_record(began=began, notes=notes)
+        record = _make_record(began=began, notes=notes)
         write_bytes(staged / RECORD, (record.model_dump_json(indent=1) + "\n").encode())
     _remove_partial(partial)
     return trained.reports
@@ -158,6 +162,26 @@ def _plot_curve(
     title = f"{config.name}, seed {config.seed}"
     with noting_failures(notes):
         plot_learning_curve(reports, path, title=title, loss=loss)
+
+
+def _encode_metrics(rows: Sequence[EpochReport]) -> bytes:
+    """Return reports as CSV."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(EpochReport.model_fields), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({**row.model_dump(), "seconds": f"{row.seconds:.4f}"} for row in rows)
+    return text.getvalue().encode()
+
+
+def _make_record(*, began: float, notes: Sequence[str]) -> TrainingRecord:
+    """Return the record of a training that ends now; `began` is of `time.perf_counter`."""
+    versions = {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
+    return TrainingRecord(
+        time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        seconds=round(time.perf_counter() - began, 3),
+        versions=versions,
+        notes=tuple(notes),
+    )
 
 
 def _remove_partial(partial: Path) -> None:
