@@ -17,7 +17,6 @@ from bsg_cli.choices import (
     require_known,
 )
 from bsg_cli.options import (
-    PATH,
     choice_option,
     dataset_argument,
     force_option,
@@ -31,7 +30,6 @@ from bsg_cli.options import (
     split_option,
     workers_option,
 )
-from bsg_cli.search_tables import format_results
 from bsg_cli.terminal import (
     Command,
     print_json,
@@ -40,10 +38,11 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
+from bsg_data.tables import format_text
 
 
 def _read_number(value: str) -> int | str:
-    """Return the number of a search, from 0, or `auto` for an instructive one."""
+    """Return the number of a search, from 0, or `auto` for the first eventful one."""
     return "auto" if value == "auto" else int(click.IntRange(min=0)(value))
 
 
@@ -125,15 +124,7 @@ def _read_look(value: str) -> float | str:
     is_flag=False,
     flag_value="auto",
     help="Write one search as a page, beside the same search by `nearest`: search N of the first "
-    "building; without N, an instructive one.",
-)
-@click.option(
-    "--replay",
-    "replays",
-    type=PATH,
-    multiple=True,
-    help="Also write the search of --trace as .gif, animated .png or .rrd (Rerun); may be "
-    "repeated. Without --trace, an instructive one.",
+    "building; without N, the first eventful one.",
 )
 @click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
@@ -191,7 +182,7 @@ def main(
     number = len(report.sought)
     sought = f"any of {number} classes" if number > 12 else ", ".join(report.sought)
     print_text(f"artifacts: {sought}; model: {report.model or 'none'}")
-    for table in format_results(report.results):
-        print_text("\n" + table)
+    for table in bsg_models.tabulate_savings(report.results):
+        print_text(f"\n{table.caption}\n{format_text(table.rows, header=table.header)}")
     print_text(f"\nall results: {report.report}; files:")
     print_text("\n".join(f"  {path}  {what}" for what, path in report.written.items()))

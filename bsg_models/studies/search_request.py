@@ -15,8 +15,6 @@ from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Record
 from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
-from bsg_models.rendering.animation import require_suffix
-from bsg_models.rendering.recording import RECORDING, require_rerun
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import DEFAULT_MODEL, locate_run, name_run, shipped_names
 from bsg_models.runs.run_folder import checkpoint_of
@@ -126,10 +124,8 @@ class SearchRequest(StudyRecipe):
     split: Literal["train", "val", "test", "all"] = "test"  # `all` only without runs
     scene: str | None = None  # search this building alone
     resamples: int = Field(default=1000, ge=0)  # of the buildings
-    # number of the search of the first building to replay; `auto` chooses one by the rule of
-    # `kept_searches`
+    # number of the search of the first building to replay; `auto` for the first eventful one
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
-    replays: tuple[Path, ...] = ()  # more files for the replay: .gif, .png, or .rrd for Rerun
     out: Path | None = None  # None for `search` in the first run or, without runs, here
     force: bool = False  # replace existing results
 
@@ -150,8 +146,6 @@ class SearchRequest(StudyRecipe):
         task: Literal["single", "all", "both"] = "both",
         artifacts: Sequence[str] = ("every",),
         mask: str = "uniform",
-        trace: int | Literal["auto"] | None = None,
-        replays: tuple[Path, ...] = (),
         **options: Any,
     ) -> SearchRequest:
         """Return the request that the words of a command mean.
@@ -165,8 +159,6 @@ class SearchRequest(StudyRecipe):
             task: when a search ends.
             artifacts: names of classes, or `every`, or `room-specific`.
             mask: the recipe's `strategy`.
-            trace: of the request; with `replays`, None means `auto`.
-            replays: of the request.
             options: other fields of the request.
 
         Raises:
@@ -184,8 +176,6 @@ class SearchRequest(StudyRecipe):
             tasks=("single", "all") if task == "both" else (task,),
             artifacts=_choose_artifacts(artifacts, data.manifest.class_space.classes),
             strategy=mask,
-            trace="auto" if replays and trace is None else trace,
-            replays=replays,
             **options,
         )
         _require_what_it_needs(request)
@@ -209,15 +199,14 @@ def _choose_artifacts(names: Sequence[str], classes: Sequence[str]) -> tuple[int
 
 
 def _require_what_it_needs(request: SearchRequest) -> None:
-    for path in request.replays:
-        if path.suffix.casefold() == RECORDING:
-            require_rerun()
-        else:
-            require_suffix(path)
     needing = [f"planner {n!r}" for n in request.planners if PLANNERS[n].reads == "belief"]
     needing += ["a replay"] * (request.trace is not None)
     if needing and not request.runs:
         raise RecipeError(f"{needing[0]} needs a belief; name a --model")
+    if request.trace not in (None, "auto", *range(request.episodes)):
+        raise RecipeError(
+            f"no search {request.trace}: a building has {request.episodes}, numbered from 0"
+        )
 
 
 def choose_default_run(
