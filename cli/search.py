@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 
 import bsg_models
 from bsg_cli.choices import (
-    DEFAULT_WORLDS,
     PLANNERS,
-    WORLDS,
     classes_of_dataset,
     complete_list,
     require_known,
@@ -39,6 +37,10 @@ from bsg_cli.terminal import (
     worker_pool,
 )
 from bsg_data.tables import format_text
+from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldKind
+
+_WORLDS: tuple[str, ...] = get_args(WorldKind)
+_USUAL = ",".join(world.name for world in DEFAULT_WORLDS)
 
 
 def _read_number(value: str) -> int | str:
@@ -67,10 +69,10 @@ def _read_look(value: str) -> float | str:
 )
 @click.option(
     "--worlds",
-    shell_complete=complete_list(lambda ctx: WORLDS),
+    shell_complete=complete_list(lambda ctx: _WORLDS),
     help=f"Room graphs, with commas, each KIND or KIND:LOW-HIGH. Random costs: "
-    f"{', '.join(WORLDS[:3])}. Distances as costs: {', '.join(WORLDS[3:])}.  "
-    f"[default: {','.join(DEFAULT_WORLDS)}, and {' or '.join(WORLDS[3:])} if the dataset has it]",
+    f"{', '.join(_WORLDS[:3])}. Distances as costs: {', '.join(_WORLDS[3:])}.  "
+    f"[default: {_USUAL}, and {' or '.join(_WORLDS[3:])} if the dataset has it]",
 )
 @choice_option(
     "--task",
@@ -156,7 +158,7 @@ def main(
     chosen = split_names(planners, option="--planners")
     graphs = split_names(worlds, option="--worlds")
     require_known("planner", chosen or (), PLANNERS)
-    require_known("world", [world.partition(":")[0] for world in graphs or ()], WORLDS)
+    require_known("world", [world.partition(":")[0] for world in graphs or ()], _WORLDS)
     if "none" in model and len(model) > 1:
         raise click.UsageError("--model none excludes other models; give one of them")
     runs = () if model == ("none",) else tuple(map(bsg_models.locate_run, model))
