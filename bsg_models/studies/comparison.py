@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -165,30 +165,55 @@ def compare_runs(
         run.name: restore_model(run.found.path, run.checkpoint) for run in runs
     }
     models |= {name: predictions for name, (predictions, _) in entries.items()}
-    baselines = BASELINES if pairs.trains else UNTRAINED
-    survey = pd.concat(pairs.surveys.values())
-    buildings = _sort_buildings(survey)
-    stride = max(1, -(-int((survey.rooms + 1).sum()) // _MOST_SHOWN))
-    example = buildings[len(buildings) // 2]
-    details = {name: Details(stride, example) for name in models}
-    details |= {name: Details() for name in baselines}
-    done = 0
+    details = _prepare_details(pairs, models)
+    bootstraps = _measure(request, pairs, models, details, runs, write, progress)
+    classes = data.manifest.class_space.classes
+    tables = [one.tabulate(name, classes) for name, one in details.items()]
+    return Comparison(
+        runs=tuple(models),
+        bootstraps=bootstraps,
+        shown={name: details[name].shown() for name in models},
+        buildings=pairs.buildings,
+        classes=pd.concat(tables, ignore_index=True),
+        class_names=classes,
+        facts={
+            **_describe_pairs(pairs, fold=pairs.folds[0] if runs else None),
+            "resamples": request.resamples,
+            "masks_sha256": pairs.masks_sha256 if pairs.fresh is None else None,
+            "runs": {run.name: _describe_run(run) for run in runs},
+            "checkpoints_sha256": [hash_file(run.found.path) for run in runs],
+            "predictions": {name: facts for name, (_, facts) in entries.items()},
+        },
+        notes=tuple(_list_notes(request, runs, pairs)),
+    )
+
+
+def _measure(
+    request: EvaluationRequest,
+    pairs: MeasuredPairs,
+    models: Mapping[str, _Model],
+    details: Mapping[str, Details],
+    runs: Sequence[_Run],
+    write: _Write | None,
+    progress: Callable[[int, int], None] | None,
+) -> dict[str, Bootstrap]:
+    """Measure models and baselines; keep the details, and write what runs predict."""
+    done, written = 0, {run.name for run in runs} if write else set()
 
     def predict(name: str, fold: int | None) -> Iterator[tuple[Truth, Expectation]]:
         nonlocal done
-        model = models[name] if name in models else _fit_baseline(name, data, fold)
-        is_run = any(run.name == name for run in runs)
-        writer = write(pairs, name, fold) if write and is_run else None
-        for masked, truth, expectation in pairs.predict(model, fold):
+        model = models[name] if name in models else _fit_baseline(name, pairs.data, fold)
+        writer = write(pairs, name, fold) if write and name in written else None
+        for truth, expectation in pairs.predict(model, fold):
             yield truth, expectation
             details[name].add(truth, expectation)
             if writer is not None:
-                writer.add(expectation, masked)
-            done += len(masked)
+                writer.add(truth, expectation)
+            done += int(truth.is_building.sum())
             if progress is not None:
-                progress(done, len(details) * len(survey))
+                progress(done, len(details) * len(pairs.survey))
 
-    bootstraps = measure_models(
+    return measure_models(
         {
             name: [
                 Fold(tuple(rows.scene_id.unique()), predict(name, fold))
@@ -196,33 +221,20 @@ def compare_runs(
             ]
             for name in details
         },
-        resamples=request.resamples if len(buildings) > 1 else 0,  # one building has no interval
-    )
-    classes = data.manifest.class_space.classes
-    tables = [one.tabulate(name, classes) for name, one in details.items()]
-    return Comparison(
-        runs=tuple(models),
-        bootstraps=bootstraps,
-        shown={name: details[name].shown() for name in models},
-        buildings=buildings,
-        classes=pd.concat(tables, ignore_index=True),
-        class_names=classes,
-        facts={
-            **_describe_pairs(pairs, survey, fold=pairs.folds[0] if runs else None),
-            "resamples": request.resamples,
-            "masks_sha256": pairs.masks_sha256 if pairs.fresh is None else None,
-            "runs": {run.name: _describe_run(run) for run in runs},
-            "checkpoints_sha256": [hash_file(run.found.path) for run in runs],
-            "predictions": {name: facts for name, (_, facts) in entries.items()},
-        },
-        notes=tuple(_notes(request, runs, pairs, buildings=len(buildings), stride=stride)),
+        resamples=request.resamples if len(pairs.buildings) > 1 else 0,  # one has no interval
     )
 
 
-def _sort_buildings(survey: pd.DataFrame) -> tuple[str, ...]:
-    """Return the buildings, the smallest first."""
-    sizes = survey.groupby("scene_id", sort=False).objects.last()
-    return tuple(sizes.sort_values(kind="stable").index)
+def _prepare_details(pairs: MeasuredPairs, models: Mapping[str, _Model]) -> dict[str, Details]:
+    """Return name → what is kept of models, and of the baselines that are measured beside them."""
+    example = pairs.buildings[len(pairs.buildings) // 2]
+    details = {name: Details(_stride(pairs), example) for name in models}
+    return details | {name: Details() for name in (BASELINES if pairs.trains else UNTRAINED)}
+
+
+def _stride(pairs: MeasuredPairs) -> int:
+    """Return the number k such that every k-th masked building is shown."""
+    return max(1, -(-int((pairs.survey.rooms + 1).sum()) // _MOST_SHOWN))
 
 
 def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Run]:
@@ -306,9 +318,8 @@ def _describe_run(run: _Run) -> dict[str, Any]:
     }
 
 
-def _describe_pairs(
-    pairs: MeasuredPairs, survey: pd.DataFrame, *, fold: int | None
-) -> dict[str, Any]:
+def _describe_pairs(pairs: MeasuredPairs, *, fold: int | None) -> dict[str, Any]:
+    survey = pairs.survey
     return {
         "split": pairs.split if pairs.fresh is None else WHOLE,
         "evaluator_version": EVALUATOR_VERSION,
@@ -323,14 +334,10 @@ def _describe_pairs(
     }
 
 
-def _notes(
-    request: EvaluationRequest,
-    runs: Sequence[_Run],
-    pairs: MeasuredPairs,
-    *,
-    buildings: int,
-    stride: int,
+def _list_notes(
+    request: EvaluationRequest, runs: Sequence[_Run], pairs: MeasuredPairs
 ) -> Iterator[str]:
+    buildings, stride = len(pairs.buildings), _stride(pairs)
     whole = pairs.fresh is not None
     where = "these buildings" if whole else f"buildings of this {pairs.split} split"
     for run in runs:

@@ -279,5 +279,4 @@ def _measure(
 
 def _predict(run: Path, pairs: MeasuredPairs, fold: int) -> Iterator[tuple[Truth, Expectation]]:
     model = restore_model(run / BEST, load_checkpoint(run / BEST))
-    for _, truth, expectation in pairs.predict(model, fold):
-        yield truth, expectation
+    yield from pairs.predict(model, fold)

@@ -34,8 +34,6 @@ from bsg_models.inputs.folds import Split, scenes_of, splits_of
 from bsg_models.inputs.graphs import stream_split
 from bsg_models.zoo.model import BeliefModel
 
-_Predicted = tuple[MaskedBuildings, Truth, Expectation]
-
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPairs:
@@ -75,6 +73,17 @@ class MeasuredPairs:
         """
         return {fold: self._survey(fold) for fold in self.folds}
 
+    @cached_property
+    def survey(self) -> pd.DataFrame:
+        """The rows of all folds."""
+        return pd.concat(self.surveys.values())
+
+    @cached_property
+    def buildings(self) -> tuple[str, ...]:
+        """The buildings, the smallest first."""
+        sizes = self.survey.groupby("scene_id", sort=False).objects.last()
+        return tuple(sizes.sort_values(kind="stable").index)
+
     def stream(
         self, fold: int | None, *, vocabulary: tuple[str, ...] = ()
     ) -> Iterator[MaskedBuildings]:
@@ -91,8 +100,8 @@ class MeasuredPairs:
 
     def predict(
         self, model: BeliefModel | AlignedPredictions, fold: int | None
-    ) -> Iterator[_Predicted]:
-        """Yield the pairs of a fold, with their truth and what a model or a file expects."""
+    ) -> Iterator[tuple[Truth, Expectation]]:
+        """Yield the truth of the pairs of a fold, and what a model or a file expects."""
         vocabulary: tuple[str, ...] = ()
         expect: Callable[[MaskedBuildings], Expectation]
         if isinstance(model, BeliefModel):
@@ -100,7 +109,7 @@ class MeasuredPairs:
         else:
             expect = model.expect
         for masked in self.stream(fold, vocabulary=vocabulary):
-            yield masked, read_truth(masked), expect(masked)
+            yield read_truth(masked), expect(masked)
 
     def read_entry(self, path: Path) -> tuple[str, AlignedPredictions, dict[str, Any]]:
         """Read a file of predictions, or a folder of them, for the nodes that are measured.

@@ -26,7 +26,6 @@ INTO = (
     "bsg-belief home.json --model run --out PLACE.json",
     "bsg-belief home.json --model run --out PLACE.tables",
     "bsg-search dataset --model run --workers 1 --out PLACE",
-    "bsg-search dataset --model run --workers 1 --out new --trace --replay PLACE.gif",
 )
 
 

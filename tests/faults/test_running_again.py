@@ -48,12 +48,11 @@ def evaluate(run: Path, dataset: Path, out: Path) -> None:
 
 
 def search(run: Path, dataset: Path, out: Path) -> None:
-    """A folder of results, and a replay beside it."""
+    """A folder of results, with a replay."""
     request = SearchRequest.read(
         dataset,
         runs=(run,),
         out=out / "search",
-        replays=(out / "a.png",),
         trace="auto",
         planners=("nearest", "expected-cost"),
         worlds=("star",),

@@ -178,7 +178,7 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         truth, expectation = read_truth(masked), predict_all(model, masked)
         measured.append(Fold(truth.scene_ids, [(truth, expectation)]))
         with MeasuredPairs(data, "test", (fold,)).open_entry(tmp_path, "mine", fold) as writer:
-            writer.add(expectation, masked)
+            writer.add(truth, expectation)
     mine = [tmp_path / "mine"]
     every = compare([], dataset, predictions=mine, resamples=0)
     point = measure(measured).point
