@@ -16,8 +16,7 @@ from .errors import (
 from .evaluation.bootstrap import Bootstrap, Estimate
 from .evaluation.verdict import explain
 from .inputs.folds import scenes_of
-from .inputs.graphs import MaskedGraphs, read_split, to_graph
-from .inputs.whole_buildings import to_pyg
+from .inputs.graphs import MaskedGraphs, read_split, to_graph, to_pyg
 from .rendering.explorer import ShownBelief, write_explorer
 from .robot.answers import EXPLORE, ExpectedClass, Place, Step
 from .robot.seen_building import SeenBuilding, open_graph
@@ -33,13 +32,13 @@ from .runs.found_model import (
     shipped_names,
 )
 from .runs.hub import HubModel
-from .runs.model_summary import (
+from .runs.model_card import (
     ModelSummary,
     list_shipped,
     summarise_model,
 )
 from .runs.predictor import Predictor
-from .runs.run_log import Begun, Ended, read_log
+from .runs.run_folder import EpochReport, TrainingRecord
 from .search.catalogue import PLANNERS, Planner
 from .search.knowledge import Knowledge, Travel
 from .search.planners import next_room
@@ -69,13 +68,12 @@ from .studies.leaderboard_report import (
     report_leaderboard,
     summary_rows,
 )
-from .studies.run_summary import RunSummary, plot_run, summarise_run
+from .studies.run_summary import RunSummary, summarise_run
 from .studies.savings import Saving, WorldResult, tabulate_savings
 from .studies.sealed_results import check_results
 from .studies.search_report import SearchReport, report_search
 from .studies.search_request import SearchRequest, StudyRecipe, choose_default_run
 from .studies.search_study import Study, study_search
-from .training.learning_curve import EpochReport
 from .training.onnx_file import export_onnx
 from .training.training import train_run
 from .zoo.catalogue import BASELINES, ZOO
@@ -91,7 +89,6 @@ __all__ = [
     "FORMATS",
     "PLANNERS",
     "ZOO",
-    "Begun",
     "BeliefFileError",
     "BeliefGraph",
     "BeliefModel",
@@ -105,7 +102,6 @@ __all__ = [
     "ConfigError",
     "CountDistribution",
     "DataConfig",
-    "Ended",
     "EpochReport",
     "Estimate",
     "EvaluationReport",
@@ -143,6 +139,7 @@ __all__ = [
     "StudyRecipe",
     "TrainingConfig",
     "TrainingError",
+    "TrainingRecord",
     "Travel",
     "Ways",
     "WorldRecipe",
@@ -167,12 +164,10 @@ __all__ = [
     "next_room",
     "open_graph",
     "override",
-    "plot_run",
     "rank_unseen",
     "read_belief",
     "read_config",
     "read_graph",
-    "read_log",
     "read_split",
     "refuse_finished",
     "report_beliefs",

@@ -31,11 +31,11 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.formats import FORMATS, choose_format
 from bsg_models.evaluation.catalogue import METRICS, find_value, head_value, name_value
-from bsg_models.evaluation.measurement import Fold, measure_metrics
+from bsg_models.evaluation.measurement import Fold, tally_folds
 from bsg_models.evaluation.metric_kinds import Values, Weights
 from bsg_models.evaluation.truth import NODE_SETS, Prediction, Truth
 from bsg_models.inputs.graphs import read_split
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_fitted
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model, save_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.knowledge import Knowledge, Task, find_ways
@@ -163,7 +163,7 @@ class ModelContract:
     def test_all_that_it_learns_is_in_its_checkpoint(self, tmp_path: Path) -> None:
         """Check that a checkpoint restores the same beliefs, to the last bit."""
         (config, model), data = _fit(self.name), _example()[1]
-        save_fitted(model, config, data, tmp_path, calibrated=False)
+        save_model(model, config, data, tmp_path / BEST)
         checkpoint = load_checkpoint(tmp_path / BEST)
         restored = restore_model(tmp_path / BEST, checkpoint)
         assert checkpoint.header.config == config
@@ -321,7 +321,8 @@ class MetricContract:
 def _measure(name: str, batches: Sequence[Prediction], weights: Weights) -> Values:
     """Return a row of `METRICS` for the buildings of the first batch, under weights `[B, W]`."""
     fold = Fold(batches[0].truth.scene_ids, [(one.truth, one.expectation) for one in batches])
-    return measure_metrics({name: METRICS[name]}, [fold], weights)[0][name]
+    (tally,) = tally_folds([METRICS[name]], [fold], weights)
+    return METRICS[name].finish(tally)
 
 
 def _take_nodes(prediction: Prediction, rows: Ints) -> Prediction:

@@ -1,8 +1,7 @@
 """The names that helps list, options accept and shells complete, without slow imports.
 
 A registry knows its names without importing its rows, so a help text does not wait for torch. The
-modules that define worlds and mesh sizes import SciPy or trimesh. Their names are repeated here,
-and a test compares them.
+number of synthetic buildings is repeated here, because its module imports trimesh; a test compares.
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO as MODELS
 
 __all__ = ["MASKS", "MODELS", "PLANNERS"]  # registries: they read their names on first use
-WORLDS = ("star", "complete", "tree", "layout", "geometry")
-DEFAULT_WORLDS = ("star:1-10", "complete:5-10", "tree:1-10")
 MOST_SCENES = 10_000_000  # of one seed
 
 

@@ -25,7 +25,7 @@ from bsg_cli.options import (
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar, worker_pool
 from bsg_data.tables import format_text
 
-_STEPS = {"train": "run", "combine": "run", "measure": "model"}  # step of the work → its unit
+_STEPS = {"train": "run", "measure": "model"}  # step of the work → its unit
 
 
 @click.command("bsg-leaderboard", cls=Command)
@@ -99,7 +99,7 @@ def main(
     for mask, results in board.results.items():
         header, rows = bsg_models.summary_rows(results)
         print_text(f"`{mask}` masks:\n{format_text(rows, header=header)}\n")
-    print_text(f"page: {report.page}; table: {report.table}; every metric: {report.report}")
+    print_text(f"page: {report.page}; every metric: {report.report}")
     print_text("figures:")
     print_text("\n".join(f"  {path}" for path in report.figures))
 

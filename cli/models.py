@@ -14,8 +14,6 @@ from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, prin
 from bsg_cli.train import print_run
 from bsg_data.errors import BSGError
 from bsg_data.tables import format_text
-from bsg_models.errors import CheckpointError
-from bsg_models.runs.run_folder import BEST, is_run
 
 
 @click.group("bsg-models", cls=CommandGroup)
@@ -65,14 +63,7 @@ def show(name: str) -> None:
       bsg-models show universal
       bsg-models show run
     """
-    run = Path(name)
-    try:
-        model = bsg_models.summarise_model(name)
-    except CheckpointError:
-        if not is_run(run) or (run / BEST).exists():
-            raise
-        _print_trainings(run)  # it has saved nothing yet
-        return
+    model = bsg_models.summarise_model(name)
     facts = [
         ("name", f"{model.name} ({model.kind})"),
         ("model of the zoo", model.zoo_name),
@@ -84,39 +75,23 @@ def show(name: str) -> None:
     card = model.card.partition("\n---\n")[2].strip()
     print_text(re.sub(r"<!-- .* -->\n", "", card) + "\n")
     print_text(format_text(facts, header=("checkpoint", "")))
-    if model.kind == "run" and is_run(run):
+    if model.kind == "run":
         print_text("")
-        _print_trainings(run)
+        _print_training(bsg_models.summarise_run(name))
 
 
-def _print_trainings(run: Path) -> None:
-    """Print what a run is and how each of its trainings ended."""
-    summary = bsg_models.summarise_run(run)
+def _print_training(summary: bsg_models.RunSummary) -> None:
+    """Print what a run is and how it was trained."""
     print_run(summary)
     print_text(
-        f"seed {summary.config.seed}; to train it again: "
+        f"seed {summary.header.config.seed}; to train it again: "
         f"bsg-train DATASET --config {summary.written_config} --out RUN\n"
     )
-    rows = [_training_row(begun, ended) for begun, ended in summary.trainings]
-    header = ("begun", "ended", "how", "epochs", "seconds", "dataset", "version", "torch")
-    print_text(format_text(rows, header=header))
-    for _, ended in summary.trainings:
-        if ended is not None and ended.error:
-            print_text(f"failed: {ended.error}")
-
-
-def _training_row(begun: bsg_models.Begun, ended: bsg_models.Ended | None) -> tuple[object, ...]:
-    epoch = "?" if ended is None else ended.epoch
-    return (
-        begun.time,
-        ended.time if ended else "-",
-        ended.how if ended else "killed, or still running",
-        f"{begun.from_epoch} to {epoch}" if begun.from_epoch or epoch else "-",
-        f"{ended.seconds:.1f}" if ended else "-",
-        begun.dataset_sha256[:12],
-        begun.versions.get("belief-scene-graphs", "?"),
-        begun.versions.get("torch", "?"),
-    )
+    if (record := summary.record) is None:
+        return
+    versions = [record.versions.get(name, "?") for name in ("belief-scene-graphs", "torch")]
+    row = (record.time, f"{record.seconds:.1f}", summary.header.dataset_sha256[:12], *versions)
+    print_text(format_text([row], header=("trained", "seconds", "dataset", "version", "torch")))
 
 
 @main.command(cls=Command)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 
 import bsg_models
 from bsg_cli.choices import (
-    DEFAULT_WORLDS,
     PLANNERS,
-    WORLDS,
     classes_of_dataset,
     complete_list,
     require_known,
@@ -30,7 +28,6 @@ from bsg_cli.options import (
     split_option,
     workers_option,
 )
-from bsg_cli.search_tables import format_results
 from bsg_cli.terminal import (
     Command,
     print_json,
@@ -39,10 +36,15 @@ from bsg_cli.terminal import (
     progress_bar,
     worker_pool,
 )
+from bsg_data.tables import format_text
+from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldKind
+
+_WORLDS: tuple[str, ...] = get_args(WorldKind)
+_USUAL = ",".join(world.name for world in DEFAULT_WORLDS)
 
 
 def _read_number(value: str) -> int | str:
-    """Return the number of a search, from 0, or `auto` for an instructive one."""
+    """Return the number of a search, from 0, or `auto` for the first eventful one."""
     return "auto" if value == "auto" else int(click.IntRange(min=0)(value))
 
 
@@ -67,10 +69,10 @@ def _read_look(value: str) -> float | str:
 )
 @click.option(
     "--worlds",
-    shell_complete=complete_list(lambda ctx: WORLDS),
+    shell_complete=complete_list(lambda ctx: _WORLDS),
     help=f"Room graphs, with commas, each KIND or KIND:LOW-HIGH. Random costs: "
-    f"{', '.join(WORLDS[:3])}. Distances as costs: {', '.join(WORLDS[3:])}.  "
-    f"[default: {','.join(DEFAULT_WORLDS)}, and {' or '.join(WORLDS[3:])} if the dataset has it]",
+    f"{', '.join(_WORLDS[:3])}. Distances as costs: {', '.join(_WORLDS[3:])}.  "
+    f"[default: {_USUAL}, and {' or '.join(_WORLDS[3:])} if the dataset has it]",
 )
 @choice_option(
     "--task",
@@ -124,7 +126,7 @@ def _read_look(value: str) -> float | str:
     is_flag=False,
     flag_value="auto",
     help="Write one search as a page, beside the same search by `nearest`: search N of the first "
-    "building; without N, an instructive one.",
+    "building; without N, the first eventful one.",
 )
 @click.option("--scene", help="Search only this building.")
 @out_option("Folder of the results.  [default: search in the first run, or search]")
@@ -156,7 +158,7 @@ def main(
     chosen = split_names(planners, option="--planners")
     graphs = split_names(worlds, option="--worlds")
     require_known("planner", chosen or (), PLANNERS)
-    require_known("world", [world.partition(":")[0] for world in graphs or ()], WORLDS)
+    require_known("world", [world.partition(":")[0] for world in graphs or ()], _WORLDS)
     if "none" in model and len(model) > 1:
         raise click.UsageError("--model none excludes other models; give one of them")
     runs = () if model == ("none",) else tuple(map(bsg_models.locate_run, model))
@@ -182,7 +184,7 @@ def main(
     number = len(report.sought)
     sought = f"any of {number} classes" if number > 12 else ", ".join(report.sought)
     print_text(f"artifacts: {sought}; model: {report.model or 'none'}")
-    for table in format_results(report.results):
-        print_text("\n" + table)
+    for table in bsg_models.tabulate_savings(report.results):
+        print_text(f"\n{table.caption}\n{format_text(table.rows, header=table.header)}")
     print_text(f"\nall results: {report.report}; files:")
     print_text("\n".join(f"  {path}  {what}" for what, path in report.written.items()))

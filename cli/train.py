@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -14,8 +14,7 @@ from bsg_cli.choices import MODELS, complete_names_or_files, load_config
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
-from bsg_data.errors import BSGError
-from bsg_data.results import SEAL, read_seal
+from bsg_data.results import name_staged
 
 
 @click.command("bsg-train", cls=Command)
@@ -40,7 +39,6 @@ from bsg_data.results import SEAL, read_seal
 @click.option(
     "--print", "prints", is_flag=True, help="Print the configuration and exit; needs no DATASET."
 )
-@click.option("--resume", is_flag=True, help="Continue an interrupted run.")
 @force_option
 def main(
     dataset: Path | None,
@@ -49,13 +47,12 @@ def main(
     settings: tuple[str, ...],
     seed: int | None,
     prints: bool,
-    resume: bool,
     force: bool,
 ) -> None:
     """Train a model of the zoo on a dataset that has a split and pairs.
 
-    Ctrl-C stops the training. Run the same command with --resume to continue; the weights will be
-    the same as without the stop.
+    After an interruption, run the same command again to continue; the weights will be the same as
+    without it.
 
     \b
     Example:
@@ -71,20 +68,13 @@ def main(
     if dataset is None or out is None:
         raise click.UsageError("expected DATASET and --out; --print alone needs neither")
     _note_other_mask(config, dataset)
-    before = _seal_of(out) if resume else None
     try:
         with _bar(config) as draw:
-            trained = 0
-            for report in bsg_models.train_run(config, dataset, out, resume=resume, force=force):
-                draw(report)
-                trained += 1
+            bsg_models.train_run(config, dataset, out, force=force, progress=draw)
     except KeyboardInterrupt:
-        _note_stopped(out)
+        if name_staged(out).is_dir():
+            print_note(f"{name_staged(out)}: the same command goes on with this training")
         raise
-    if before and not trained and _seal_of(out) == before:
-        print_note(f"{out}: the run is finished already; nothing was trained")
-    for note in bsg_models.plot_run(out):
-        print_note(note)
     print_run(bsg_models.summarise_run(out))
     print_text(f"next: bsg-evaluate {dataset} --model {out}")
 
@@ -109,39 +99,22 @@ def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
         )
 
 
-def _seal_of(run: Path) -> dict[str, str] | None:
-    """Return the seal of a run; None if it has no readable seal."""
-    with suppress(BSGError):
-        return read_seal(run)
-    return None
-
-
-def _note_stopped(run: Path) -> None:
-    """Print what an interrupted training has saved, if it began."""
-    if (run / SEAL).is_file():
-        print_note(f"{run}: the earlier run is unchanged; --resume goes on with the new one")
-        return
-    with suppress(BSGError):
-        bsg_models.plot_run(run)
-        summary = bsg_models.summarise_run(run)
-        print_note(f"{run}: {summary.saved}; the same command {summary.again}")
-
-
 def print_run(summary: bsg_models.RunSummary) -> None:
     """Print what a run is, and how good its best epoch was."""
-    best = summary.best
-    if summary.members:
-        print_text(f"ensemble of {', '.join(summary.members)}; their runs are in {summary.folder}")
-        print_text(f"checkpoint {summary.checkpoint}")
-    elif best is None:
-        print_text(f"{summary.config.name} fitted by counting; checkpoint {summary.checkpoint}")
+    header, checkpoint = summary.header, summary.checkpoint
+    config, members = header.config, header.members
+    if members:
+        print_text(f"ensemble of {', '.join(members)}; checkpoint {checkpoint}")
+    elif header.val_loss is None:
+        print_text(f"{config.name} fitted by counting; checkpoint {checkpoint}")
     else:
+        took = f" in {summary.record.seconds:.1f} s" if summary.record else ""
         print_text(
-            f"{summary.config.name}: {summary.epochs} epochs in {summary.seconds:.1f} s; lowest "
-            f"validation loss {best.val_loss:.4f} at epoch {best.epoch}"
+            f"{config.name}: {config.training.epochs} epochs{took}; lowest validation loss "
+            f"{header.val_loss:.4f} at epoch {header.epoch}"
         )
         curve = f", learning curve {summary.curve}" if summary.curve.is_file() else ""
-        print_text(f"checkpoint {summary.checkpoint}{curve}")
+        print_text(f"checkpoint {checkpoint}{curve}")
     for note in summary.notes:
         print_note(note)
 

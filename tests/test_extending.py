@@ -90,7 +90,7 @@ def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
     run("bsg-leaderboard dataset --models doubled,mean-rate --masks coin --out board " + words)
     board = json.loads(Path("board/leaderboard.json").read_text("utf-8"))
     assert set(board["masks"]["coin"]) == {"doubled", "mean-rate"}
-    assert "mean-rate" in Path("board/leaderboard.md").read_text("utf-8")
+    assert "mean-rate" in Path("board/leaderboard.html").read_text("utf-8")
 
 
 def test_beliefs_are_written_in_the_format_and_read() -> None:

@@ -161,58 +161,6 @@ def _spread_rows(starts: Ints, numbers: Ints) -> tuple[Ints, Ints]:
     return np.arange(ends[-1]) + moved, ends
 
 
-def observe_search(
-    scene_id: str,
-    view: View,
-    *,
-    there: tuple[Counts, Counts],
-    left: tuple[Counts, Counts],
-    searched: Bools,
-    artifacts: Ints,
-    blind: Bools,
-    is_missed: bool = False,
-    vocabulary: tuple[str, ...],
-    connections: Connections,
-    surroundings: Surroundings,
-) -> Observation:
-    """Return what a search sees at some moment.
-
-    Before a search, a mask hides some objects, and all instances of the artifacts are *withheld*
-    (paper, section IV-D). A room that the search entered shows everything. So the absence of a
-    withheld class is a fact in a searched room, and says nothing in any other, not even in one that
-    the mask shows whole. Models are told which is which.
-
-    Args:
-        scene_id: of the building.
-        view: of the mask before the search began.
-        there: cells `[N, C]` of the classes and `[N, V]` of the vocabulary.
-        left: what the mask left of them.
-        searched: `[N]` rooms that were entered since; the building (0) is none.
-        artifacts: the classes that are looked for.
-        blind: `[C]` classes that the building's source has no word for.
-        is_missed: whether a search of a room may miss the artifacts, so that they stay withheld.
-        vocabulary: `[V]`.
-        connections: between the rooms.
-        surroundings: of the building.
-    """
-    outside = ~searched[:, None]
-    wanted = np.isin(np.arange(there[0].shape[1]), artifacts)
-    withheld = (view.withheld | wanted) & outside
-    if is_missed:
-        withheld = withheld | wanted
-    seen, unclassified = (np.where(outside, *two) for two in zip(left, there, strict=True))
-    seen[withheld] = 0
-    return Observation.of_building(
-        scene_id,
-        replace(view, withheld=withheld).search(searched).blind(blind),
-        seen,
-        unclassified,
-        vocabulary=vocabulary,
-        connections=connections,
-        surroundings=surroundings,
-    )
-
-
 def stack(observations: Sequence[Observation]) -> Observation:
     """Return one observation with the buildings of several, in order.
 

@@ -53,10 +53,11 @@ def list_values() -> tuple[str, ...]:
     rows, _ = METRICS.load_all()
     wide = [row for row, metric in rows.items() if metric.node_sets == NODE_SETS]
     names = [
-        name_value(row, node_set, part)
+        name_value(row, *key)
         for node_set in NODE_SETS
         for row in wide
-        for part in rows[row].parts
+        for key in rows[row].keys
+        if key[0] == node_set
     ]
     for selection in (*SELECTIONS, None):
         for row in rows:

@@ -10,36 +10,57 @@ import pandas as pd
 
 from bsg_data.arrays import Bools, Floats
 from bsg_models.belief.expectation import Expectation
-from bsg_models.evaluation.presence import PresenceHistograms
-from bsg_models.evaluation.truth import Truth
-
-_SETS = ("rooms", "building")
+from bsg_models.evaluation.presence import RANKED, PresenceHistograms
+from bsg_models.evaluation.truth import Prediction, Truth
 
 
-class ClassErrors:
-    """Sums by class over the rooms, and over the buildings, of one model."""
+@dataclass(frozen=True, eq=False)
+class ShownNodes:
+    """What is seen, expected and true of M nodes."""
 
-    def __init__(self) -> None:
+    inputs: Floats  # `[M, C]` histograms that the masks leave
+    totals: Floats  # `[M, C]` whole histograms as the model predicts them
+    targets: Floats  # `[M, C]` true histograms
+    is_building: Bools  # `[M]`
+    example: int  # row of the node that is drawn separately
+
+
+class Details:
+    """Errors of one model by class, over the rooms and over the buildings, and nodes to show.
+
+    Args:
+        stride: number k such that every k-th masked building is shown; 0 for none.
+        example: building that is shown in its first draw besides.
+    """
+
+    def __init__(self, stride: int = 0, example: str = "") -> None:
         once = np.ones((1, 1))
-        self._cells = {name: PresenceHistograms(once) for name in _SETS}
+        self._cells = {name: PresenceHistograms(once) for name in RANKED}
         self._sums: dict[str, Floats] = {}
-        self._nodes = dict.fromkeys(_SETS, 0)
+        self._nodes = dict.fromkeys(RANKED, 0)
+        self._stride, self._example = stride, example
+        self._masked = self._rows = 0
+        self._found: int | None = None
+        self._parts: list[tuple[Floats, Floats, Floats, Bools]] = []
 
     def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Add some nodes."""
+        """Add some masked buildings; each begins with its building node."""
         error = np.where(truth.known, expectation.totals - truth.targets, 0.0)
-        for name, own in zip(_SETS, (~truth.is_building, truth.is_building), strict=True):
-            rows = np.flatnonzero(own)
+        rows_of = Prediction(truth, expectation).rows
+        for name in RANKED:
+            rows = rows_of[name]
             some = error[rows]
             sums = np.stack([truth.targets[rows], some, np.abs(some)]).sum(axis=1)
             self._sums[name] = self._sums[name] + sums if name in self._sums else sums
             self._nodes[name] += len(rows)
             self._cells[name].add(truth, expectation, rows, np.zeros(len(rows), dtype=np.int64))
+        if self._stride:
+            self._show(truth, expectation)
 
     def tabulate(self, model: str, classes: Sequence[str]) -> pd.DataFrame:
         """Return one row per node set and class: the paper's error in number O″ − O, presence."""
         frames = []
-        for name in _SETS:
+        for name in RANKED:
             count, error, absolute = self._sums[name] / max(self._nodes[name], 1)
             ranks = self._cells[name].ranks
             columns = {
@@ -55,29 +76,12 @@ class ClassErrors:
             frames.append(pd.DataFrame(columns))
         return pd.concat(frames, ignore_index=True)
 
+    def shown(self) -> ShownNodes:
+        """Return the nodes to show."""
+        inputs, totals, targets, is_building = map(np.concatenate, zip(*self._parts, strict=True))
+        return ShownNodes(inputs, totals, targets, is_building, self._found or 0)
 
-@dataclass(frozen=True, eq=False)
-class ShownNodes:
-    """What is seen, expected and true of M nodes."""
-
-    inputs: Floats  # `[M, C]` histograms that the masks leave
-    totals: Floats  # `[M, C]` whole histograms as the model predicts them
-    targets: Floats  # `[M, C]` true histograms
-    is_building: Bools  # `[M]`
-    example: int  # row of the node that is drawn separately
-
-
-class ShownCollector:
-    """A collector of every `stride`-th masked building, and of the example in its first draw."""
-
-    def __init__(self, stride: int, example: str) -> None:
-        self._stride, self._example = stride, example
-        self._masked = self._rows = 0
-        self._found: int | None = None
-        self._parts: list[tuple[Floats, Floats, Floats, Bools]] = []
-
-    def add(self, truth: Truth, expectation: Expectation) -> None:
-        """Add some masked buildings; each begins with its building node."""
+    def _show(self, truth: Truth, expectation: Expectation) -> None:
         place = self._masked + np.cumsum(truth.is_building) - 1
         self._masked += int(truth.is_building.sum())
         keep = place % self._stride == 0
@@ -90,8 +94,3 @@ class ShownCollector:
         totals = np.where(truth.known, expectation.totals, 0.0)
         columns = truth.inputs, totals, truth.targets
         self._parts.append((*(some[keep] for some in columns), truth.is_building[keep]))
-
-    def finish(self) -> ShownNodes:
-        """Return what was collected."""
-        inputs, totals, targets, is_building = map(np.concatenate, zip(*self._parts, strict=True))
-        return ShownNodes(inputs, totals, targets, is_building, self._found or 0)

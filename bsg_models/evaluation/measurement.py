@@ -12,16 +12,8 @@ from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings
 from bsg_models.belief.expectation import Expectation, join
 from bsg_models.evaluation.bootstrap import Bootstrap, weigh_buildings
 from bsg_models.evaluation.catalogue import METRICS, list_values, name_value
-from bsg_models.evaluation.metric_kinds import (
-    Batch,
-    Metric,
-    RankMetric,
-    Sums,
-    Values,
-    Weights,
-)
+from bsg_models.evaluation.metric_kinds import Metric, NodeMetric, Tally, Weights
 from bsg_models.evaluation.metrics import mean_known
-from bsg_models.evaluation.presence import RANKED, PresenceHistograms
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.zoo.model import BeliefModel, one_thread
 
@@ -92,40 +84,35 @@ def measure_models(
 
 
 def measure_fold(of_models: Sequence[Fold], weights: Weights) -> list[_Measured]:
-    """Return metric → its values `[W]` under weights `[B, W]`, and its number of nodes.
-
-    One such pair is returned for each model.
-    """
+    """Return name → values `[W]` under weights `[B, W]`, and name → nodes, for each model."""
+    rows, _ = METRICS.load_all()
     measured = []
-    for found in measure_metrics(METRICS.load_all()[0], of_models, weights):
+    for tally in tally_folds(rows.values(), of_models, weights):
         values: dict[str, Floats] = {}
         nodes: dict[str, int] = {}
-        for row, own in found.items():
+        for row, metric in rows.items():
+            own = metric.finish(tally)
             values |= {name_value(row, *key): value for key, value in own.values.items()}
             nodes |= {name_value(row, *key): number for key, number in own.nodes.items()}
         measured.append((values, nodes))
     return measured
 
 
-def measure_metrics(
-    metrics: Mapping[str, Metric], of_models: Sequence[Fold], weights: Weights
-) -> list[dict[str, Values]]:
-    """Return some metrics of each model's fold under weights of its buildings `[B, W]`, by name."""
+def tally_folds(
+    metrics: Iterable[Metric], of_models: Sequence[Fold], weights: Weights
+) -> list[Tally]:
+    """Return what some metrics need of each model's fold, under weights of its buildings."""
     number_of = {scene: number for number, scene in enumerate(of_models[0].scene_ids)}
-    ranked = any(isinstance(metric, RankMetric) for metric in metrics.values())
-    cells = [{one: PresenceHistograms(weights) for one in RANKED} for _ in of_models]
-    sums = [{name: Sums(weights, own) for name in metrics} for own in cells]
+    nodewise = [metric for metric in metrics if isinstance(metric, NodeMetric)]
+    tallies = [Tally(weights) for _ in of_models]
     for batches in zip(*(fold.batches for fold in of_models), strict=True):
-        for (truth, expectation), counted, own in zip(batches, cells, sums, strict=True):
+        for (truth, expectation), tally in zip(batches, tallies, strict=True):
             numbers = np.array([number_of[scene] for scene in truth.scene_ids], dtype=np.int64)
-            batch = Batch(Prediction(truth, expectation), numbers[truth.building], weights)
-            if ranked:
-                for node_set, histograms in counted.items():
-                    rows = batch.prediction.rows[node_set]
-                    histograms.add(truth, expectation, rows, batch.building[rows])
-            for name, metric in metrics.items():
-                metric.add(batch, own[name])
-    return [{name: metric.finish(own[name]) for name, metric in metrics.items()} for own in sums]
+            prediction, building = Prediction(truth, expectation), numbers[truth.building]
+            tally.count(prediction, building)
+            for metric in nodewise:
+                metric.add(prediction, building, tally)
+    return tallies
 
 
 def _weigh_folds(folds: Sequence[Sequence[str]], *, resamples: int, seed: int) -> list[Weights]:

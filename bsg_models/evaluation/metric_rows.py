@@ -11,13 +11,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats
+from bsg_data.arrays import Floats
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
-from bsg_models.evaluation.metric_kinds import CellMetric, CorrelationMetric, NodeMetric, RankMetric
-from bsg_models.evaluation.truth import Truth
-
-BINS = 15  # bins of presence, of equal width, for the calibration error
+from bsg_models.evaluation.metric_kinds import NodeMetric, PooledMetric, Tally
+from bsg_models.evaluation.truth import NODE_SETS, Truth
 
 
 def _between_distributions(
@@ -64,32 +62,41 @@ def _topk_unseen(k: int) -> Callable[[Truth, Expectation], Floats]:
     return values
 
 
-def _squared_error(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
-    """Return what each room adds to the Brier score, `[N, 1]`."""
-    return np.asarray((keep * (presence - hidden) ** 2).sum(axis=1, keepdims=True))
+def _brier(tally: Tally, node_set: str, part: str) -> Floats:
+    """Return the mean of the squared errors of presence, `[W]`."""
+    return np.asarray(tally.means((node_set, part, "squared"))[:, 0])
 
 
-def _first_mean(means: Floats) -> Floats:
-    """Return the only mean over cells, `[W]` of `[W, 1]`."""
-    return means[:, 0]
+def _calibration_error(tally: Tally, node_set: str, part: str) -> Floats:
+    """Return the sum over bins of |mean presence − outcome|, `[W]`."""
+    return np.asarray(np.abs(tally.means((node_set, part, "gaps"))).sum(axis=1))
 
 
-def _gap_of_bins(presence: Floats, hidden: Bools, keep: Bools) -> Floats:
-    """Return presence minus outcome of each room, in bins of presence, `[N, BINS]`."""
-    which = np.minimum((presence * BINS).astype(np.int64), BINS - 1)
-    place = np.arange(len(which))[:, None] * BINS + which
-    gaps = np.bincount(place.ravel(), (keep * (presence - hidden)).ravel(), len(which) * BINS)
-    return np.asarray(gaps.reshape(-1, BINS), dtype=float)
+def _auroc(tally: Tally, node_set: str, part: str) -> Floats:
+    return np.asarray(tally.cells[node_set].ranks.auroc[part][0])
 
 
-def _sum_of_gaps(means: Floats) -> Floats:
-    """Return the expected calibration error, `[W]`, from the mean gaps of the bins `[W, BINS]`."""
-    return np.asarray(np.abs(means).sum(axis=1))
+def _average_precision(tally: Tally, node_set: str, part: str) -> Floats:
+    return np.asarray(tally.cells[node_set].ranks.precision[part][0])
 
 
-def _frobenius(predicted: Floats, true: Floats) -> float:
-    """Return the Frobenius norm of the difference of two matrices `[C, C]`."""
-    return float(np.linalg.norm(predicted - true))
+def _auroc_of_classes(tally: Tally, node_set: str, part: str) -> Floats:
+    return metrics.mean_known(tally.cells[node_set].ranks.auroc[part][1:])
+
+
+def _average_precision_of_classes(tally: Tally, node_set: str, part: str) -> Floats:
+    return metrics.mean_known(tally.cells[node_set].ranks.precision[part][1:])
+
+
+def _frobenius(tally: Tally, node_set: str, part: str) -> Floats:
+    """Return the norms of the difference of predicted and true correlations, `[W]`."""
+    both = zip(tally.products(node_set, "predicted"), tally.products(node_set, "true"), strict=True)
+    return np.array([np.linalg.norm(_correlate(ours) - _correlate(true)) for ours, true in both])
+
+
+def _correlate(products: Floats) -> Floats:
+    """Return the correlations `[C, C]` from Σ z zᵀ, z = (1, counts)."""
+    return metrics.correlate_sums(float(products[0, 0]), products[0, 1:], products[1:, 1:])
 
 
 WASSERSTEIN_VALUES = NodeMetric(
@@ -149,53 +156,50 @@ HIDDEN_NLL = NodeMetric(
     "own distribution, or Poisson if it has none; a rate below 0.001 counts as 0.001, so that one "
     "impossible object does not dominate the mean",
 )
-CORRELATION_FROBENIUS = CorrelationMetric(
+CORRELATION_FROBENIUS = PooledMetric(
     label="Frobenius",
     less=True,
-    distance=_frobenius,
+    measure=_frobenius,
+    keys=tuple((node_set, "") for node_set in NODE_SETS),
     about="Frobenius norm of the difference of the two 45 × 45 Pearson correlation matrices of the "
     "counts over nodes; a class without variance correlates 0 with the others and 1 with itself",
 )
-PRESENCE_AUROC_MICRO = RankMetric(
+PRESENCE_AUROC_MICRO = PooledMetric(
     label="AUROC micro",
     less=False,
-    measure="auroc",
+    measure=_auroc,
     about="area under the ROC curve of P(at least one hidden object of the class) over all "
     "(room, class) cells, or (building, class) cells: of `all` classes, only of classes `unseen` "
     "in the node's input, or only in rooms that are `unvisited`",
 )
-PRESENCE_AP_MICRO = RankMetric(
+PRESENCE_AP_MICRO = PooledMetric(
     label="AP micro",
     less=False,
-    measure="precision",
+    measure=_average_precision,
     about="average precision over the same cells",
 )
-PRESENCE_BRIER = CellMetric(
+PRESENCE_BRIER = PooledMetric(
     label="Brier score",
     less=True,
-    addends=_squared_error,
-    combine=_first_mean,
+    measure=_brier,
     about="Brier score over the same cells",
 )
-PRESENCE_CALIBRATION_ERROR = CellMetric(
+PRESENCE_CALIBRATION_ERROR = PooledMetric(
     label="calibration error",
     less=True,
-    addends=_gap_of_bins,
-    combine=_sum_of_gaps,
+    measure=_calibration_error,
     about="expected calibration error over the same cells, in 15 bins",
 )
-PRESENCE_AUROC_MACRO = RankMetric(
+PRESENCE_AUROC_MACRO = PooledMetric(
     label="AUROC macro",
     less=False,
-    measure="auroc",
-    by_class=True,
+    measure=_auroc_of_classes,
     about="area under the ROC curve over the nodes, mean over classes",
 )
-PRESENCE_AP_MACRO = RankMetric(
+PRESENCE_AP_MACRO = PooledMetric(
     label="AP macro",
     less=False,
-    measure="precision",
-    by_class=True,
+    measure=_average_precision_of_classes,
     about="average precision over the nodes, mean over classes",
 )
 TOP1_UNSEEN, TOP3_UNSEEN, TOP5_UNSEEN = (

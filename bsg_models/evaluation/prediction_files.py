@@ -31,10 +31,10 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.files import open_beside
 from bsg_data.inputs.bounds import DATASET_TABLE, KIB, MAX_STREAMED_ROWS, MIB
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
-from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
+from bsg_models.evaluation.truth import Truth
 
 NODE = ("scene_id", "draw", "node_index")
 KEYS = (*NODE, "class")
@@ -237,35 +237,32 @@ class PredictionWriter:
                 self._writer.close()
             return stack.__exit__(*raised)
 
-    def add(self, expectation: Expectation, masked: MaskedBuildings) -> None:
-        """Write the expectation of some masked buildings."""
-        table = _tabulate(expectation, masked, self._classes)
+    def add(self, truth: Truth, expectation: Expectation) -> None:
+        """Write the expectation of some masked buildings; each begins with its building node."""
+        table = _tabulate(truth, expectation, self._classes)
         table = table.replace_schema_metadata(self._metadata)
         if self._writer is None:
             self._writer = pq.ParquetWriter(self._partial, table.schema, compression="zstd")
         self._writer.write_table(table)
 
 
-def _tabulate(
-    expectation: Expectation, masked: MaskedBuildings, classes: tuple[str, ...]
-) -> pa.Table:
-    seen, number = masked.seen, len(classes)
-    sizes = np.diff(seen.starts)
-    node = np.arange(len(seen.inputs)) - np.repeat(seen.starts[:-1], sizes)
-    of_scene = {name: i for i, name in enumerate(dict.fromkeys(seen.scene_ids))}
-    scene = np.repeat([of_scene[name] for name in seen.scene_ids], sizes * number)
-    label = np.tile(np.arange(number), len(node))
+def _tabulate(truth: Truth, expectation: Expectation, classes: tuple[str, ...]) -> pa.Table:
+    number, nodes = len(classes), len(truth.inputs)
+    starts = np.flatnonzero(truth.is_building)
+    node = np.arange(nodes) - np.repeat(starts, np.diff([*starts, nodes]))
+    scene = np.repeat(truth.building, number).astype(np.int32)
+    label = np.tile(np.arange(number, dtype=np.int32), nodes)
     columns: dict[str, Any] = {
-        "scene_id": pa.DictionaryArray.from_arrays(scene.astype(np.int32), list(of_scene)),
-        "draw": np.repeat(masked.draws, sizes * number).astype(np.int32),
+        "scene_id": pa.DictionaryArray.from_arrays(scene, list(truth.scene_ids)),
+        "draw": np.repeat(truth.draw, number).astype(np.int32),
         "node_index": np.repeat(node, number).astype(np.int32),
-        "class": pa.DictionaryArray.from_arrays(label.astype(np.int32), list(classes)),
+        "class": pa.DictionaryArray.from_arrays(label, list(classes)),
         "presence": expectation.presence.ravel(),
         "expected": expectation.hidden.ravel(),
         "total": expectation.totals.ravel(),
     }
     for count in range(WRITTEN):
-        wanted = np.full(seen.inputs.shape, float(count))
+        wanted = np.full(truth.inputs.shape, float(count))
         chance = np.exp(expectation.log_probability(wanted))
         columns[f"p{count}"] = chance.astype(np.float32).ravel()
     return pa.table(columns)

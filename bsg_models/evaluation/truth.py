@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,27 +38,6 @@ class Truth:
     def hidden(self) -> Floats:
         """Hidden counts, `[N, C]`."""
         return self.targets - self.inputs
-
-
-def join_truths(parts: Sequence[Truth]) -> Truth:
-    """Return the truth of several batches of nodes as one, in order; buildings go by scene id."""
-    scene_ids = tuple(dict.fromkeys(scene for part in parts for scene in part.scene_ids))
-    number = {scene: place for place, scene in enumerate(scene_ids)}
-    buildings = [np.array([number[s] for s in part.scene_ids])[part.building] for part in parts]
-    return Truth(
-        inputs=np.concatenate([part.inputs for part in parts]),
-        targets=np.concatenate([part.targets for part in parts]),
-        is_building=np.concatenate([part.is_building for part in parts]),
-        visited=np.concatenate([part.visited for part in parts]),
-        building=np.concatenate(buildings),
-        draw=np.concatenate([part.draw for part in parts]),
-        scene_ids=scene_ids,
-        nameable=(
-            None
-            if all(part.nameable is None for part in parts)
-            else np.concatenate([part.known for part in parts])
-        ),
-    )
 
 
 @dataclass(frozen=True, eq=False)

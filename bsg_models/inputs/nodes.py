@@ -7,24 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from bsg_data.arrays import Counts
+from bsg_data.arrays import Counts, Ints
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, Surroundings
 from bsg_models.arrays import Array, add_rows, doubles, floats, library_of
-from bsg_models.inputs.edges import EdgeSet, list_edges
 
 _SILENT_NEIGHBOURS = 4.0  # of features 0, added to each mean: one room says little of the next
 _USUAL_AREA = 12.0  # m² of a room, whose logarithm counts as 0
 # Of a building's kind and source, so that what is learned in shops stays there: restaurants have
 # several refrigerators, and a home was believed to have another with .13, now with .05.
 _MARK_SCALE = 4.0
-Singles = npt.NDArray[np.float32]
+_Singles = npt.NDArray[np.float32]
+# `up` from rooms to the building, `down` from it to rooms, both ways between rooms that are known
+# to connect (`adjacent`), or between all rooms of a building (`complete`).
+EdgeSet = Literal["up", "down", "adjacent", "complete"]
 
 
 _Form = TypeVar("_Form", bound="Arrays")
@@ -67,7 +69,7 @@ class _Encoding:
     """How networks read what is known of a room, or of its building, besides objects."""
 
     width: int
-    encode: Callable[[Surroundings], Singles]  # [N or B, width] of order one; 0 if unknown
+    encode: Callable[[Surroundings], _Singles]  # [N or B, width] of order one; 0 if unknown
     of_building: bool = False
 
 
@@ -98,6 +100,28 @@ def to_nodes(
         unclassified=_floats(seen.unclassified),
         evidence=evidence,
     )
+
+
+def list_edges(seen: Observation, edges: Sequence[EdgeSet]) -> Ints:
+    """Return the directed edges of all buildings by row, `[2, E]`, sorted and each once."""
+    rooms, nodes = np.flatnonzero(~seen.is_building), len(seen.inputs)
+    buildings = seen.starts[seen.building[rooms]]
+    parts = [np.zeros((2, 0), dtype=np.int64)]
+    if "up" in edges:
+        parts.append(np.stack([rooms, buildings]))
+    if "down" in edges:
+        parts.append(np.stack([buildings, rooms]))
+    if "adjacent" in edges:
+        pairs = seen.connections.pairs.T
+        parts += [pairs, pairs[::-1]]
+    if "complete" in edges:
+        others, starts = seen.rows_of(seen.building[rooms])
+        every = np.stack([rooms.repeat(np.diff(starts)), others])
+        parts.append(every[:, (every[0] != others) & ~seen.is_building[others]])
+    source, target = np.concatenate(parts, axis=1)
+    numbers = np.sort(source * nodes + target, kind="stable")  # fast, as they are nearly sorted
+    kept = np.diff(numbers, prepend=-1) > 0
+    return np.stack(np.divmod(numbers[kept], nodes))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -216,7 +240,7 @@ EVIDENCE = {
 }
 
 
-def _floats(values: npt.NDArray[Any]) -> Singles:
+def _floats(values: npt.NDArray[Any]) -> _Singles:
     return values.astype(np.float32)
 
 

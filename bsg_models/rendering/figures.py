@@ -18,7 +18,7 @@ from bsg_data.files import PLAIN_TEXT, FigureError, noting_failures, stem_of, wr
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.details import ShownNodes
 from bsg_models.evaluation.metrics import correlation_matrix, normalise
-from bsg_models.training.learning_curve import EpochReport
+from bsg_models.runs.run_folder import EpochReport
 
 _INPUT, _PREDICTED, _TRUE = "#BBBBBB", "#0018EC", "#FF8000"
 _FAINT_BLUE, _FAINT_ORANGE = "#C9CFFF", "#FFD3A6"

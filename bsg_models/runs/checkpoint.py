@@ -1,9 +1,9 @@
 """Read and write checkpoints: safetensors files that hold everything needed to restore a model.
 
-The tensors are the model's state dict under `model.`, and the optimiser's under `adam.` if the
-training can continue. The header holds the configuration, the class space, the dataset's hash and
-the sha256 of the tensors; its own sha256 comes last. A flipped bit anywhere is refused. Nothing is
-pickled.
+The tensors are the model's state dict under `model.`; a training that was stopped has more
+(`bsg_models.training.epochs`). The header holds the configuration, the class space, the dataset's
+hash and the sha256 of the tensors; its own sha256 comes last. A flipped bit anywhere is refused.
+Nothing is pickled.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from safetensors.numpy import load, save
 from bsg_data.dataset.manifest import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.recipes import Record, name_fault
-from bsg_data.results import read_seal
+from bsg_data.results import SEAL
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.errors import CheckpointError, ConfigError
@@ -36,7 +36,7 @@ from bsg_models.runs.checkpoint_file import (
     read_fields,
     seal_header,
 )
-from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.runs.run_folder import BEST
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.model import BeliefModel, State
@@ -67,6 +67,10 @@ class CheckpointHeader(Record):
     best_loss: float | None = None  # that val_loss; None if there is none
     # of names, types, shapes and bytes of the tensors; None until it is saved
     tensors_sha256: str | None = None
+
+    def is_of(self, config: RunConfig, data: Dataset) -> bool:
+        """Return whether the checkpoint is of this configuration and dataset."""
+        return (self.config, self.dataset_sha256) == (config, data.sha256)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,27 +109,24 @@ def name_tensors(part: str, state: Mapping[str, npt.NDArray[Any]]) -> State:
 def save_checkpoint(path: Path, header: CheckpointHeader, tensors: State) -> None:
     """Write a checkpoint to a temporary file and rename it."""
     plain = {name: np.asarray(tensor, order="C") for name, tensor in tensors.items()}
-    hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": hash_tensors(plain)}
+    hashed = {"checkpoint_version": CHECKPOINT_VERSION, "tensors_sha256": _hash_tensors(plain)}
     text = header.model_copy(update=hashed).model_dump_json()
     write_bytes(path, save(plain, metadata={"bsg": seal_header(text)}))
 
 
-def save_fitted(
+def save_model(
     model: BeliefModel,
     config: RunConfig,
     data: Dataset,
-    run: Path,
-    *,
-    calibrated: bool,
-    members: Mapping[str, RunConfig] | None = None,
+    path: Path,
+    **fields: Any,
 ) -> None:
-    """Save a model that was fitted by counting, or made of members, as the best of its run."""
-    fields = {"calibrated": calibrated, "members": dict(members or {})}
+    """Save a model that was trained on a dataset; `fields` are other fields of the header."""
     header = make_header(config, data, vocabulary=model.vocabulary, **fields)
-    save_checkpoint(run / BEST, header, name_tensors("model", model.state()))
+    save_checkpoint(path, header, name_tensors("model", model.state()))
 
 
-def hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
+def _hash_tensors(tensors: Mapping[str, npt.NDArray[Any]]) -> str:
     """Return the sha256 of tensors, sorted by name: name, type, shape and bytes of each."""
     digest = hashlib.sha256()
     for name, tensor in sorted(tensors.items()):
@@ -154,7 +155,7 @@ def load_checkpoint(path: AnyPath) -> Checkpoint:
             tensors = load(file.read())
         except (SafetensorError, KeyError, ValueError) as error:  # NumPy raises the last two
             raise CheckpointError(f"{path}: not a readable checkpoint ({error})") from error
-    if header.tensors_sha256 != hash_tensors(tensors):
+    if header.tensors_sha256 != _hash_tensors(tensors):
         raise CheckpointError(
             f"{path}: is damaged: the sha256 of its tensors is not the one in its header; {AGAIN}"
         )
@@ -195,15 +196,7 @@ def restore_model(path: AnyPath, checkpoint: Checkpoint) -> BeliefModel:
 
 def is_finished(run: Path, config: RunConfig, data: Dataset) -> bool:
     """Return whether a run is complete and of this configuration and dataset."""
-    if read_seal(run) is None:
-        return False
     try:
-        header = read_header(run / BEST)
-        last = read_header(run / LAST).epoch if (run / LAST).is_file() else None
+        return (run / SEAL).is_file() and read_header(run / BEST).is_of(config, data)
     except CheckpointError:
         return False
-    if header.config != config or header.dataset_sha256 != data.sha256:
-        return False
-    if header.calibrated != getattr(config.model, "calibrate", False):
-        return False
-    return header.epoch == 0 or last == config.training.epochs

@@ -16,8 +16,7 @@ from huggingface_hub import ModelHubMixin
 from bsg_data.files import AnyPath, encode_json, write_bytes
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.found_model import HUB_CARD, HUB_CONFIG, HUB_WEIGHTS, download, find_model
-from bsg_models.runs.model_card import LIBRARY, PAPER, TAGS
-from bsg_models.runs.model_summary import write_model_card
+from bsg_models.runs.model_card import LIBRARY, PAPER, TAGS, write_model_card
 from bsg_models.runs.predictor import Predictor
 
 

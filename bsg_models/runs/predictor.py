@@ -28,11 +28,10 @@ from bsg_data.scene.class_map import (
 )
 from bsg_models.belief.expectation import Expectation, mix_copies
 from bsg_models.errors import CheckpointError
-from bsg_models.inputs.share_levels import spread_shares
+from bsg_models.inputs.hidden_shares import spread_shares, update_shares
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restore_model
 from bsg_models.runs.found_model import DEFAULT_MODEL, find_model, read_shipped_card, weights_folder
 from bsg_models.runs.model_card import read_card
-from bsg_models.runs.share_posterior import update_shares
 from bsg_models.zoo.model import one_thread
 
 

@@ -21,8 +21,6 @@ from typing import Literal, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
@@ -116,6 +114,9 @@ def measure_rooms(
     connections: Connections, *, nodes: int, kind: Literal["layout", "geometry"]
 ) -> RoomGraph:
     """Return the connections of a building with N nodes whose lengths are known."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     edges = np.full((nodes, nodes), np.inf)
     known = np.isin(connections.methods, METHODS[kind]) & ~np.isnan(connections.lengths)
     left, right = connections.pairs[known].T

@@ -33,7 +33,6 @@ from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import SeenBuilding
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import refuse_run
 
 MOST_HELD = 200  # belief graphs kept in memory and put on a page
 
@@ -213,7 +212,6 @@ def _describe_rooms(
 def _refuse_replacing(path: Path, *, force: bool) -> None:
     """Refuse to replace a folder without --force, and to write into a dataset or a run."""
     refuse_datasets(path)
-    refuse_run(path)
     if path.is_dir():
         there = {one.name for one in path.iterdir()}
     else:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -21,34 +21,19 @@ from bsg_data.recipes import PairsRecipe, Record
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate
-from bsg_models.evaluation.details import ClassErrors, ShownCollector, ShownNodes
-from bsg_models.evaluation.measurement import (
-    EVALUATOR_VERSION,
-    Fold,
-    measure_models,
-    predict_all,
-    read_truth,
-)
+from bsg_models.evaluation.details import Details, ShownNodes
+from bsg_models.evaluation.measurement import EVALUATOR_VERSION, Fold, measure_models
 from bsg_models.evaluation.prediction_files import PredictionWriter
+from bsg_models.evaluation.predictions import AlignedPredictions
 from bsg_models.evaluation.truth import Truth
 from bsg_models.runs.checkpoint import (
     Checkpoint,
     CheckpointHeader,
     load_checkpoint,
-    read_header,
     restore_model,
 )
 from bsg_models.runs.found_model import FoundModel, find_model
-from bsg_models.runs.run_folder import LAST
-from bsg_models.studies.stored_pairs import (
-    Expect,
-    Folds,
-    folds_of,
-    hash_measured,
-    read_entry,
-    stream_batches,
-    survey_split,
-)
+from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.zoo.catalogue import BASELINES, UNTRAINED
 from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
@@ -129,22 +114,26 @@ class Comparison:
         return {name: measured.estimates() for name, measured in self.bootstraps.items()}
 
 
-class _Loaded(NamedTuple):
+class _Run(NamedTuple):
     """A run that is compared."""
 
     name: str  # of its column
     found: FoundModel
     checkpoint: Checkpoint
 
+    @property
+    def header(self) -> CheckpointHeader:
+        return self.checkpoint.header
 
-_Opener = Callable[[int | None], BeliefModel | Expect]  # returns what predicts a fold
-_Writer = Callable[[str, int | None], PredictionWriter]  # of a run's predictions for a fold
+
+_Model = BeliefModel | AlignedPredictions
+_Write = Callable[[MeasuredPairs, str, int | None], PredictionWriter]  # of a run's predictions
 
 
 def compare_runs(
     request: EvaluationRequest,
     *,
-    write: _Writer | None = None,
+    write: _Write | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Comparison:
     """Measure runs, predictions of other programs and baselines on the stored pairs of a split.
@@ -159,7 +148,7 @@ def compare_runs(
 
     Args:
         request: what to compare, on which buildings; no file that it names is written.
-        write: called with a run's name and a fold; returns a writer of its predictions.
+        write: called with the pairs, a run's name and a fold; returns a writer of its predictions.
         progress: called with (masked buildings done, in all), over all models.
 
     Raises:
@@ -168,126 +157,97 @@ def compare_runs(
         DatasetError: if the split has no pairs.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    data, split = Dataset.open(request.dataset), request.split
-    loaded = _load_runs(request.runs, data)
-    fold = _one_fold(loaded) if loaded else None
-    folds: Folds = (fold,) if loaded else folds_of(data)
-    fresh = None if data.splits else request.fresh
-    if fresh is not None and request.predictions:
-        message = f"{data.path}: predictions are for stored pairs; run `bsg-data split` and `pairs`"
-        raise DatasetError(message, code="pairs-missing", where=data.path)
-    surveys = {one: survey_split(data, split, fold=one, fresh=fresh) for one in folds}
-    openers: dict[str, _Opener] = {run.name: partial(_restore, run) for run in loaded}
-    entries = {}
-    for path in request.predictions:
-        stem, expect, facts = read_entry(path, data, split=split, folds=folds)
-        name = _first_free(stem, {*openers, *BASELINES})
-        entries[name], openers[name] = facts, partial(_any_fold, expect)
-    chosen = tuple(openers)
-    trains = fold is not None or len(folds) > 1 or "train" in data.splits
-    baselines = BASELINES if trains else UNTRAINED
-    openers |= {name: partial(_fit_baseline, name, data) for name in baselines}
-    measuring = _Measuring(request, data, surveys, len(openers), progress, fresh)
-    models = {
-        name: measuring.folds_of(name, opener, write if name in chosen[: len(loaded)] else None)
-        for name, opener in openers.items()
+    data = Dataset.open(request.dataset)
+    runs = _load_runs(request.runs, data)
+    pairs = _choose_pairs(request, data, runs)
+    entries = _read_entries(request.predictions, pairs, taken=[run.name for run in runs])
+    models: dict[str, _Model] = {
+        run.name: restore_model(run.found.path, run.checkpoint) for run in runs
     }
-    many = len(measuring.buildings) > 1  # one building has no interval
-    resamples = request.resamples if many else 0
-    bootstraps = measure_models(models, resamples=resamples)
+    models |= {name: predictions for name, (predictions, _) in entries.items()}
+    details = _prepare_details(pairs, models)
+    bootstraps = _measure(request, pairs, models, details, runs, write, progress)
     classes = data.manifest.class_space.classes
-    tables = [one.tabulate(name, classes) for name, one in measuring.classes.items()]
+    tables = [one.tabulate(name, classes) for name, one in details.items()]
     return Comparison(
-        runs=chosen,
+        runs=tuple(models),
         bootstraps=bootstraps,
-        shown={name: measuring.shown[name].finish() for name in chosen},
-        buildings=measuring.buildings,
+        shown={name: details[name].shown() for name in models},
+        buildings=pairs.buildings,
         classes=pd.concat(tables, ignore_index=True),
         class_names=classes,
         facts={
-            "split": split if fresh is None else WHOLE,
-            **_facts(measuring, fold=fold),
-            "masks_sha256": hash_measured(data, split, folds) if fresh is None else None,
-            "runs": {run.name: _describe(run) for run in loaded},
-            "checkpoints_sha256": [hash_file(run.found.path) for run in loaded],
-            "predictions": entries,
+            **_describe_pairs(pairs, fold=pairs.folds[0] if runs else None),
+            "resamples": request.resamples,
+            "masks_sha256": pairs.masks_sha256 if pairs.fresh is None else None,
+            "runs": {run.name: _describe_run(run) for run in runs},
+            "checkpoints_sha256": [hash_file(run.found.path) for run in runs],
+            "predictions": {name: facts for name, (_, facts) in entries.items()},
         },
-        notes=tuple(_notes(loaded, measuring)),
+        notes=tuple(_list_notes(request, runs, pairs)),
     )
 
 
-@dataclass(eq=False)
-class _Measuring:
-    """The stored pairs that all models are measured on, and what is seen of them on the way."""
+def _measure(
+    request: EvaluationRequest,
+    pairs: MeasuredPairs,
+    models: Mapping[str, _Model],
+    details: Mapping[str, Details],
+    runs: Sequence[_Run],
+    write: _Write | None,
+    progress: Callable[[int, int], None] | None,
+) -> dict[str, Bootstrap]:
+    """Measure models and baselines; keep the details, and write what runs predict."""
+    done, written = 0, {run.name for run in runs} if write else set()
 
-    request: EvaluationRequest
-    data: Dataset
-    surveys: Mapping[int | None, pd.DataFrame]  # fold → its masked buildings
-    models: int
-    progress: Callable[[int, int], None] | None
-    fresh: PairsRecipe | None  # masks of a dataset without a split
-    done: int = 0  # masked buildings
-    classes: dict[str, ClassErrors] = field(default_factory=dict)  # by model
-    shown: dict[str, ShownCollector] = field(default_factory=dict)
-
-    @cached_property
-    def survey(self) -> pd.DataFrame:
-        """The masked buildings of all folds."""
-        return pd.concat(self.surveys.values())
-
-    @cached_property
-    def buildings(self) -> tuple[str, ...]:
-        """The buildings, the smallest first."""
-        sizes = self.survey.groupby("scene_id", sort=False).objects.last()
-        return tuple(sizes.sort_values(kind="stable").index)
-
-    @property
-    def stride(self) -> int:
-        """Number k such that every k-th masked building is shown."""
-        return max(1, -(-int((self.survey.rooms + 1).sum()) // _MOST_SHOWN))
-
-    def folds_of(self, name: str, opener: _Opener, write: _Writer | None) -> list[Fold]:
-        """Return what a model is measured on; it is predicted batch by batch."""
-        self.classes[name] = ClassErrors()
-        self.shown[name] = ShownCollector(self.stride, self.buildings[len(self.buildings) // 2])
-        return [
-            Fold(tuple(survey.scene_id.unique()), self._predict(name, opener, fold, write))
-            for fold, survey in self.surveys.items()
-        ]
-
-    def _predict(
-        self, name: str, opener: _Opener, fold: int | None, write: _Writer | None
-    ) -> Iterator[tuple[Truth, Expectation]]:
-        opened = opener(fold)
-        vocabulary = opened.vocabulary if isinstance(opened, BeliefModel) else ()
-        expect = partial(predict_all, opened) if isinstance(opened, BeliefModel) else opened
-        writer = write(name, fold) if write else None
-        for masked in stream_batches(
-            self.data, self.request.split, fold=fold, vocabulary=vocabulary, fresh=self.fresh
-        ):
-            truth, found = read_truth(masked), expect(masked)
-            yield truth, found
-            self.classes[name].add(truth, found)
-            if name not in BASELINES:
-                self.shown[name].add(truth, found)
+    def predict(name: str, fold: int | None) -> Iterator[tuple[Truth, Expectation]]:
+        nonlocal done
+        model = models[name] if name in models else _fit_baseline(name, pairs.data, fold)
+        writer = write(pairs, name, fold) if write and name in written else None
+        for truth, expectation in pairs.predict(model, fold):
+            yield truth, expectation
+            details[name].add(truth, expectation)
             if writer is not None:
-                writer.add(found, masked)
-            self.done += len(masked)
-            if self.progress is not None:
-                self.progress(self.done, self.models * len(self.survey))
+                writer.add(truth, expectation)
+            done += int(truth.is_building.sum())
+            if progress is not None:
+                progress(done, len(details) * len(pairs.survey))
+
+    return measure_models(
+        {
+            name: [
+                Fold(tuple(rows.scene_id.unique()), predict(name, fold))
+                for fold, rows in pairs.surveys.items()
+            ]
+            for name in details
+        },
+        resamples=request.resamples if len(pairs.buildings) > 1 else 0,  # one has no interval
+    )
 
 
-def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Loaded]:
+def _prepare_details(pairs: MeasuredPairs, models: Mapping[str, _Model]) -> dict[str, Details]:
+    """Return name → what is kept of models, and of the baselines that are measured beside them."""
+    example = pairs.buildings[len(pairs.buildings) // 2]
+    details = {name: Details(_stride(pairs), example) for name in models}
+    return details | {name: Details() for name in (BASELINES if pairs.trains else UNTRAINED)}
+
+
+def _stride(pairs: MeasuredPairs) -> int:
+    """Return the number k such that every k-th masked building is shown."""
+    return max(1, -(-int((pairs.survey.rooms + 1).sum()) // _MOST_SHOWN))
+
+
+def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Run]:
     found = [find_model(run) for run in runs]
     checkpoints = [load_checkpoint(one.path) for one in found]
-    names = name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
     for one, checkpoint in zip(found, checkpoints, strict=True):
         space = checkpoint.header.class_space
         require_class_space(data.manifest, space, what=f"checkpoint {one.path}")
-    return [_Loaded(*one) for one in zip(names, found, checkpoints, strict=True)]
+    names = _name_runs([(one, c.header) for one, c in zip(found, checkpoints, strict=True)])
+    return [_Run(*one) for one in zip(names, found, checkpoints, strict=True)]
 
 
-def name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
+def _name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
     """Return a name for each run: its model's, such as `ceci-gcn`.
 
     Runs of one model, and a run whose model is also a baseline, get their folder as well:
@@ -313,12 +273,33 @@ def _first_free(name: str, taken: Collection[str]) -> str:
     return free
 
 
-def _restore(run: _Loaded, fold: int | None) -> BeliefModel:
-    return restore_model(run.found.path, run.checkpoint)
+def _choose_pairs(request: EvaluationRequest, data: Dataset, runs: Sequence[_Run]) -> MeasuredPairs:
+    """Return what is measured on: the fold of the runs, or without runs all folds."""
+    fresh = None if data.splits else request.fresh
+    if fresh is not None and request.predictions:
+        message = f"{data.path}: predictions are for stored pairs; run `bsg-data split` and `pairs`"
+        raise DatasetError(message, code="pairs-missing", where=data.path)
+    folds: tuple[int | None, ...]
+    if runs:
+        folds = tuple({run.header.config.data.fold for run in runs})
+    else:
+        folds = tuple(range(sum(name.startswith("fold-") for name in data.splits))) or (None,)
+    if runs and len(folds) > 1:
+        listed = ", ".join(f"{run.found.name}: {run.header.config.data.fold}" for run in runs)
+        raise CheckpointError(f"the runs test on different folds ({listed}); name runs of one fold")
+    return MeasuredPairs(data, request.split, folds, fresh)
 
 
-def _any_fold(expect: Expect, fold: int | None) -> Expect:
-    return expect
+def _read_entries(
+    paths: Sequence[Path], pairs: MeasuredPairs, *, taken: Sequence[str]
+) -> dict[str, tuple[AlignedPredictions, dict[str, Any]]]:
+    """Return name → what a file of predictions expects, and where it comes from."""
+    entries: dict[str, tuple[AlignedPredictions, dict[str, Any]]] = {}
+    for path in paths:
+        stem, predictions, facts = pairs.read_entry(path)
+        name = _first_free(stem, {*taken, *entries, *BASELINES})
+        entries[name] = predictions, facts
+    return entries
 
 
 def _fit_baseline(name: str, data: Dataset, fold: int | None) -> BeliefModel:
@@ -327,8 +308,8 @@ def _fit_baseline(name: str, data: Dataset, fold: int | None) -> BeliefModel:
     return model
 
 
-def _describe(run: _Loaded) -> dict[str, Any]:
-    header = run.checkpoint.header
+def _describe_run(run: _Run) -> dict[str, Any]:
+    header = run.header
     return {
         "folder": run.found.name,
         "epoch": header.epoch,
@@ -337,62 +318,44 @@ def _describe(run: _Loaded) -> dict[str, Any]:
     }
 
 
-def _one_fold(loaded: Sequence[_Loaded]) -> int | None:
-    folds = {run.checkpoint.header.config.data.fold for run in loaded}
-    if len(folds) > 1:
-        listed = ", ".join(
-            f"{run.found.name}: {run.checkpoint.header.config.data.fold}" for run in loaded
-        )
-        raise CheckpointError(f"the runs test on different folds ({listed}); name runs of one fold")
-    return folds.pop()
-
-
-def _facts(measuring: _Measuring, *, fold: int | None) -> dict[str, Any]:
-    data, survey, request = measuring.data, measuring.survey, measuring.request
-    pairs = measuring.fresh or data.manifest.pairs
-    if pairs is None:
-        raise DatasetError(f"{data.path}: has no pairs; run `bsg-data pairs` first")
+def _describe_pairs(pairs: MeasuredPairs, *, fold: int | None) -> dict[str, Any]:
+    survey = pairs.survey
     return {
+        "split": pairs.split if pairs.fresh is None else WHOLE,
         "evaluator_version": EVALUATOR_VERSION,
         "fold": fold,
-        "dataset_sha256": data.sha256,
-        "class_space": data.manifest.class_space.name,
-        "mask": pairs.mask.model_dump(mode="json"),
+        "dataset_sha256": pairs.data.sha256,
+        "class_space": pairs.data.manifest.class_space.name,
+        "mask": pairs.recipe.mask.model_dump(mode="json"),
         "buildings": survey.scene_id.nunique(),
-        "draws": pairs.draws,
+        "draws": pairs.recipe.draws,
         "nodes": {"rooms": int(survey.rooms.sum()), "building": len(survey)},
         **{name: int(survey[name].sum()) for name in ("empty_inputs", "empty_targets")},
-        "resamples": request.resamples,
     }
 
 
-def _notes(loaded: Sequence[_Loaded], measuring: _Measuring) -> Iterator[str]:
-    split, whole = measuring.request.split, measuring.fresh is not None
-    for run in loaded:
-        header = run.checkpoint.header
-        if header.dataset_sha256 != measuring.data.sha256:
-            where = "these buildings" if whole else f"buildings of this {split} split"
+def _list_notes(
+    request: EvaluationRequest, runs: Sequence[_Run], pairs: MeasuredPairs
+) -> Iterator[str]:
+    buildings, stride = len(pairs.buildings), _stride(pairs)
+    whole = pairs.fresh is not None
+    where = "these buildings" if whole else f"buildings of this {pairs.split} split"
+    for run in runs:
+        if run.header.dataset_sha256 != pairs.data.sha256:
             yield (
                 f"note: {run.name} was trained on another dataset or another version of this one; "
                 f"{where} may have been in its training set"
             )
-        epochs = header.config.training.epochs
-        unfinished = run.found.path.with_name(LAST)
-        last = read_header(unfinished).epoch if unfinished.is_file() else epochs
-        if header.calibrated != getattr(header.config.model, "calibrate", False):
-            yield f"note: {run.name} stopped before its calibration; --resume finishes it"
-        if last < epochs:
-            yield f"note: {run.name} stopped at epoch {last} of {epochs}; --resume goes on"
-    if (buildings := len(measuring.buildings)) < LEAST_BUILDINGS:
+    if buildings < LEAST_BUILDINGS:
         yield (
             f"note: measured on {buildings} building{'' if buildings == 1 else 's'}: intervals (±) "
             f"and verdicts need at least {LEAST_BUILDINGS} of them"
         )
-    if measuring.stride > 1:
-        yield f"note: the figures show one in {measuring.stride} masked buildings"
+    if stride > 1:
+        yield f"note: the figures show one in {stride} masked buildings"
     if whole:
         yield "note: the dataset has no split: all of its buildings are measured, under new masks"
-    elif measuring.request.fresh != PairsRecipe():
+    elif request.fresh != PairsRecipe():
         yield "note: the dataset has pairs: their masks are measured, not those asked for"
-    if split == "train" and not whole:
+    if pairs.split == "train" and not whole:
         yield "note: the models were trained on these buildings"

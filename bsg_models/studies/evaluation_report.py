@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
 from bsg_data.observation.masked_graph import list_withheld, mask_dataset
@@ -30,9 +29,8 @@ from bsg_models.rendering.explorer import ShownBelief, explorer_page
 from bsg_models.rendering.figures import plot_evaluation
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, compare_runs
-from bsg_models.studies.stored_pairs import open_entry
+from bsg_models.studies.stored_pairs import MeasuredPairs
 
 REPORT, CLASSES = "evaluation.json", "classes.csv"
 
@@ -63,19 +61,18 @@ def report_evaluation(
         MismatchError: if a run predicts the classes of another class map.
         PredictionError: if predictions cannot be read, or do not fit the pairs.
     """
-    into, folder = request.write_predictions, request.folder
+    folder, force = request.folder, request.force
     pages = [] if request.html is None else [request.html]
-    force = request.force
-    if into is not None:
-        refuse_datasets(into)
-    refuse_run(folder)
+    if request.write_predictions is not None:
+        refuse_datasets(request.write_predictions)
     with (
         write_files(pages, force=force) as beside,
         write_results(folder, report=REPORT, force=force) as staged,
     ):
-        with ExitStack() as open_files:
-            begin = _Entries(request, staged, open_files) if into else None
-            comparison = compare_runs(request, write=begin, progress=progress)
+        with ExitStack() as opened:
+            begin = partial(_begin_entry, request, staged, opened)
+            writes = begin if request.write_predictions else None
+            comparison = compare_runs(request, write=writes, progress=progress)
         summary = encode_comparison(comparison)
         notes: list[str] = []
         figures = {
@@ -100,24 +97,22 @@ def report_evaluation(
     )
 
 
-@dataclass(frozen=True)
-class _Entries:
-    """Opens the writers of the runs' predictions."""
-
-    request: EvaluationRequest
-    staged: Path  # of the results
-    open_files: ExitStack
-
-    def __call__(self, name: str, fold: int | None) -> PredictionWriter:
-        """Open the writer of a run's predictions for a fold."""
-        request, into = self.request, Path(self.request.write_predictions or "")
-        is_part = resolve_links(into) == resolve_links(request.folder)  # of the results
-        data, folder = Dataset.open(request.dataset), self.staged if is_part else into
-        writer = open_entry(folder, name, data, split=request.split, fold=fold)
-        if not is_part:
-            files = self.open_files.enter_context(write_files([writer.path], force=request.force))
-            writer.path = files[writer.path]
-        return self.open_files.enter_context(writer)
+def _begin_entry(
+    request: EvaluationRequest,
+    staged: Path,
+    opened: ExitStack,
+    pairs: MeasuredPairs,
+    name: str,
+    fold: int | None,
+) -> PredictionWriter:
+    """Open the writer of a run's predictions, which may be part of the results."""
+    into = Path(request.write_predictions or "")
+    is_part = resolve_links(into) == resolve_links(request.folder)
+    writer = pairs.open_entry(staged if is_part else into, name, fold)
+    if not is_part:
+        files = opened.enter_context(write_files([writer.path], force=request.force))
+        writer.path = files[writer.path]
+    return opened.enter_context(writer)
 
 
 def _write_page(

@@ -3,11 +3,12 @@
     OUT/MASK/dataset          a copy of the dataset, in folds, with pairs
     OUT/MASK/fold-K/MODEL     a run trained on that kind of mask, without fold K
     OUT/MASK/seed-S/fold-K/MODEL    the same by a further seed, S above that of the leaderboard
-    OUT/leaderboard.json      written last, with leaderboard.html, leaderboard.md and MASK.png
+    OUT/leaderboard.json      written last, with leaderboard.html and MASK.png
 
 Each model is trained on every kind of mask of the leaderboard and measured on the same kind. A
 configuration that names its own mask, such as `mixed`, is trained once, on that mask, and measured
-on every kind. All models meet the same masks of the same buildings, and the same resamples.
+on every kind. All models meet the same masks of the same buildings, and the same resamples. An
+ensemble trains its own members.
 
 With several seeds, every model whose training depends on one is trained by each: its start, its
 order and its own masks differ. Folds and masks of the tests stay.
@@ -18,7 +19,6 @@ A stopped leaderboard continues: finished runs of the same configuration and dat
 from __future__ import annotations
 
 import shutil
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -41,19 +41,16 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
 from bsg_data.results import name_staged, refuse_datasets, write_folder
 from bsg_models.belief.expectation import Expectation
-from bsg_models.errors import ConfigError, TrainingError
 from bsg_models.evaluation.bootstrap import Bootstrap, average_seeds
-from bsg_models.evaluation.measurement import Fold, measure, predict_all, read_truth
+from bsg_models.evaluation.measurement import Fold, measure
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import is_finished, load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST
-from bsg_models.runs.run_log import Ended, read_log
-from bsg_models.studies.stored_pairs import stream_batches
-from bsg_models.training.training import combine_runs, member_config, train_run
+from bsg_models.runs.run_folder import BEST, read_record
+from bsg_models.studies.stored_pairs import MeasuredPairs
+from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig
-from bsg_models.zoo.ensemble import EnsembleConfig, is_by_seed
-from bsg_models.zoo.model import one_thread
+from bsg_models.zoo.ensemble import is_by_seed
 
 DATASET = "dataset"
 
@@ -75,6 +72,10 @@ class LeaderboardRecipe(Record):
     def _masks_exist(cls, masks: tuple[str, ...]) -> tuple[str, ...]:
         MASKS.require(masks)
         return masks
+
+    def count_seeds(self, config: RunConfig) -> int:
+        """Return how many seeds train a model: one if no seed changes it."""
+        return self.seeds if is_by_seed(config) else 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,28 +134,30 @@ def make_leaderboard(
         )
     out.mkdir(parents=True, exist_ok=True)
     out = out.absolute()  # a worker may run in another folder
-    runs = plan_runs(models, recipe)
-    for place in runs:
-        for seed in range(recipe.seeds):
-            for fold in range(recipe.folds):
-                refuse_links(out, run_of(out / place.mask, place.name, fold, seed=seed))
+    places = dict.fromkeys(
+        (config.data.own_strategy or mask, name)
+        for mask in recipe.masks
+        for name, config in models.items()
+    )
+    trainings = [
+        _Training(out / mask, name, models[name], recipe, fold, seed)
+        for seed in range(recipe.seeds)
+        for fold in range(recipe.folds)
+        for mask, name in places
+        if seed < recipe.count_seeds(models[name])
+    ]
+    for training in trainings:
+        refuse_links(out, training.run)
+    shown = [
+        (out, mask, name, config, recipe)
+        for mask in recipe.masks
+        for name, config in models.items()
+    ]
     with hold(out):
-        for mask in dict.fromkeys((*recipe.masks, *(place.mask for place in runs))):
+        for mask in dict.fromkeys((*recipe.masks, *(mask for mask, _ in places))):
             prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
-        for what, is_ensemble in (("train", False), ("combine", True)):
-            tasks = [
-                (out / place.mask, place.name, fold, seed, run, recipe)
-                for seed in range(recipe.seeds)
-                for fold in range(recipe.folds)
-                for place, run in runs.items()
-                if bool(run.members) == is_ensemble and seed < run.seeds
-            ]
-            run_all(_make_run, tasks, executor=executor, progress=partial(report, what))
-        shown = [
-            (out, mask, name, runs[_place_of(config, name, mask)], recipe)
-            for mask in recipe.masks
-            for name, config in models.items()
-        ]
+        tasks = [(one,) for one in trainings]
+        run_all(_train, tasks, executor=executor, progress=partial(report, "train"))
         measured = run_all(_measure, shown, executor=executor, progress=partial(report, "measure"))
     results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
     for (_, mask, name, *_), result in zip(shown, measured, strict=True):
@@ -162,68 +165,20 @@ def make_leaderboard(
     return Leaderboard(recipe, read_manifest(dataset), results)
 
 
-class Place(NamedTuple):
-    """Where the runs of a model are, one per seed and fold."""
+class _Training(NamedTuple):
+    """One training of a leaderboard."""
 
-    mask: str  # kind of mask that it is trained on
+    folder: Path  # of the kind of mask
     name: str  # of the model
-
-
-class PlannedRun(NamedTuple):
-    """A run of a leaderboard, the same for every seed and fold."""
-
     config: RunConfig
-    members: Mapping[str, str]  # of an ensemble: member → name of its run, of the same mask
-    seeds: int = 1  # number that train it
+    recipe: LeaderboardRecipe
+    fold: int
+    seed: int  # number, from 0
 
-
-def plan_runs(
-    models: Mapping[str, RunConfig], recipe: LeaderboardRecipe
-) -> dict[Place, PlannedRun]:
-    """Return the runs that the models of a leaderboard need; models share equal runs.
-
-    An ensemble reuses a run of the leaderboard if its configuration is the one it needs. Otherwise
-    the member is trained once more, as `ENSEMBLE+MEMBER`. Members are trained by every seed.
-    """
-    runs = {
-        _place_of(config, name, mask): PlannedRun(
-            config, {}, recipe.seeds if is_by_seed(config) else 1
-        )
-        for mask in recipe.masks
-        for name, config in models.items()
-    }
-    for place, (config, *_) in list(runs.items()):
-        if isinstance(config.model, EnsembleConfig):
-            members = {
-                member: _plan_member(runs, place, member, member_config(config, member), recipe)
-                for member in config.model.members
-            }
-            runs[place] = PlannedRun(config, members, recipe.seeds)
-    return runs
-
-
-def _plan_member(
-    runs: dict[Place, PlannedRun],
-    ensemble: Place,
-    member: str,
-    needed: RunConfig,
-    recipe: LeaderboardRecipe,
-) -> str:
-    """Plan the run of an ensemble's member unless it is planned; return its name."""
-    mask, name = ensemble.mask, member
-    for name in (member, f"{ensemble.name}+{member}"):
-        planned = runs.setdefault(Place(mask, name), PlannedRun(needed, {}))
-        if fit_to(planned.config, recipe, mask=mask) == fit_to(needed, recipe, mask=mask):
-            runs[Place(mask, name)] = planned._replace(seeds=recipe.seeds)
-            return name
-    raise ConfigError(
-        f"{name!r} is the name of a run that {ensemble.name} needs; rename this model"
-    )
-
-
-def _place_of(config: RunConfig, name: str, mask: str) -> Place:
-    """Return where a model is trained that is measured on a kind of mask."""
-    return Place(config.data.own_strategy or mask, name)
+    @property
+    def run(self) -> Path:
+        """Folder of the run."""
+        return run_of(self.folder, self.name, self.fold, seed=self.seed)
 
 
 def fit_to(
@@ -295,55 +250,33 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
         commit.publish(folder, bare)
 
 
-def _make_run(
-    folder: Path, name: str, fold: int, seed: int, planned: PlannedRun, recipe: LeaderboardRecipe
-) -> None:
-    """Train a model for one fold and seed, or combine an ensemble's runs, unless that is done."""
-    config = fit_to(planned.config, recipe, mask=folder.name, fold=fold, seed=seed)
-    data, find_run = Dataset.open(folder / DATASET), partial(run_of, folder, fold=fold, seed=seed)
-    run = find_run(name)
-    if not planned.members:
-        if not is_finished(run, config, data):
-            deque(train_run(config, data.path, run, force=True), maxlen=0)
-        return
-    members = {member: find_run(one) for member, one in planned.members.items()}
-    for member, trained in members.items():
-        if not is_finished(trained, member_config(config, member), data):
-            raise TrainingError(f"{trained}: is not the run that {name} needs; remove it")
-    combine_runs(config, data, members, run)
+def _train(one: _Training) -> None:
+    """Train a model for one fold and seed, unless that is done."""
+    config = fit_to(one.config, one.recipe, mask=one.folder.name, fold=one.fold, seed=one.seed)
+    data = Dataset.open(one.folder / DATASET)
+    if not is_finished(one.run, config, data):
+        train_run(config, data.path, one.run, force=True)
 
 
 def _measure(
-    out: Path, mask: str, name: str, planned: PlannedRun, recipe: LeaderboardRecipe
+    out: Path, mask: str, name: str, config: RunConfig, recipe: LeaderboardRecipe
 ) -> ModelResult:
-    """Measure one model over all folds and seeds, on one kind of mask.
-
-    Its time includes its members'.
-    """
-    own = planned.config.data.own_strategy
-    data, folder = Dataset.open(out / mask / DATASET), out / (own or mask)
-    scenes = [scenes_of(data, "test", fold=fold) for fold in range(recipe.folds)]
+    """Measure one model over all folds and seeds, on one kind of mask."""
+    own, seeds = config.data.own_strategy, recipe.count_seeds(config)
+    pairs = MeasuredPairs(Dataset.open(out / mask / DATASET), "test", tuple(range(recipe.folds)))
     found, seconds = [], 0.0
-    for seed in range(planned.seeds):
-        find_run = partial(run_of, folder, seed=seed)
+    for seed in range(seeds):
+        runs = [run_of(out / (own or mask), name, fold, seed=seed) for fold in range(recipe.folds)]
         folds = [
-            Fold(some, _predict(find_run(name, fold), data, fold))
-            for fold, some in enumerate(scenes)
+            Fold(scenes_of(pairs.data, "test", fold=fold), _predict(run, pairs, fold))
+            for fold, run in enumerate(runs)
         ]
-        with one_thread():
-            found.append(measure(folds, resamples=recipe.resamples, seed=recipe.seed))
-        seconds += sum(
-            entry.seconds
-            for fold in range(recipe.folds)
-            for one in (name, *planned.members.values())
-            for entry in read_log(find_run(one, fold))
-            if isinstance(entry, Ended)
-        )
-    mean = seconds / (planned.seeds * recipe.folds)
-    return ModelResult(average_seeds(found, seed=recipe.seed), mean, own, planned.seeds)
+        found.append(measure(folds, resamples=recipe.resamples, seed=recipe.seed))
+        seconds += sum(record.seconds for record in map(read_record, runs) if record)
+    mean = seconds / (seeds * recipe.folds)
+    return ModelResult(average_seeds(found, seed=recipe.seed), mean, own, seeds)
 
 
-def _predict(run: Path, data: Dataset, fold: int) -> Iterator[tuple[Truth, Expectation]]:
+def _predict(run: Path, pairs: MeasuredPairs, fold: int) -> Iterator[tuple[Truth, Expectation]]:
     model = restore_model(run / BEST, load_checkpoint(run / BEST))
-    for masked in stream_batches(data, "test", fold=fold, vocabulary=model.vocabulary):
-        yield read_truth(masked), predict_all(model, masked)
+    yield from pairs.predict(model, fold)

@@ -1,15 +1,14 @@
-"""Write the files of a leaderboard: a page and Markdown for people, JSON for programs.
+"""Write the files of a leaderboard: a page for people, JSON for programs.
 
 OUT/leaderboard.json    every metric
 OUT/leaderboard.html    the tables and the figures as one page
-OUT/leaderboard.md      the tables
 OUT/MASK.png            a figure for each kind of mask
 OUT/SHA256SUMS          the seal of all files, written last: its presence means finished
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,30 +17,21 @@ import numpy as np
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json, noting_failures, write_bytes
 from bsg_data.results import refuse_other_results, write_results
-from bsg_data.tables import escape_markdown, format_markdown, mark_code
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.evaluation.catalogue import (
-    find_value,
-    head_value,
-    label_value,
-    list_added_values,
-)
+from bsg_models.evaluation.catalogue import head_value, list_added_values
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION
-from bsg_models.evaluation.metrics import MOMENTS
-from bsg_models.evaluation.verdict import HEADLINES, judge
+from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.rendering.pages import Table, write_report
-from bsg_models.runs.run_folder import refuse_run
 from bsg_models.studies.leaderboard import Leaderboard, ModelResult
 
-REPORT, _TABLE, _PAGE = "leaderboard.json", "leaderboard.md", "leaderboard.html"
+REPORT, _PAGE = "leaderboard.json", "leaderboard.html"
 _REFERENCE = "gamma-poisson"  # the model whose likelihood counts as 1
 _UNKNOWN = "–"
 _CONSTANT = "train-mean"  # the model that predicts the same for every unvisited room
 _HIDDEN, _UNVISITED, _WHOLE = HEADLINES.values()
 _RANKED_BY = "rooms/hidden_nll"
 _Results = Mapping[str, ModelResult]  # of one kind of mask
-_Table = Mapping[str, Sequence[str]]  # header → the cells of a column
 
 
 class LeaderboardReport(NamedTuple):
@@ -49,8 +39,7 @@ class LeaderboardReport(NamedTuple):
 
     summary: dict[str, Any]  # the leaderboard as JSON
     report: Path  # file of the summary
-    table: Path  # the Markdown document
-    page: Path  # the same with the figures, as one HTML page
+    page: Path  # all tables and figures
     figures: tuple[Path, ...]  # one per kind of mask
     notes: tuple[str, ...]  # about figures that cannot be drawn
 
@@ -63,7 +52,6 @@ def refuse_finished(out: AnyPath, *, force: bool) -> None:
     """
     out = Path(out)
     refuse_other_results(out, REPORT)
-    refuse_run(out)
     if (out / REPORT).exists() and not force:
         raise DatasetError(
             f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"
@@ -82,12 +70,10 @@ def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
                 _plot(results, staged / f"{mask}.png", mask, seeds=board.recipe.seeds)
                 figures[f"{mask} masks"] = staged / f"{mask}.png"
         _write_page(board, staged / _PAGE, figures)
-        write_bytes(staged / _TABLE, write_markdown(board).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
     return LeaderboardReport(
         summary,
         report=out / REPORT,
-        table=out / _TABLE,
         page=out / _PAGE,
         figures=tuple(out / path.name for path in figures.values()),
         notes=tuple(notes),
@@ -166,43 +152,11 @@ def say_means(seeds: int) -> tuple[str, str]:
     return f"the folds and {seeds} seeds", "buildings and seeds"
 
 
-def write_markdown(board: Leaderboard) -> str:
-    """Return a leaderboard as a Markdown document."""
-    lines = [
-        "# Leaderboard",
-        "",
-        f"{escape_markdown(_say_what(board))} Bold marks the best of a column, and each model that "
-        "the paired interval cannot distinguish from it.",
-        "",
-    ]
-    once = "" if board.recipe.seeds > 1 else "once, "
-    if board.recipe.seeds > 1:
-        lines += [_say_seeds(board, mark_code), ""]
-    for name, mask in _list_trained_once(board).items():
-        lines += [
-            f"{mark_code(name)} was trained {once}on {mark_code(mask)} masks, and is the same "
-            "model in every table.",
-            "",
-        ]
-    for mask, results in board.results.items():
-        lines += [f"## Masks: {escape_markdown(mask)}", "", *_tables_of(results)]
-    for mask, results in board.results.items():
-        lines += [f"## Every metric, masks {escape_markdown(mask)}", ""]
-        estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
-        metrics = next(iter(estimates.values()))
-        every = {escape_markdown(n): list(map(_cell, e.values())) for n, e in estimates.items()}
-        lines += _lines({"metric": [f"`{metric}`" for metric in metrics], **every})
-    return "\n".join(lines)
-
-
-def _say_seeds(board: Leaderboard, mark: Callable[[str], str] = str) -> str:
+def _say_seeds(board: Leaderboard) -> str:
     """Return by which seeds the models were trained, and what their number does not show."""
     seed, seeds = board.recipe.seed, board.recipe.seeds
-    once = [
-        mark(name)
-        for name, result in next(iter(board.results.values())).items()
-        if result.seeds == 1
-    ]
+    results = next(iter(board.results.values()))
+    once = [name for name, result in results.items() if result.seeds == 1]
     but = f"; {', '.join(once)} once, because no seed changes them" if once else ""
     return (
         f"Each model was trained by {seeds} seeds, {seed} to {seed + seeds - 1}{but}. All are "
@@ -225,24 +179,21 @@ def _say_what(board: Leaderboard) -> str:
     )
 
 
-def _list_trained_once(board: Leaderboard) -> dict[str, str]:
-    """Return model → the kind of mask that it was trained on, if it is one model in all tables."""
-    return {
-        name: result.trained_on
-        for results in board.results.values()
-        for name, result in results.items()
-        if result.trained_on
-    }
-
-
 def _write_page(board: Leaderboard, path: Path, figures: Mapping[str, Path]) -> None:
     """Write a leaderboard as one page: a table for each mask and topic, and every metric."""
-    once = ", ".join(f"{name} ({mask} masks)" for name, mask in _list_trained_once(board).items())
-    facts = [_say_what(board), *([_say_seeds(board)] if board.recipe.seeds > 1 else [])]
+    facts = [_say_what(board)]
+    if board.recipe.seeds > 1:
+        facts.append(_say_seeds(board))
+    every = [one for results in board.results.values() for one in results.items()]
+    own = {
+        f"{name} ({result.trained_on} masks)": None for name, result in every if result.trained_on
+    }
+    if own:
+        facts.append(f"One model in every table: {', '.join(own)}.")
     write_report(
         path,
         title="Leaderboard",
-        facts=[*facts, *([f"One model in every table: {once}."] if once else [])],
+        facts=facts,
         tables=[
             table
             for tabulate in (_tabulate_topics, _tabulate_all)
@@ -279,7 +230,7 @@ def _cells(results: _Results, name: str) -> list[str]:
     return [_cell(results[model].metrics.estimate(name)) for model in rank_models(results)]
 
 
-def _compare_columns(results: _Results) -> _Table:
+def _compare_columns(results: _Results) -> dict[str, list[str]]:
     """Return the columns behind the first headlines."""
     ranked = rank_models(results)
     compared = [compare(results, name)["nll_over_gamma_poisson"] for name in ranked]
@@ -287,69 +238,6 @@ def _compare_columns(results: _Results) -> _Table:
         "NLL / gamma-poisson": list(map(_cell, compared)),
         "training, s": [f"{results[name].seconds:.1f}" for name in ranked],
     }
-
-
-def _tables_of(results: _Results) -> Iterator[str]:
-    """Yield the tables of one kind of mask: three of headlines, and the paper's Table I."""
-    ranked = rank_models(results)
-    compared = {name: compare(results, name) for name in ranked}
-    yield from _headline_table(results, _HIDDEN, _compare_columns(results))
-    some_unvisited = not np.isnan(results[ranked[0]].metrics.point[_UNVISITED[0]])
-    if some_unvisited:
-        beyond = [_cell(one["unvisited_ap_minus_train_mean"]) for one in compared.values()]
-        yield from _headline_table(results, _UNVISITED, {"AP micro − train-mean": beyond})
-        yield (
-            "Whole histograms have no bold values here: in an unvisited room, a model that "
-            "predicts nothing is at half the largest distance, nearer than an honest guess."
-        )
-        yield ""
-    yield from _headline_table(results, _WHOLE, {}, bold=not some_unvisited)
-    yield "The paper's Table I: distances of the probabilities as values, rooms and buildings."
-    yield ""
-    moments = {
-        f"{metric[0].upper()} {moment}": [
-            f"{results[name].metrics.point[f'all/{metric}_values/{moment}']:.3g}" for name in ranked
-        ]
-        for metric in ("wasserstein", "energy")
-        for moment in MOMENTS
-    }
-    yield from _lines({"model": list(map(escape_markdown, ranked)), **moments})
-
-
-def _headline_table(
-    results: _Results, headlines: Sequence[str], more: _Table, *, bold: bool = True
-) -> Iterator[str]:
-    """Yield a table of some headlines, with `more` columns, and the names of its values."""
-    ranked = rank_models(results)
-    table = {"model": [escape_markdown(name) for name in ranked]}
-    for headline in headlines:
-        best = _list_best(results, headline) if bold else ()
-        cells = {name: _cell(results[name].metrics.estimate(headline)) for name in ranked}
-        marked = [f"**{cell}**" if name in best else cell for name, cell in cells.items()]
-        table[head_value(headline)] = marked
-    yield from _lines({**table, **more})
-    yield "Columns: " + ", ".join(f"{label_value(name)} is `{name}`" for name in headlines) + "."
-    yield ""
-
-
-def _lines(table: _Table) -> Iterator[str]:
-    yield from format_markdown(list(zip(*table.values(), strict=True)), header=list(table))
-    yield ""
-
-
-def _list_best(results: _Results, headline: str) -> Collection[str]:
-    """Return the models that are best in a headline, or not distinguishable from the best."""
-    values = {name: result.metrics.point[headline] for name, result in results.items()}
-    known = {name: value for name, value in values.items() if not np.isnan(value)}
-    if not known:
-        return ()
-    choose = min if find_value(headline)[0].less else max
-    best = results[choose(known, key=lambda name: known[name])].metrics
-    return [
-        name
-        for name in known
-        if judge(results[name].metrics, best, headline) == "not distinguishable"
-    ]
 
 
 def _cell(estimate: Estimate | None) -> str:

@@ -1,28 +1,45 @@
-"""Choose a kept search, and prepare it for a page or an animation; it is not run again."""
+"""Run one search of a study again, and prepare it for a page, stop by stop.
+
+A caller may name a search by its number. Without a number, it is the first eventful one: at most
+`MOST_HOLDING` of the rooms hold the artifact, and both robots enter `LEAST_ENTERED` rooms or more.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal, cast
 
+import numpy as np
+
+from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
-from bsg_models.rendering.replay import Replay, Walk
+from bsg_models.rendering.replay import Replay, Visit, Walk
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.search.knowledge import Travel
 from bsg_models.search.room_graphs import MEASURED
-from bsg_models.studies.kept_searches import LEAST_ENTERED, MOST_HOLDING, TYPICAL, KeptSearch
+from bsg_models.search.simulator import Episodes, Robot, Step, search
 from bsg_models.studies.savings import WorldResult
+from bsg_models.studies.search_beliefs import ask_run
+from bsg_models.studies.search_cases import sample_episodes
+from bsg_models.studies.search_request import BASELINE, StudyRecipe
 from bsg_models.studies.search_study import Study
+from bsg_models.zoo.model import one_thread
 
+MOST_HOLDING = 0.25  # share of the rooms, without the start
+LEAST_ENTERED = 4  # rooms, without the start
+_TOLD = 6  # classes named per room
 _NAMED = "This search was named by its number, so it need not be typical."
-_NOT_EVENTFUL = (
-    "This search was chosen as worth watching, but no search met the rule: artifacts are in many "
-    "rooms, or a robot finds one within a few rooms. Its saving is near that of all searches, and "
-    "beliefs change much in it."
+_UNEVENTFUL = (
+    "This is the first search. None is eventful: artifacts are in many rooms, or a robot finds one "
+    "within a few rooms."
 )
 _EVENTFUL = (
-    "This search was chosen as worth watching, by a rule. "
-    f"At most {100 * MOST_HOLDING:.0f} % of the rooms hold what is sought, and every robot enters "
-    f"at least {LEAST_ENTERED} rooms. The saving is within {100 * TYPICAL:.0f} points of that of "
-    "all searches, or as near as there is. Among such searches, this one changes beliefs most."
+    "This is the first search that is worth watching: at most "
+    f"{100 * MOST_HOLDING:.0f} % of the rooms hold what is sought, and every robot enters at least "
+    f"{LEAST_ENTERED} rooms."
 )
 
 
@@ -30,42 +47,54 @@ def replay_search(
     data: Dataset,
     study: Study,
     results: Sequence[WorldResult],
+    runs: Mapping[str, Path | None],
     *,
     model: str | None,
-    named: bool,
+    trace: int | Literal["auto"],
 ) -> Replay:
-    """Return a kept search stop by stop, with the means over all searches of the study.
+    """Return a search by one planner and by `nearest`, with the means over all searches.
 
-    Its costs are in metres if there is such a search. Of searches that were `named` by number, the
-    first building's is shown. `model` is that whose beliefs the study used.
+    Its costs are in metres if the study has such searches. Of those with a number, it is that of
+    the first building.
+
+    Args:
+        data: that was searched.
+        study: of its searches.
+        results: of the study.
+        runs: building → run whose beliefs were used.
+        model: name of the model of these runs.
+        trace: number of the search in its building; `auto` for the first eventful one.
     """
-    world = min((one.world for one in study.kept), key=lambda name: name not in MEASURED)
-    there = [one for one in study.kept if one.world == world]
-    result = next(one for one in results if (one.world, one.task) == (world, there[0].task))
-    typical = result.savings[there[0].planner].saved.value
-    kept = there[0] if named else choose_shown(there, typical)
-    graphs = data.read_graphs()
-    graph = next(one for one in graphs if one.scene_id == kept.scene_id)
+    recipe, task = study.recipe, study.recipe.tasks[0]
+    there = set(study.searches.world)
+    worlds = [one for one in recipe.worlds if one.name in there]
+    world = min(worlds, key=lambda one: one.kind not in MEASURED)
+    result = next(one for one in results if (one.world, one.task) == (world.name, task))
+    scene_id, episode, eventful = _choose_search(study, world.name, trace)
+    sampled = sample_episodes(data, scene_id, world, recipe)
+    one = _take_one(cast(Episodes, sampled), episode)
     walks = []
-    for planner, stops in kept.walks.items():
-        saving = result.savings[planner]
-        walks.append(
-            Walk(
-                planner=planner,
-                model=model if study.planners[planner].reads == "belief" else None,
-                stops=stops,
-                mean_cost=saving.cost,
-                mean_entered=saving.entered,
-                mean_saved=saving.saved,
-            )
+    for name, steps in _walk(study, one, episode, data, scene_id, runs[scene_id]).items():
+        saving, reads = result.savings[name], study.planners[name].reads == "belief"
+        stops = _list_visits(
+            steps,
+            start=int(one.starts[0]),
+            artifact=int(one.artifacts[0, 0]),
+            cells=data.cells(scene_id),
+            classes=data.manifest.class_space.classes,
+            reads=reads,
         )
-    measured = kept.world in MEASURED
+        said = model if reads else None
+        walks.append(Walk(name, said, tuple(stops), saving.cost, saving.entered, saving.saved))
+    graph = next(one for one in data.read_graphs() if one.scene_id == scene_id)
+    rooms, measured = set(np.flatnonzero(one.rooms).tolist()), world.kind in MEASURED
+    holds = np.flatnonzero(one.rooms & one.instances[0].any(axis=1))
     return Replay(
-        scene_id=kept.scene_id,
-        episode=kept.episode,
-        artifacts=kept.artifacts,
-        task=kept.task,
-        world=kept.world,
+        scene_id=scene_id,
+        episode=episode,
+        artifacts=(data.manifest.class_space.classes[one.artifacts[0, 0]],),
+        task=task,
+        world=world.name,
         unit="m" if measured else "",
         plan=draw_plan(
             [
@@ -76,30 +105,121 @@ def replay_search(
                     room.floor_index,
                 )
                 for room in graph.rooms
-                if room.room_index in kept.rooms
+                if room.room_index in rooms
             ]
         ),
         doors=tuple(
             (edge.source, edge.target)
             for edge in graph.adjacency
-            if measured and {edge.source, edge.target} <= set(kept.rooms)
+            if measured and {edge.source, edge.target} <= rooms
         ),
-        holds=kept.holds,
-        left_out=len(graph.rooms) - len(kept.rooms),
+        holds=tuple(holds.tolist()),
+        left_out=len(graph.rooms) - len(rooms),
         walks=tuple(walks),
         searches=result.searches,
         buildings=result.buildings,
-        chosen=_NAMED if named else _EVENTFUL if kept.eventful else _NOT_EVENTFUL,
+        chosen=_NAMED if trace != "auto" else _EVENTFUL if eventful else _UNEVENTFUL,
     )
 
 
-def choose_shown(kept: Sequence[KeptSearch], saved: float) -> KeptSearch:
-    """Return the search to show: eventful, then typical, then with the most change of beliefs.
+def _choose_planner(recipe: StudyRecipe) -> str:
+    """Return the planner that uses beliefs most."""
+    names = [name for name in recipe.planners if PLANNERS[name].reads == "belief"]
+    return "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
 
-    `saved` is the saving of all searches together.
+
+def _choose_search(study: Study, world: str, trace: int | Literal["auto"]) -> tuple[str, int, bool]:
+    """Return building and number of a search in a world, and whether it is eventful."""
+    every, both = study.searches, (_choose_planner(study.recipe), BASELINE)
+    every = every[(every.world == world) & (every.task == study.recipe.tasks[0])]
+    every = every[every.planner.isin(both)]
+    searches = every.groupby(["scene_id", "episode"], sort=False, as_index=False).agg(
+        {"rooms_entered": "min", "chance": "first"}
+    )
+    eventful = (searches.chance <= MOST_HOLDING) & (searches.rooms_entered >= LEAST_ENTERED)
+    first = searches.iloc[int(eventful.to_numpy().argmax())]  # of none, the first of all
+    if trace != "auto":
+        return str(searches.scene_id.iloc[0]), trace, False
+    return str(first.scene_id), int(first.episode), bool(eventful.any())
+
+
+def _take_one(episodes: Episodes, number: int) -> Episodes:
+    """Return one search of many."""
+    rows = slice(number, number + 1)
+    return replace(
+        episodes,
+        travel=Travel(episodes.travel.costs[rows], episodes.travel.steps[rows]),
+        starts=episodes.starts[rows],
+        artifacts=episodes.artifacts[rows],
+        instances=episodes.instances[rows],
+        luck=None if episodes.luck is None else episodes.luck[rows],
+    )
+
+
+def _walk(
+    study: Study, one: Episodes, number: int, data: Dataset, scene_id: str, run: Path | None
+) -> dict[str, list[Step]]:
+    """Return the steps of the planner and of `nearest` in one search."""
+    recipe = study.recipe
+    steps: dict[str, list[Step]] = {_choose_planner(recipe): [], BASELINE: []}
+    robots = {name: Robot(study.planners[name], recipe.tasks[0]) for name in steps}
+    draws = np.array([number % recipe.draws])
+    with one_thread():
+        beliefs = None if run is None else ask_run(run, data, scene_id, recipe, one, draws)
+        search(one, robots, beliefs=beliefs, watch=lambda name, step: steps[name].append(step))
+    return steps
+
+
+def _list_visits(
+    walk: Sequence[Step],
+    *,
+    start: int,
+    artifact: int,
+    cells: Counts,
+    classes: Sequence[str],
+    reads: bool,
+) -> Iterator[Visit]:
+    """Yield the start of a robot, then each room that it enters.
+
+    `walk` has the steps of one search. A planner that `reads` no belief shows none.
     """
+    room, cost = start, 0.0
+    way: tuple[int, ...] = ()
+    for step in (*walk, None):
+        given = step or (walk[-1] if walk else None)
+        target = None if step is None else int(step.target[0])
+        yield Visit(
+            room=room,
+            way=way,
+            cost=round(cost, 3),
+            seen=tuple(_list_seen(cells[room], artifact, classes)),
+            found=(classes[artifact],) if cells[room, artifact] else (),
+            presence=_believe(given, room) if reads and given else None,
+            target=target,
+            leg=None if step is None else round(float(step.known.distance[0, target]), 3),
+        )
+        if step is not None:
+            way, room = _way_of(step), int(step.entered[0])
+            cost += float(step.known.distance[0, room])
 
-    def rank(one: KeptSearch) -> tuple[bool, float, float]:
-        return not one.eventful, max(0.0, abs(one.saved - saved) - TYPICAL), -one.change
 
-    return min(kept, key=rank)
+def _way_of(step: Step) -> tuple[int, ...]:
+    """Return the rooms after the robot's own, up to the one that it enters."""
+    way = [int(step.towards[0, step.known.here[0]])]
+    while way[-1] != step.entered[0]:
+        way.append(int(step.towards[0, way[-1]]))
+    return tuple(node for node in way if node)  # node 0 is the building, not a room
+
+
+def _list_seen(counts: Counts, artifact: int, classes: Sequence[str]) -> list[tuple[str, int]]:
+    """Return the content of a room: the artifact first, then the most frequent classes."""
+    there = np.flatnonzero(counts).tolist()
+    there.sort(key=lambda c: (c != artifact, -counts[c]))
+    return [(classes[c], int(counts[c])) for c in there[:_TOLD]]
+
+
+def _believe(step: Step, room: int) -> tuple[float, ...]:
+    """Return P(a room holds the artifact), `[R]`."""
+    presence = step.known.presence[0, 1:, 0].copy()
+    presence[room - 1] = 0.0
+    return tuple(np.round(presence, 4).tolist())

@@ -1,25 +1,58 @@
 """Ask a model about the artifacts of searches, again after every room.
 
-Many searches of a building reach the same state: the same mask, artifacts and explored rooms. The
+Before a search, a mask hides some objects, and all instances of the artifact are *withheld* (paper,
+section IV-D). A room that the search entered shows everything. So the absence of the artifact is a
+fact in a searched room, and says nothing in any other, not even in one that the mask shows whole.
+
+Many searches of a building reach the same state: the same mask, artifact and explored rooms. The
 model is asked once per state; answers are kept while the building is searched.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
 import numpy as np
 
-from bsg_data.arrays import Bools, Counts, Floats, Ints
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masked_buildings import count_by_vocabulary
 from bsg_data.observation.masks import Layout, sample_views
-from bsg_data.observation.observation import Observation, observe_search, stack
+from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import hide_cells, see_unclassified
 from bsg_data.recipes import MaskRecipe
-from bsg_models.search.simulator import Answer
+from bsg_models.runs.checkpoint import load_checkpoint, restore_model
+from bsg_models.runs.run_folder import checkpoint_of
+from bsg_models.search.simulator import Answer, Episodes
+from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.zoo.model import BeliefModel
 
 _NODES = 4096  # of all graphs in one call of the model
+
+
+def ask_run(
+    run: Path, data: Dataset, scene_id: str, recipe: StudyRecipe, episodes: Episodes, draws: Ints
+) -> ModelBeliefs:
+    """Return the beliefs of a run about searches of a building, each with its draw of the mask."""
+    path = checkpoint_of(run)
+    return ModelBeliefs(
+        _restore(path, path.stat().st_mtime_ns if path.exists() else 0),
+        data=data,
+        scene_id=scene_id,
+        mask=recipe.mask,
+        draws=draws,
+        artifacts=episodes.artifacts[:, 0],
+        is_missed=recipe.chance < 1,
+    )
+
+
+@lru_cache(maxsize=8)
+def _restore(checkpoint: Path, changed: int) -> BeliefModel:
+    return restore_model(checkpoint, load_checkpoint(checkpoint))
 
 
 class ModelBeliefs:
@@ -31,8 +64,8 @@ class ModelBeliefs:
         scene_id: the building.
         mask: that hid objects before the searches began.
         draws: `[E]` number of each search's mask.
-        artifacts: `[E, A]` classes that each search looks for; they are withheld.
-        is_missed: whether a look may miss them, so that a room that was looked into shows none.
+        artifacts: `[E]` class that each search looks for; it is withheld.
+        is_missed: whether a look may miss it, so that a room that was looked into shows none.
     """
 
     def __init__(
@@ -46,38 +79,55 @@ class ModelBeliefs:
         artifacts: Ints,
         is_missed: bool = False,
     ) -> None:
-        self._model, self._scene_id = model, scene_id
-        self._is_missed = is_missed
-        self._draws, self._artifacts = draws, artifacts
-        self._cells = data.cells(scene_id)
-        self._connections = data.connections(scene_id)
-        self._surroundings = data.surroundings(scene_id)
+        self._model, self._is_missed = model, is_missed
         self._blind = ~data.nameable(scene_id)
-        every, classes = data.unclassified(scene_id), data.manifest.class_space.classes
-        self._unclassified = count_by_vocabulary(every, model.vocabulary)
-        numbers: list[int] = np.unique(draws).tolist()
+        self._cells, unclassified = data.cells(scene_id), data.unclassified(scene_id)
+        self._unclassified = count_by_vocabulary(unclassified, model.vocabulary)
+        numbers, self._draws = np.unique(draws, return_inverse=True)
+        self._artifacts = artifacts
         many, recipes = len(numbers), [mask] * len(numbers)
-        streams = MaskStreams(recipes, [scene_id] * many, numbers)
-        layout = Layout(self._cells.shape, self._connections)
-        drawn = sample_views([layout] * many, recipes, streams)
-        views = [view.in_building(len(self._cells)) for view in drawn]
+        streams = MaskStreams(recipes, [scene_id] * many, numbers.tolist())
+        layout = Layout(self._cells.shape, data.connections(scene_id))
+        views = [
+            view.in_building(len(self._cells))
+            for view in sample_views([layout] * many, recipes, streams)
+        ]
         there = np.concatenate([self._cells] * many)
         hidden = hide_cells(there, views, streams)
+        classes = data.manifest.class_space.classes
         seen = see_unclassified(
-            [every] * many, views, recipes, streams, there=there, hidden=hidden, classes=classes
+            [unclassified] * many,
+            views,
+            recipes,
+            streams,
+            there=there,
+            hidden=hidden,
+            classes=classes,
         )
-        left = (there - hidden).reshape(many, *self._cells.shape)
-        self._left = {
-            number: (view, cells, count_by_vocabulary(unclassified, model.vocabulary))
-            for number, view, cells, unclassified in zip(numbers, views, left, seen, strict=True)
-        }
-        self._remembered: dict[bytes, Answer] = {}
+        # of each draw of the mask, D in all
+        self._left = (there - hidden).reshape(many, *self._cells.shape)
+        self._left_unclassified = np.stack(
+            [count_by_vocabulary(some, model.vocabulary) for some in seen]
+        )
+        self._views = [
+            np.stack([getattr(view, name) for view in views])
+            for name in ("visited", "hidden_share", "withheld")
+        ]
+        self._first = Observation.of_building(
+            scene_id,
+            views[0],
+            self._cells,
+            self._unclassified,
+            vocabulary=model.vocabulary,
+            connections=data.connections(scene_id),
+            surroundings=data.surroundings(scene_id),
+        )
+        self._remembered: dict[bytes, tuple[Floats, Floats | None]] = {}
 
     def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:
         """Return presence and share of the artifacts; see `bsg_models.search.simulator.Beliefs`."""
-        states = np.concatenate(
-            [self._draws[rows, None], self._artifacts[rows], explored.astype(np.int64)], axis=1
-        )
+        about = np.stack([self._draws[rows], self._artifacts[rows]], axis=1)
+        states = np.concatenate([about, explored], axis=1, dtype=np.int64)
         distinct, inverse = np.unique(states, axis=0, return_inverse=True)
         keys = [state.tobytes() for state in distinct]
         old = {key: self._remembered[key] for key in keys if key in self._remembered}
@@ -93,53 +143,62 @@ class ModelBeliefs:
                 self._remembered[keys[i]] = presences[place], found[place] if shares else None
         answers = [self._remembered[key] for key in keys]
         inverse = inverse.ravel()
-        presence = np.stack([answer[0] for answer in answers])[inverse]
+        presence = np.stack([answer[0] for answer in answers])[inverse, :, None]
         if not shares:
             return presence, None
-        return presence, np.stack([share for _, share in answers if share is not None])[inverse]
+        share = np.stack([share for _, share in answers if share is not None])
+        return presence, share[inverse, :, None]
 
-    def _ask(self, states: Counts, *, shares: bool) -> tuple[Floats, Floats]:
-        """Return presence and share of the artifacts in states `[S, 1 + A + N]`, `[S, N, A]`.
+    def _ask(self, states: Ints, *, shares: bool) -> tuple[Floats, Floats]:
+        """Return presence and share of the artifact in states `[S, 2 + N]`, both `[S, N]`.
 
-        The model is asked about unexplored rooms only and, without `shares`, about the artifacts
-        only. All other values are 0.
+        A state is a draw, an artifact and the explored rooms. The model is asked about unexplored
+        rooms only and, without `shares`, about the artifacts only. All other values are 0.
         """
-        width = self._artifacts.shape[1]
-        seen = self._observe(states, width)
-        shape = (len(states), len(self._cells), width)
-        open_ = states[:, 1 + width :] == 0
+        open_ = states[:, 2:] == 0
         open_[:, 0] = False  # node 0 is the building
         rows = np.flatnonzero(open_)
-        columns = np.repeat(states[:, 1 : 1 + width], len(self._cells), axis=0)[rows]
-        presence, share = np.zeros((2, open_.size, width))
+        columns = np.repeat(states[:, 1], len(self._cells))[rows, None]
+        presence, share = np.zeros((2, open_.size))
         if not len(rows):  # every room was looked into, and the looks missed it
-            return presence.reshape(shape), share.reshape(shape)
+            return presence.reshape(open_.shape), share.reshape(open_.shape)
+        seen = self._observe(states)
         hidden = self._model.expect_rooms(seen, rows, None if shares else columns)
         if shares:
             expected = seen.inputs[rows] + hidden.mean
             total = expected.sum(axis=1, keepdims=True)
             found = np.divide(expected, total, out=np.zeros_like(expected), where=total > 0)
-            share[rows] = np.take_along_axis(found, columns, axis=1)
+            share[rows] = np.take_along_axis(found, columns, axis=1)[:, 0]
             hidden = hidden.take_classes(columns)
-        presence[rows] = hidden.presence
-        return presence.reshape(shape), share.reshape(shape)
+        presence[rows] = hidden.presence[:, 0]
+        return presence.reshape(open_.shape), share.reshape(open_.shape)
 
-    def _observe(self, states: Counts, width: int) -> Observation:
-        """Return states as one observation, one building each."""
-        return stack([self._observe_one(state, width) for state in states])
-
-    def _observe_one(self, state: Counts, width: int) -> Observation:
-        view, classified, unclassified = self._left[int(state[0])]
-        return observe_search(
-            self._scene_id,
-            view,
-            there=(self._cells, self._unclassified),
-            left=(classified, unclassified),
-            searched=state[1 + width :] > 0,
-            artifacts=state[1 : 1 + width],
-            blind=self._blind,
-            is_missed=self._is_missed,
-            vocabulary=self._model.vocabulary,
-            connections=self._connections,
-            surroundings=self._surroundings,
+    def _observe(self, states: Ints) -> Observation:
+        """Return what is seen in some states, one building each."""
+        draw, searched = states[:, 0], states[:, 2:] > 0
+        visited, share, withheld = (one[draw] for one in self._views)
+        outside = ~searched[:, :, None]
+        wanted = np.arange(self._cells.shape[1]) == states[:, 1, None]  # [S, C]
+        withheld = (withheld | wanted[:, None]) & outside
+        seen = np.where(outside, self._left[draw], self._cells)
+        seen[withheld | wanted[:, None] if self._is_missed else withheld] = 0
+        share = np.where(searched, 0.0, share)
+        share[:, 0] = _average_rooms(share[:, 1:])
+        withheld[:, 0] &= share[:, :1] > 0
+        unclassified = np.where(outside, self._left_unclassified[draw], self._unclassified)
+        number, nodes = searched.shape
+        return replace(
+            self._first.take([0] * number),
+            inputs=to_histograms(seen).reshape(number * nodes, -1),
+            hidden_share=share.astype(np.float32).ravel(),
+            visited=(visited | searched).ravel(),
+            withheld=(withheld | self._blind).reshape(number * nodes, -1),
+            unclassified=to_histograms(unclassified).reshape(number * nodes, -1),
         )
+
+
+def _average_rooms(shares: Floats) -> Floats:
+    """Return the hidden share of a building from those of its rooms, `[S]` of `[S, R]`."""
+    first = shares[:, 0]
+    is_one = (shares == first[:, None]).all(axis=1)  # exact; a mean of floats would not be
+    return np.where(is_one, first, shares.sum(axis=1) / shares.shape[1])

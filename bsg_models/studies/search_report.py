@@ -10,7 +10,7 @@ OUT/SHA256SUMS          the seal of all files, written last: its presence means 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ from bsg_models.rendering.pages import write_report
 from bsg_models.rendering.replay import replay_page
 from bsg_models.runs.checkpoint import read_header
 from bsg_models.runs.found_model import name_run
-from bsg_models.runs.run_folder import checkpoint_of, refuse_run
+from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.studies.replay import replay_search
 from bsg_models.studies.savings import (
     WorldResult,
@@ -74,60 +74,62 @@ def report_search(
         CheckpointError: if a run cannot be loaded.
     """
     folder = request.folder
-    refuse_run(folder)
     with write_results(folder, report=_REPORT, force=request.force) as staged:
         data = Dataset.open(request.dataset)
-        classes = data.manifest.class_space.classes
         chosen, notes = choose_buildings(request, data)
-        checkpoints = [checkpoint_of(run) for run in request.runs]
-        facts: dict[str, Any] = {
-            "dataset": str(request.dataset),
-            "runs": [name_run(run) for run in request.runs],
-            "checkpoints_sha256": [hash_file(path) for path in checkpoints],
-            "model": _name_models(checkpoints),
-            "split": None if request.split == "all" else request.split,
-            "resamples": request.resamples,
-        }
-        study = study_search(
-            request.dataset,
-            chosen,
-            request,
-            trace=request.trace,
-            executor=executor,
-            progress=progress,
-        )
+        study = study_search(request.dataset, chosen, request, executor=executor, progress=progress)
         results = summarise(study, resamples=request.resamples)
-        report = SearchReport(
-            study,
-            results,
-            summary=encode_study(study, results, classes=classes, facts=facts),
-            model=facts["model"],
-            sought=tuple(classes[c] for c in request.artifacts or range(len(classes))),
-            report=folder / _REPORT,
-            written={"every search": folder / _TABLE, "tables as one page": folder / _PAGE},
-            notes=(),
-        )
+        report = _describe(request, data, study, results)
         with noting_failures(notes):
             if _plot(report, staged / _FIGURE):
                 report.written["box plot over buildings"] = folder / _FIGURE
         _write_page(report, staged)
         if request.trace is not None:
-            _write_replay(data, request, report, staged)
+            replay = replay_search(
+                data, study, results, chosen, model=report.model, trace=request.trace
+            )
+            write_bytes(staged / _TRACE, replay_page(replay).encode())
+            which = f"{replay.scene_id} in {replay.world}, {replay.task}, by"
+            which = f"search {replay.episode} of {which} {replay.walks[0].planner}"
+            report.written[which] = folder / _TRACE
         write_searches(study, staged / _TABLE)
         write_bytes(staged / _REPORT, (encode_json(report.summary, indent=1) + "\n").encode())
-    notes += [
-        f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
-        for world, reasons in study.left_out.items()
-        for reason, number in reasons.items()
-    ]
-    if request.resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
-        notes.append(f"intervals are over buildings, and need {LEAST_BUILDINGS} of them")
-    return report._replace(notes=tuple(notes))
+    return report._replace(notes=(*notes, *_list_notes(request, study, results)))
 
 
-def _name_models(checkpoints: list[Path]) -> str | None:
+def _describe(
+    request: SearchRequest, data: Dataset, study: Study, results: list[WorldResult]
+) -> SearchReport:
+    classes, folder = data.manifest.class_space.classes, request.folder
+    checkpoints = [checkpoint_of(run) for run in request.runs]
     names = dict.fromkeys(read_header(path).config.name for path in checkpoints)
-    return ", ".join(names) or None
+    model = ", ".join(names) or None
+    facts: dict[str, Any] = {
+        "dataset": str(request.dataset),
+        "runs": [name_run(run) for run in request.runs],
+        "checkpoints_sha256": [hash_file(path) for path in checkpoints],
+        "model": model,
+        "split": None if request.split == "all" else request.split,
+        "resamples": request.resamples,
+    }
+    return SearchReport(
+        study,
+        results,
+        summary=encode_study(study, results, classes=classes, facts=facts),
+        model=model,
+        sought=tuple(classes[c] for c in request.artifacts or range(len(classes))),
+        report=folder / _REPORT,
+        written={"every search": folder / _TABLE, "tables as one page": folder / _PAGE},
+        notes=(),
+    )
+
+
+def _list_notes(request: SearchRequest, study: Study, results: list[WorldResult]) -> Iterator[str]:
+    for world, reasons in study.left_out.items():
+        for reason, number in reasons.items():
+            yield f"{world}: {number} of {len(study.scenes)} buildings left out: {reason}"
+    if request.resamples > 1 and any(one.buildings < LEAST_BUILDINGS for one in results):
+        yield f"intervals are over buildings, and need {LEAST_BUILDINGS} of them"
 
 
 def _plot(report: SearchReport, path: Path) -> bool:
@@ -159,22 +161,3 @@ def _write_page(report: SearchReport, staged: Path) -> None:
         tables=list(tabulate_savings(report.results)),
         figures={"Saved, by building": figure} if figure.is_file() else {},
     )
-
-
-def _write_replay(
-    data: Dataset, request: SearchRequest, report: SearchReport, staged: Path
-) -> None:
-    """Write a kept search as a page."""
-    replay = replay_search(
-        data,
-        report.study,
-        report.results,
-        model=report.model,
-        named=request.trace != "auto",
-    )
-    write_bytes(staged / _TRACE, replay_page(replay).encode())
-    which = (
-        f"search {replay.episode} of {replay.scene_id} in {replay.world}, {replay.task}, by "
-        f"{replay.walks[0].planner}"
-    )
-    report.written[which] = request.folder / _TRACE

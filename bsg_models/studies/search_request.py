@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.errors import DatasetError, MismatchError, RecipeError
+from bsg_data.dataset.manifest import require_class_space
+from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Record
@@ -88,17 +89,14 @@ class StudyRecipe(Record):
             )
         return robots
 
-    @field_validator("planners")
+    @field_validator("planners", "strategy")
     @classmethod
-    def _planners_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        PLANNERS.require(names)
+    def _names_exist(cls, names: tuple[str, ...] | str) -> object:
+        if isinstance(names, str):
+            MASKS.require([names])
+        else:
+            PLANNERS.require(names)
         return names
-
-    @field_validator("strategy")
-    @classmethod
-    def _strategy_exists(cls, strategy: str) -> str:
-        MASKS.require([strategy])
-        return strategy
 
     @property
     def all_planners(self) -> tuple[str, ...]:
@@ -124,8 +122,7 @@ class SearchRequest(StudyRecipe):
     split: Literal["train", "val", "test", "all"] = "test"  # `all` only without runs
     scene: str | None = None  # search this building alone
     resamples: int = Field(default=1000, ge=0)  # of the buildings
-    # number of the search of the first building to replay; `auto` chooses one by the rule of
-    # `kept_searches`
+    # number of the search of the first building to replay; `auto` for the first eventful one
     trace: Annotated[int, Field(ge=0)] | Literal["auto"] | None = None
     out: Path | None = None  # None for `search` in the first run or, without runs, here
     force: bool = False  # replace existing results
@@ -204,6 +201,10 @@ def _require_what_it_needs(request: SearchRequest) -> None:
     needing += ["a replay"] * (request.trace is not None)
     if needing and not request.runs:
         raise RecipeError(f"{needing[0]} needs a belief; name a --model")
+    if request.trace not in (None, "auto", *range(request.episodes)):
+        raise RecipeError(
+            f"no search {request.trace}: a building has {request.episodes}, numbered from 0"
+        )
 
 
 def choose_default_run(
@@ -228,75 +229,44 @@ def choose_default_run(
     if why:
         return (), f"without a belief: {why}"
     run, data = locate_run(DEFAULT_MODEL), Dataset.open(dataset)
-    header, space = read_header(run), data.manifest.class_space
-    if header.class_space != space:
-        why = f"predicts classes of {header.class_space}, the dataset has those of {space}"
+    there, space = read_header(run).class_space, data.manifest.class_space
+    if there != space:
+        why = f"predicts classes of {there}, the dataset has those of {space}"
     elif "fold-0" in data.splits:
         why = "was not trained for these folds"
-    if why:
-        return (), f"without a belief: the model {DEFAULT_MODEL!r} {why}"
-    return (run,), ""
+    return ((), f"without a belief: the model {DEFAULT_MODEL!r} {why}") if why else ((run,), "")
 
 
 def choose_buildings(request: SearchRequest, data: Dataset) -> tuple[_Chosen, list[str]]:
-    """Return building → run to ask, and notes about the choice."""
-    split, folds = request.split, "fold-0" in data.splits
-    chosen: _Chosen
-    notes: list[str] = []
-    if request.runs:
-        if split == "all":
-            raise RecipeError(
-                "--split all would search buildings that the model was trained on; name a split"
-            )
-        chosen, notes = choose_runs(data, request.runs, part=split)
-        if split == "train":
-            notes.append(
-                "the runs were trained on these buildings: expect smaller savings elsewhere"
-            )
-        missing = len(chosen) < len(data.scene_ids)
-        if folds and split == "test" and request.scene is None and missing:
-            notes.append(
-                f"{len(chosen)} of {len(data.scene_ids)} buildings searched: give a --model "
-                "for every fold"
-            )
-    elif folds and split not in ("all", "test"):
-        raise RecipeError(f"--split {split} of a dataset of folds needs a --model")
-    elif split == "all" or folds:
-        chosen = dict.fromkeys(data.scene_ids)
-    else:
-        chosen = dict.fromkeys(scenes_of(data, split))
-    if request.scene is not None:
-        if request.scene not in chosen:
-            raise DatasetError(
-                f"{data.path}: {request.scene!r} is not one of its {split} buildings"
-            )
-        chosen = {request.scene: chosen[request.scene]}
-    return chosen, notes
-
-
-def choose_runs(
-    data: Dataset, runs: Sequence[Path], *, part: Split = "test"
-) -> tuple[_Chosen, list[str]]:
     """Return building → run to ask, and notes about the choice.
 
     In a dataset of folds, each run answers about the fold that it was not trained on.
     """
+    split, folds = request.split, "fold-0" in data.splits
     chosen: _Chosen = {}
-    notes, models = [], set()
+    notes: list[str] = []
+    if split == "all" and request.runs:
+        raise RecipeError(
+            "--split all would search buildings that the model was trained on; name a split"
+        )
+    if split == "all" or (folds and split == "test" and not request.runs):
+        chosen = dict.fromkeys(data.scene_ids)
+    elif request.runs:
+        chosen = _choose_runs(data, request.runs, part=split)
+        notes = list(_list_notes(request, data, chosen))
+    else:
+        chosen = dict.fromkeys(scenes_of(data, split))
+    if request.scene is not None and request.scene not in chosen:
+        raise DatasetError(f"{data.path}: {request.scene!r} is not one of its {split} buildings")
+    return chosen if request.scene is None else {request.scene: chosen[request.scene]}, notes
+
+
+def _choose_runs(data: Dataset, runs: Sequence[Path], *, part: Split) -> _Chosen:
+    chosen: _Chosen = {}
     for run in runs:
         header = read_header(checkpoint_of(run))
-        if header.class_space != data.manifest.class_space:
-            raise MismatchError(
-                f"{run}: predicts classes of {header.class_space}, the dataset has those of "
-                f"{data.manifest.class_space}"
-            )
-        models.add(header.config.name)
+        require_class_space(data.manifest, header.class_space, what=f"checkpoint {run}")
         fold = header.config.data.fold if "fold-0" in data.splits else None
-        if "fold-0" in data.splits and fold is None:
-            raise DatasetError(
-                f"{name_run(run)}: was trained for no fold, and {data.path} is in folds; name a "
-                "run for each fold, or split the dataset with --ratios"
-            )
         scenes = scenes_of(data, part, fold=fold)
         taken = sorted(set(scenes) & set(chosen))
         if taken:
@@ -304,12 +274,25 @@ def choose_runs(
                 f"{name_run(run)}: is for the same buildings as another model, e.g. {taken[0]}; "
                 "search with one model at a time, or give one run for each fold"
             )
+        chosen.update(dict.fromkeys(scenes, run))
+    return chosen
+
+
+def _list_notes(request: SearchRequest, data: Dataset, chosen: _Chosen) -> Iterator[str]:
+    """Yield what a reader of the results must know of the runs and buildings."""
+    headers = {run: read_header(checkpoint_of(run)) for run in request.runs}
+    for run, header in headers.items():
         if header.dataset_sha256 != data.sha256:
-            notes.append(
+            yield (
                 f"{name_run(run)}: was trained on another dataset or other pairs; it may have seen "
                 "these buildings"
             )
-        chosen.update(dict.fromkeys(scenes, run))
+    models = {header.config.name for header in headers.values()}
     if len(models) > 1:
-        notes.append(f"the runs are of different models: {', '.join(sorted(models))}")
-    return chosen, notes
+        yield f"the runs are of different models: {', '.join(sorted(models))}"
+    if request.split == "train":
+        yield "the runs were trained on these buildings: expect smaller savings elsewhere"
+    searched, every = len(chosen), len(data.scene_ids)
+    is_part = request.scene is None and request.split == "test" and searched < every
+    if is_part and "fold-0" in data.splits:
+        yield f"{searched} of {every} buildings searched: give a --model for every fold"

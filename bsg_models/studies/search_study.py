@@ -10,9 +10,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import lru_cache, partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,17 +21,14 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
-from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import checkpoint_of
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Task
-from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, Step, search
+from bsg_models.search.simulator import Beliefs, Episodes, Outcome, Robot, search
 from bsg_models.search.team_simulator import search_together
-from bsg_models.studies.kept_searches import KeptSearch, Steps, keep_searches
-from bsg_models.studies.search_beliefs import ModelBeliefs
+from bsg_models.studies.search_beliefs import ModelBeliefs, ask_run
 from bsg_models.studies.search_cases import sample_episodes, sample_starts
-from bsg_models.studies.search_request import BASELINE, ROUTING, StudyRecipe
-from bsg_models.zoo.model import BeliefModel, one_thread
+from bsg_models.studies.search_request import ROUTING, StudyRecipe
+from bsg_models.zoo.model import one_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +42,6 @@ class Study:
             those of `searches.parquet`, `ranked_first` (whether the likeliest room at the start
             holds an artifact; NaN without a belief) and `chance` (share of the rooms that hold
             one).
-        kept: the searches whose steps were asked for.
         left_out: world → reason → number of buildings that it lacks.
         planners: name → planner, in the order of the tables.
     """
@@ -54,7 +49,6 @@ class Study:
     recipe: StudyRecipe
     scenes: tuple[str, ...]
     searches: pd.DataFrame
-    kept: tuple[KeptSearch, ...]
     left_out: dict[str, Counter[str]]
     planners: Mapping[str, Planner]
 
@@ -65,7 +59,6 @@ def study_search(
     recipe: StudyRecipe,
     *,
     planners: Mapping[str, Planner] | None = None,
-    trace: int | Literal["auto"] | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
@@ -76,38 +69,31 @@ def study_search(
         runs: building → run whose beliefs are used; None if no planner reads a belief.
         recipe: of the study.
         planners: name → planner of your own, besides those of the recipe.
-        trace: number of the search of each building and world that keeps its steps for
-            `replay_search`; `auto` keeps those worth watching; None keeps none.
         executor: works on the buildings; None works in this process.
         progress: called with (buildings done, in all).
 
     Raises:
         DatasetError: if the dataset is damaged or no building can be searched.
         RecipeError: if a planner needs a belief and a building has no run; if an artifact is not a
-            class; if your own planner has a taken name or cannot reach the executor; or if the
-            recipe has no such search to trace.
+            class; or if your own planner has a taken name or cannot reach the executor.
     """
     own = dict(planners or {})
     chosen = choose_planners(recipe, own, remote=executor is not None)
-    if trace not in (None, "auto", *range(recipe.episodes)):
-        raise RecipeError(f"no search {trace}: a building has {recipe.episodes}, numbered from 0")
     placed = {scene: None if run is None else Path(run).absolute() for scene, run in runs.items()}
     place = Path(dataset).absolute()  # a worker may run in another folder
     sha256 = Dataset.open(place).sha256  # all workers search the same buildings
-    tasks = [(place, sha256, run, scene, recipe, own, trace) for scene, run in placed.items()]
+    tasks = [(place, sha256, run, scene, recipe, own) for scene, run in placed.items()]
     searches: list[pd.DataFrame] = []
-    kept: list[KeptSearch] = []
     left_out: dict[str, Counter[str]] = {}
     for found in run_all(_search_building, tasks, executor=executor, progress=progress):
         searches += found.searches
-        kept += found.kept
         for world, reason in found.left_out.items():
             left_out.setdefault(world, Counter())[reason] += 1
     if not searches:
         why = "; ".join(f"{world}: {reason}" for world, all_ in left_out.items() for reason in all_)
         raise DatasetError(f"{dataset}: nothing can be searched ({why or 'no buildings'})")
     joined = pd.concat(searches, ignore_index=True)
-    return Study(recipe, tuple(placed), joined, tuple(kept), left_out, chosen)
+    return Study(recipe, tuple(placed), joined, left_out, chosen)
 
 
 def choose_planners(
@@ -134,7 +120,6 @@ class _Found(NamedTuple):
     """What was found in one building."""
 
     searches: list[pd.DataFrame]  # of each world
-    kept: list[KeptSearch]
     left_out: dict[str, str]  # world → why it has no search
 
 
@@ -145,12 +130,10 @@ def _search_building(
     scene_id: str,
     recipe: StudyRecipe,
     own: Mapping[str, Planner],
-    trace: int | Literal["auto"] | None,
 ) -> _Found:
     """Search one building in every world with every planner."""
-    data = Dataset.open(dataset, sha256=sha256)
+    data, found = Dataset.open(dataset, sha256=sha256), _Found([], {})
     planners = choose_planners(recipe, own, remote=False)
-    robots, found = _robots(recipe, planners), _Found([], [], {})
     draws = np.arange(recipe.episodes) % recipe.draws
     asked: dict[bytes, ModelBeliefs] = {}  # worlds with the same rooms have the same searches
     with one_thread():
@@ -161,83 +144,43 @@ def _search_building(
                 continue
             key = episodes.rooms.tobytes()
             if run is not None and key not in asked:
-                path = checkpoint_of(run)
-                asked[key] = ModelBeliefs(
-                    _restore(path, path.stat().st_mtime_ns if path.exists() else 0),
-                    data=data,
-                    scene_id=scene_id,
-                    mask=recipe.mask,
-                    draws=draws,
-                    artifacts=episodes.artifacts,
-                    is_missed=recipe.chance < 1,
-                )
+                asked[key] = ask_run(run, data, scene_id, recipe, episodes, draws)
             beliefs = asked.get(key)
             ranked_first = _rank_first(episodes, beliefs)
-            steps: Steps = {} if trace is None else {one: [] for one in _choose_traced(recipe)}
-            if recipe.robots == 1:
-                watch = partial(_note_step, steps)
-                outcomes = search(episodes, robots, beliefs=beliefs, watch=watch)
-            else:
-                outcomes = _search_together(episodes, recipe, scene_id, robots, beliefs)
+            outcomes = _search_world(episodes, recipe, scene_id, planners, beliefs)
             table = _tabulate(episodes, outcomes, data.manifest.class_space.classes)
-            table = table.assign(scene_id=scene_id, world=world.name, draw=draws[table.episode])
-            found.searches.append(table.assign(ranked_first=ranked_first[table.episode]))
-            if trace is not None:
-                found.kept.extend(
-                    keep_searches(
-                        steps,
-                        None if trace == "auto" else trace,
-                        data=data,
-                        scene_id=scene_id,
-                        world=world.name,
-                        episodes=episodes,
-                        outcomes=outcomes,
-                        planners=planners,
-                    )
+            found.searches.append(
+                table.assign(
+                    scene_id=scene_id,
+                    world=world.name,
+                    draw=draws[table.episode],
+                    ranked_first=ranked_first[table.episode],
                 )
+            )
     return found
 
 
-def _search_together(
+def _search_world(
     episodes: Episodes,
     recipe: StudyRecipe,
     scene_id: str,
-    robots: Mapping[tuple[Task, str], Robot],
+    planners: Mapping[str, Planner],
     beliefs: Beliefs | None,
 ) -> dict[tuple[Task, str], Outcome]:
-    """Return how several robots ended that search together; the first begins at the start."""
+    """Return how the searches of each task and planner ended; of several robots, together."""
+    robots = {
+        (task, name): Robot(planner, task)
+        for task in recipe.tasks
+        for name, planner in planners.items()
+    }
+    if recipe.robots == 1:
+        return search(episodes, robots, beliefs=beliefs)
     starts = sample_starts(episodes, recipe, scene_id)
     return {
         key: search_together(
             episodes, starts, beliefs=None if robot.planner.reads == "none" else beliefs
         )
         for key, robot in robots.items()
-    }
-
-
-def _choose_traced(recipe: StudyRecipe) -> list[tuple[Task, str]]:
-    """Return the robots whose steps are kept: that which uses beliefs most, and `nearest`."""
-    names = [name for name in recipe.planners if PLANNERS[name].reads == "belief"]
-    planner = "expected-cost" if "expected-cost" in names else (names or recipe.planners)[0]
-    return [(recipe.tasks[0], planner), (recipe.tasks[0], BASELINE)]
-
-
-def _note_step(steps: Steps, robot: tuple[Task, str], step: Step) -> None:
-    if robot in steps:
-        steps[robot].append(step)
-
-
-@lru_cache(maxsize=8)
-def _restore(checkpoint: Path, changed: int) -> BeliefModel:
-    return restore_model(checkpoint, load_checkpoint(checkpoint))
-
-
-def _robots(recipe: StudyRecipe, planners: Mapping[str, Planner]) -> dict[tuple[Task, str], Robot]:
-    """Return the robots of a study by task and planner."""
-    return {
-        (task, name): Robot(planner, task)
-        for task in recipe.tasks
-        for name, planner in planners.items()
     }
 
 

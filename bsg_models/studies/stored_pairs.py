@@ -9,6 +9,8 @@ PREDICTIONS/MODEL/fold-K.parquet    of a model trained without fold K; the folde
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -24,112 +26,146 @@ from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stream
 from bsg_data.recipes import PairsRecipe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
-from bsg_models.evaluation.measurement import read_truth
+from bsg_models.evaluation.measurement import predict_all, read_truth
 from bsg_models.evaluation.prediction_files import PredictionWriter, read_predictions
-from bsg_models.evaluation.predictions import align
+from bsg_models.evaluation.predictions import AlignedPredictions, align
+from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.folds import Split, scenes_of, splits_of
 from bsg_models.inputs.graphs import stream_split
-
-Folds = tuple[int | None, ...]  # (None,) without folds
-Expect = Callable[[MaskedBuildings], Expectation]
+from bsg_models.zoo.model import BeliefModel
 
 
-def folds_of(data: Dataset) -> Folds:
-    """Return all folds of a dataset, or (None,) without folds."""
-    number = sum(name.startswith("fold-") for name in data.splits)
-    return tuple(range(number)) or (None,)
+@dataclass(frozen=True, eq=False)
+class MeasuredPairs:
+    """The masked buildings that models are measured on."""
 
+    data: Dataset
+    split: Split
+    folds: tuple[int | None, ...]  # (None,) without folds
+    fresh: PairsRecipe | None = None  # masks of a dataset without a split, which is measured whole
 
-def hash_measured(data: Dataset, split: Split, folds: Folds) -> str:
-    """Return the hash of the stored masks that are measured on."""
-    names = {name for fold in folds for name in splits_of(data, split, fold=fold)}
-    return hash_splits(data, sorted(names))[ALL]
+    @property
+    def recipe(self) -> PairsRecipe:
+        """The recipe of the masks."""
+        pairs = self.fresh or self.data.manifest.pairs
+        if pairs is None:
+            raise DatasetError(f"{self.data.path}: has no pairs; run `bsg-data pairs` first")
+        return pairs
 
+    @property
+    def trains(self) -> bool:
+        """Whether there are buildings for training."""
+        return self.folds != (None,) or "train" in self.data.splits
 
-def stream_batches(
-    data: Dataset,
-    split: Split,
-    *,
-    fold: int | None,
-    vocabulary: tuple[str, ...] = (),
-    fresh: PairsRecipe | None = None,
-) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of a split, at most `BATCH` masked buildings at a time.
+    @property
+    def masks_sha256(self) -> str:
+        """The hash of the stored masks."""
+        data = self.data
+        names = {name for fold in self.folds for name in splits_of(data, self.split, fold=fold)}
+        return hash_splits(data, sorted(names))[ALL]
 
-    With `fresh`, yield masks of all buildings instead.
-    """
-    if fresh is not None:
-        for draw in range(fresh.draws):
+    @cached_property
+    def surveys(self) -> dict[int | None, pd.DataFrame]:
+        """Fold → one row per masked building, from one reading.
+
+        The columns are `scene_id`, `objects` (classified), `rooms`, and `empty_inputs` and
+        `empty_targets`: all-zero nodes, of degenerate distances.
+        """
+        return {fold: self._survey(fold) for fold in self.folds}
+
+    @cached_property
+    def survey(self) -> pd.DataFrame:
+        """The rows of all folds."""
+        return pd.concat(self.surveys.values())
+
+    @cached_property
+    def buildings(self) -> tuple[str, ...]:
+        """The buildings, the smallest first."""
+        sizes = self.survey.groupby("scene_id", sort=False).objects.last()
+        return tuple(sizes.sort_values(kind="stable").index)
+
+    def stream(
+        self, fold: int | None, *, vocabulary: tuple[str, ...] = ()
+    ) -> Iterator[MaskedBuildings]:
+        """Yield the pairs of a fold, at most `BATCH` masked buildings at a time."""
+        if self.fresh is None:
+            for masked in stream_split(self.data, self.split, fold=fold, vocabulary=vocabulary):
+                yield from masked.batches(BATCH)
+            return
+        mask, scenes = self.fresh.mask, self.data.scene_ids
+        for draw in range(self.fresh.draws):
             yield from stream_sampled(
-                data, data.scene_ids, mask=fresh.mask, draw=draw, vocabulary=vocabulary
+                self.data, scenes, mask=mask, draw=draw, vocabulary=vocabulary
             )
-        return
-    for masked in stream_split(data, split, fold=fold, vocabulary=vocabulary):
-        yield from masked.batches(BATCH)
 
+    def predict(
+        self, model: BeliefModel | AlignedPredictions, fold: int | None
+    ) -> Iterator[tuple[Truth, Expectation]]:
+        """Yield the truth of the pairs of a fold, and what a model or a file expects."""
+        vocabulary: tuple[str, ...] = ()
+        expect: Callable[[MaskedBuildings], Expectation]
+        if isinstance(model, BeliefModel):
+            vocabulary, expect = model.vocabulary, partial(predict_all, model)
+        else:
+            expect = model.expect
+        for masked in self.stream(fold, vocabulary=vocabulary):
+            yield read_truth(masked), expect(masked)
 
-def survey_split(
-    data: Dataset, split: Split, *, fold: int | None, fresh: PairsRecipe | None = None
-) -> pd.DataFrame:
-    """Read what `stream_batches` yields once; return one row per masked building.
+    def read_entry(self, path: Path) -> tuple[str, AlignedPredictions, dict[str, Any]]:
+        """Read a file of predictions, or a folder of them, for the nodes that are measured.
 
-    The columns are `scene_id`, `objects` (classified), `rooms`, and `empty_inputs` and
-    `empty_targets`: all-zero nodes, of degenerate distances.
-    """
-    frames = []
-    for masked in stream_batches(data, split, fold=fold, fresh=fresh):
-        truth, starts = read_truth(masked), masked.seen.starts
-        columns = {
-            "scene_id": masked.seen.scene_ids,
-            "objects": truth.targets[starts[:-1]].sum(axis=1),
-            "rooms": np.diff(starts) - 1,
+        If only one of several folds is measured, rows of other folds are skipped.
+
+        Returns:
+            Name of the entry, what it predicts, and where it comes from.
+        """
+        data = self.data
+        classes = data.manifest.class_space.classes
+        nodes = sum(entry.rows for entry in data.manifest.files_of("pairs"))
+        predictions = read_predictions(path, most_rows=nodes * len(classes))
+        ours = {self.masks_sha256, *hash_splits(data).values()}
+        if strange := sorted(predictions.masks - ours):
+            raise PredictionError(
+                f"{path}: was made for other masks ({strange[0][:12]}…) than those of {data.path}; "
+                "`bsg-data info` lists the masks of a dataset"
+            )
+        masked = (some for fold in self.folds for some in self.stream(fold))
+        facts = {
+            "files": {file.name: hash_file(file) for file in predictions.files},
+            "rows": len(predictions.rows),
+            "exactly": len(predictions.exactly),
         }
-        for name, counts in (("empty_inputs", truth.inputs), ("empty_targets", truth.targets)):
-            columns[name] = np.add.reduceat((~counts.any(axis=1)).astype(int), starts[:-1])
-        frames.append(pd.DataFrame(columns))
-    if not frames:  # buildings with too many objects have no pairs
-        raise DatasetError(f"{data.path}: no building of the split {split!r} has pairs")
-    return pd.concat(frames, ignore_index=True)
+        name = path.stem if path.is_file() else resolve_links(path).name
+        return name, align(predictions, masked, classes, elsewhere=self._list_elsewhere()), facts
 
+    def open_entry(self, folder: Path, name: str, fold: int | None) -> PredictionWriter:
+        """Open a writer of a run's expectations as an entry, which appears when it closes."""
+        stem, classes = stem_of(name), self.data.manifest.class_space.classes
+        path = folder / (f"{stem}.parquet" if fold is None else f"{stem}/fold-{fold}.parquet")
+        return PredictionWriter(path, classes, masks_sha256=self.masks_sha256)
 
-def read_entry(
-    path: Path, data: Dataset, *, split: Split, folds: Folds
-) -> tuple[str, Expect, dict[str, Any]]:
-    """Read a file of predictions, or a folder of them, for the nodes that are measured.
+    def _list_elsewhere(self) -> set[str]:
+        """Return the scenes of the folds that are not measured."""
+        if self.folds == (None,):
+            return set()
+        data = self.data
+        measured = {s for fold in self.folds for s in scenes_of(data, self.split, fold=fold)}
+        return {scene for some in data.splits.values() for scene in some} - measured
 
-    If only one of several folds is measured, rows of other folds are skipped.
-
-    Returns:
-        Name of the entry, what it predicts of measured buildings, and where it comes from.
-    """
-    classes = data.manifest.class_space.classes
-    nodes = sum(entry.rows for entry in data.manifest.files_of("pairs"))
-    predictions = read_predictions(path, most_rows=nodes * len(classes))
-    ours = {hash_measured(data, split, folds), *hash_splits(data).values()}
-    if strange := sorted(predictions.masks - ours):
-        raise PredictionError(
-            f"{path}: was made for other masks ({strange[0][:12]}…) than those of {data.path}; "
-            "`bsg-data info` lists the masks of a dataset"
-        )
-    masked = (some for fold in folds for some in stream_batches(data, split, fold=fold))
-    elsewhere: set[str] = set()
-    if folds != (None,):
-        measured = {scene for fold in folds for scene in scenes_of(data, split, fold=fold)}
-        elsewhere = {s for some in data.splits.values() for s in some} - measured
-    facts = {
-        "files": {file.name: hash_file(file) for file in predictions.files},
-        "rows": len(predictions.rows),
-        "exactly": len(predictions.exactly),
-    }
-    name = path.stem if path.is_file() else resolve_links(path).name
-    return name, align(predictions, masked, classes, elsewhere=elsewhere).expect, facts
-
-
-def open_entry(
-    folder: Path, name: str, data: Dataset, *, split: Split, fold: int | None
-) -> PredictionWriter:
-    """Open a writer of a run's expectations as an entry, which appears when it closes."""
-    stem = stem_of(name)
-    path = folder / f"{stem}.parquet" if fold is None else folder / stem / f"fold-{fold}.parquet"
-    masks = hash_measured(data, split, (fold,))
-    return PredictionWriter(path, data.manifest.class_space.classes, masks_sha256=masks)
+    def _survey(self, fold: int | None) -> pd.DataFrame:
+        frames = []
+        for masked in self.stream(fold):
+            truth, starts = read_truth(masked), masked.seen.starts
+            columns = {
+                "scene_id": masked.seen.scene_ids,
+                "objects": truth.targets[starts[:-1]].sum(axis=1),
+                "rooms": np.diff(starts) - 1,
+            }
+            for name, counts in (("empty_inputs", truth.inputs), ("empty_targets", truth.targets)):
+                columns[name] = np.add.reduceat((~counts.any(axis=1)).astype(int), starts[:-1])
+            frames.append(pd.DataFrame(columns))
+        if not frames:  # buildings with too many objects have no pairs
+            raise DatasetError(
+                f"{self.data.path}: no building of the split {self.split!r} has pairs"
+            )
+        return pd.concat(frames, ignore_index=True)

@@ -1,45 +1,73 @@
 """Train by gradient, epoch by epoch, on masked graphs (paper, section IV-A).
 
 The order and dropout of an epoch depend only on (seed, epoch), and its masks on (the mask's own
-seed, epoch). So a stopped run continues to the same weights as one that was not stopped.
+seed, epoch). So a training that was stopped goes on to the same weights as one that was not.
 """
 
 from __future__ import annotations
 
 import copy
+import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
+from pydantic import TypeAdapter
 from torch import nn
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.files import write_bytes
+from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.runs.checkpoint import (
-    CheckpointHeader,
     load_checkpoint,
     make_header,
     name_tensors,
-    read_header,
     save_checkpoint,
 )
-from bsg_models.runs.run_folder import BEST, LAST, METRICS
-from bsg_models.training.buildings import TrainingBuildings, epoch_seed
-from bsg_models.training.learning_curve import EpochReport, encode_metrics, read_metrics
-from bsg_models.training.optimiser import (
-    learning_rate,
-    load_optimiser,
-    make_optimiser,
-    optimiser_state,
-)
+from bsg_models.runs.run_folder import EpochReport
+from bsg_models.training.buildings import TrainingBuildings, epoch_seed, validation_buildings
 from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.model import State
 from bsg_models.zoo.network import Network
-from bsg_models.zoo.settings import Device
+from bsg_models.zoo.settings import Device, TrainingConfig
+
+Progress = Callable[[EpochReport], None]
+_REPORTS = TypeAdapter(list[EpochReport])
+
+
+@dataclass(eq=False)
+class _Done:
+    """What a training has done so far, besides its weights and the optimiser."""
+
+    reports: list[EpochReport] = field(default_factory=list)
+    best: State = field(default_factory=dict)  # the weights of the lowest validation loss
+
+    @property
+    def lowest(self) -> tuple[float, int]:
+        """The lowest validation loss, and its epoch."""
+        epoch = self.reports[-1].best_epoch if self.reports else 0
+        loss = self.reports[epoch - 1].val_loss if epoch else None
+        return (float("inf"), 0) if loss is None else (loss, epoch)
+
+    def add(self, *, epochs: int, train_loss: float, val_loss: float | None, began: float) -> bool:
+        """Add an epoch; return whether it is the best so far."""
+        epoch, best = len(self.reports) + 1, self.lowest
+        if val_loss is not None:
+            best = min(best, (val_loss, epoch))
+        report = EpochReport(
+            epoch=epoch,
+            epochs=epochs,
+            train_loss=train_loss,
+            val_loss=val_loss,
+            best_epoch=best[1],
+            seconds=time.perf_counter() - began,
+        )
+        self.reports.append(report)
+        return report.best_epoch == epoch
 
 
 class GradientSteps:
@@ -53,7 +81,7 @@ class GradientSteps:
 
     def __init__(self, model: Network, config: RunConfig, *, device: torch.device) -> None:
         self.model = model.to(device)
-        self.optimiser = make_optimiser(model, config.training)
+        self.optimiser = _make_optimiser(model, config.training)
         self._config, self._device = config, device
 
     def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
@@ -80,6 +108,37 @@ class GradientSteps:
         """Return the model on the CPU, for validation or saving."""
         return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
 
+    def save(self, path: Path, data: Dataset, done: _Done) -> None:
+        """Write all that the training needs to go on."""
+        vocabulary, epoch = self.model.vocabulary, len(done.reports)
+        header = make_header(self._config, data, vocabulary=vocabulary, epoch=epoch)
+        tensors = {
+            **name_tensors("model", self.on_cpu().state()),
+            **name_tensors("adam", _optimiser_state(self.optimiser, self.model)),
+            **name_tensors("best", done.best),
+            "reports": np.frombuffer(_REPORTS.dump_json(done.reports), dtype=np.uint8),
+        }
+        path.parent.mkdir(exist_ok=True)
+        save_checkpoint(path, header, tensors)
+
+    def restore(self, path: Path, data: Dataset) -> _Done:
+        """Go on with what was saved, if it is of this training.
+
+        Raises:
+            CheckpointError: if the file is damaged.
+        """
+        checkpoint = load_checkpoint(path) if path.exists() else None
+        if (
+            checkpoint is None
+            or not checkpoint.header.is_of(self._config, data)
+            or "reports" not in checkpoint.tensors
+        ):
+            return _Done()
+        self.model.load_state(checkpoint.state_of("model"))
+        _load_optimiser(self.optimiser, self.model, checkpoint.state_of("adam"))
+        reports = _REPORTS.validate_json(checkpoint.tensors["reports"].tobytes())
+        return _Done(reports, checkpoint.state_of("best"))
+
 
 def find_device(wanted: Device) -> torch.device:
     """Return the device of a training.
@@ -96,65 +155,45 @@ def find_device(wanted: Device) -> torch.device:
     return torch.device("cuda" if there and wanted != "cpu" else "cpu")
 
 
-def train_epochs(
-    steps: GradientSteps,
-    config: RunConfig,
-    data: Dataset,
-    run: Path,
-    buildings: TrainingBuildings,
-    validation: Sequence[Nodes],
-) -> Iterator[EpochReport]:
-    """Train a model from its last checkpoint, or from the start, into the folder of a run.
+def train_network(
+    network: Network, config: RunConfig, data: Dataset, *, unfinished: Path, progress: Progress
+) -> tuple[State, list[EpochReport]]:
+    """Train a network from its start, or from where it was stopped.
 
     Args:
-        steps: of a new model, or of any weights if the run has a last checkpoint.
+        network: a new one.
         config: of the run.
         data: an open dataset.
-        run: folder, whose lock the caller holds; its content passed `require_same_training`.
-        buildings: of every epoch.
-        validation: batches of masked buildings that the training does not see.
+        unfinished: the checkpoint that each validation writes, and that a stopped training goes on
+            from.
+        progress: is told of every epoch.
 
-    Yields:
-        One report per epoch.
+    Returns:
+        The weights of the lowest validation loss, and one report per epoch.
     """
-    training = config.training
-    rows = _restore(steps, run) if (run / LAST).exists() else []
-    losses = ((row.val_loss, row.epoch) for row in rows if row.val_loss is not None)
-    best = min(losses, default=(float("inf"), 0))
-    for epoch in range(len(rows) + 1, training.epochs + 1):
+    training, device = config.training, find_device(config.training.device)
+    buildings = TrainingBuildings(config, data, vocabulary=network.vocabulary)
+    masked = validation_buildings(config, data, vocabulary=network.vocabulary)
+    validation = [network.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
+    network.fit(data, config.data)
+    steps = GradientSteps(network, config, device=device)
+    done = steps.restore(unfinished, data)
+    for epoch in range(len(done.reports) + 1, training.epochs + 1):
         began = time.perf_counter()
         train_loss, val_loss = steps.train_epoch(buildings, epoch), None
         if epoch % training.validate_every == 0 or epoch == training.epochs:
             val_loss = _validate(steps.on_cpu(), validation)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
             raise TrainingError(
-                f"{run}: the loss of epoch {epoch} is not finite (training {train_loss}, "
-                f"validation {val_loss}); lower training.learning_rate. "
-                "The saved checkpoints are of earlier epochs"
+                f"{config.name}: the loss of epoch {epoch} is not finite (training {train_loss}, "
+                f"validation {val_loss}); lower training.learning_rate"
             )
+        if done.add(epochs=training.epochs, train_loss=train_loss, val_loss=val_loss, began=began):
+            done.best = steps.on_cpu().state()
         if val_loss is not None:
-            best = min(best, (val_loss, epoch))
-        report = EpochReport(
-            epoch=epoch,
-            epochs=training.epochs,
-            train_loss=train_loss,
-            val_loss=val_loss,
-            best_epoch=best[1],
-            seconds=time.perf_counter() - began,
-        )
-        rows.append(report)
-        if val_loss is not None:
-            header = make_header(
-                config,
-                data,
-                vocabulary=steps.model.vocabulary,
-                epoch=epoch,
-                val_loss=val_loss,
-                best_epoch=best[1],
-                best_loss=best[0],
-            )
-            _save(steps, header, rows, run)
-        yield report
+            steps.save(unfinished, data, done)
+        progress(done.reports[-1])
+    return done.best, done.reports
 
 
 def _validate(model: Network, validation: Sequence[Nodes]) -> float:
@@ -163,70 +202,59 @@ def _validate(model: Network, validation: Sequence[Nodes]) -> float:
     return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
 
 
-def _save(
-    steps: GradientSteps, header: CheckpointHeader, rows: list[EpochReport], run: Path
-) -> None:
-    """Write the metrics, the last checkpoint, and the best one if this epoch is the best."""
-    write_bytes(run / METRICS, encode_metrics(rows))
-    state = name_tensors("model", steps.on_cpu().state())
-    if header.epoch == header.best_epoch:
-        save_checkpoint(run / BEST, header, state)
-    adam = name_tensors("adam", optimiser_state(steps.optimiser, steps.model))
-    save_checkpoint(run / LAST, header, {**state, **adam})
+def _make_optimiser(model: Network, training: TrainingConfig) -> torch.optim.Optimizer:
+    """Return Adam with the decay as `training.decay_as` reads it.
 
-
-def _restore(steps: GradientSteps, run: Path) -> list[EpochReport]:
-    """Restore model and optimiser from the last checkpoint; return the reports up to it."""
-    checkpoint = load_checkpoint(run / LAST)
-    epochs = checkpoint.header.epoch
-    rows = [row for row in read_metrics(run / METRICS) if row.epoch <= epochs]
-    if not (run / BEST).is_file() or len(rows) < epochs:
-        gone = METRICS if (run / BEST).is_file() else BEST
-        raise TrainingError(f"{run / gone}: is gone, or a part of it; --force starts the run again")
-    steps.model.load_state(checkpoint.state_of("model"))
-    load_optimiser(steps.optimiser, steps.model, checkpoint.state_of("adam"))
-    return rows
-
-
-def require_same_training(config: RunConfig, data: Dataset, path: Path) -> None:
-    """Refuse to continue a run of another dataset or configuration; epochs and device may differ.
-
-    Args:
-        config: of the run.
-        data: an open dataset.
-        path: of the checkpoint to continue from, which may be missing.
+    `fused` steps all tensors in one call, a fifth of the time of the usual way.
     """
-    if not path.exists():
-        return
-    header = read_header(path)
-    if header.dataset_sha256 != data.sha256:
-        raise TrainingError(
-            f"{path}: was trained on another dataset (manifest {header.dataset_sha256[:12]}…, "
-            f"this one {data.sha256[:12]}…); resume with the same one, or start a new run"
-        )
-    if config.training.schedule == "one-cycle" and header.config.training.epochs != (
-        config.training.epochs
-    ):
-        raise TrainingError(
-            f"{path}: its learning rate falls over {header.config.training.epochs} epochs "
-            "(training.schedule one-cycle), so it cannot be made longer; --force starts again"
-        )
-    theirs = header.config.training
-    aside = {"epochs": theirs.epochs, "device": theirs.device}
-    same = config.model_copy(update={"training": config.training.model_copy(update=aside)})
-    if header.config != same:
-        differing = ", ".join(_differences(header.config.model_dump(), same.model_dump()))
-        raise TrainingError(
-            f"{path}: was trained with another configuration ({differing}); only training.epochs "
-            "and training.device may change. Choose another --out, or --force"
-        )
+    if training.decay_as == "decoupled":
+        matrices = [
+            p for p in model.parameters() if p.ndim > 1 and p.requires_grad
+        ]  # norms and biases do not decay
+        vectors = [p for p in model.parameters() if p.ndim <= 1]
+        groups = [
+            {"params": matrices, "weight_decay": training.decay},
+            {"params": vectors, "weight_decay": 0.0},
+        ]
+        return torch.optim.AdamW(groups, lr=training.learning_rate, fused=True)
+    decay = training.decay if training.decay_as == "weight-decay" else 0.0
+    return torch.optim.Adam(
+        model.parameters(), lr=training.learning_rate, weight_decay=decay, fused=True
+    )
 
 
-def _differences(old: dict[str, Any], new: dict[str, Any], path: str = "") -> Iterator[str]:
-    """Yield `path: old → new` for every value that differs."""
-    for key in old.keys() | new.keys():
-        a, b = old.get(key), new.get(key)
-        if isinstance(a, dict) and isinstance(b, dict):
-            yield from _differences(a, b, f"{path}{key}.")
-        elif a != b:
-            yield f"{path}{key}: {a} → {b}"
+def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
+    """Return the learning rate of a step, counted from 0, of `steps` in all.
+
+    >>> learning_rate(TrainingConfig(decay=0.5, decay_as="learning-rate"), 2, steps=9)
+    0.005
+    >>> cycle = TrainingConfig(schedule="one-cycle", learning_rate=1.0)
+    >>> [round(learning_rate(cycle, step, steps=20), 2) for step in (0, 1, 10, 19)]
+    [0.5, 1.0, 0.54, 0.01]
+    """
+    rate = training.learning_rate
+    if training.decay_as == "learning-rate":
+        rate /= 1 + training.decay * step
+    if training.schedule == "one-cycle":
+        rising = max(1, steps // 10)
+        if step < rising:
+            return rate * (step + 1) / rising
+        return rate * 0.5 * (1 + math.cos(math.pi * (step - rising + 1) / (steps - rising + 1)))
+    return rate
+
+
+def _optimiser_state(optimiser: torch.optim.Optimizer, model: Network) -> State:
+    """Return Adam's state by the names of the parameters, on the CPU."""
+    return {
+        f"{name}.{key}": torch.as_tensor(value).cpu().numpy().copy()
+        for name, parameter in model.named_parameters()
+        for key, value in optimiser.state[parameter].items()
+    }
+
+
+def _load_optimiser(optimiser: torch.optim.Optimizer, model: Network, state: State) -> None:
+    """Restore what `_optimiser_state` returned; parameters that do not learn have no state."""
+    for name, parameter in model.named_parameters():
+        for key in ("step", "exp_avg", "exp_avg_sq") if parameter.requires_grad else ():
+            value = torch.tensor(state[f"{name}.{key}"], device=parameter.device)
+            optimiser.state[parameter][key] = value

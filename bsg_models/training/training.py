@@ -1,52 +1,45 @@
-"""Train one configuration on one dataset: by gradient, by counting, or as an ensemble."""
+"""Train one configuration on one dataset: by gradient, by counting, or as an ensemble.
+
+A run is written as a whole when its training is done. Meanwhile a network keeps what it needs to go
+on in `RUN.partial`; the same command goes on from there after a kill.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+import csv
+import io
+import platform
+import time
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 import numpy as np
 import torch
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.errors import DatasetError
-from bsg_data.files import AnyPath, refuse_links
+from bsg_data.files import AnyPath, noting_failures, refuse_links, resolve_links, write_bytes
 from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stack_masked
-from bsg_data.results import require_seal
+from bsg_data.results import name_staged, write_results
 from bsg_models.belief.count_distribution import concatenate
-from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
-from bsg_models.runs.checkpoint import (
-    is_finished,
-    load_checkpoint,
-    name_tensors,
-    read_header,
-    restore_model,
-    save_checkpoint,
-    save_fitted,
-)
+from bsg_models.rendering.figures import plot_learning_curve
+from bsg_models.runs.checkpoint import save_model
 from bsg_models.runs.run_folder import (
     BEST,
-    LAST,
-    MEMBERS,
-    active_folder,
-    clear_run,
-    finish_replacing,
-    open_run,
-    refuse_overwriting,
+    CONFIG,
+    CURVE,
+    METRICS,
+    RECORD,
+    EpochReport,
+    TrainingRecord,
 )
-from bsg_models.runs.run_log import keep_log
-from bsg_models.training.buildings import TrainingBuildings, validation_buildings
+from bsg_models.training.buildings import validation_buildings
 from bsg_models.training.count_gradients import as_network
-from bsg_models.training.epochs import (
-    GradientSteps,
-    find_device,
-    require_same_training,
-    train_epochs,
-)
-from bsg_models.training.learning_curve import EpochReport
+from bsg_models.training.epochs import Progress, train_network
 from bsg_models.zoo.building_tilt import fit_building_tilt, share_to_tilt
 from bsg_models.zoo.calibration import (
     CalibratedModel,
@@ -54,113 +47,149 @@ from bsg_models.zoo.calibration import (
     fit_presence_calibration,
     take_sample,
 )
-from bsg_models.zoo.config import RunConfig
+from bsg_models.zoo.config import RunConfig, write_toml
 from bsg_models.zoo.ensemble import Ensemble, find_member, make_model, reads_categories
 from bsg_models.zoo.model import BeliefModel, one_thread
 
+_PACKAGES = ("belief-scene-graphs", "numpy", "torch", "torch-geometric")
 _CALIBRATED_NODES = 5_000  # under masks; their distributions take a few hundred megabytes
 
 
 def train_run(
-    config: RunConfig, dataset: AnyPath, run: AnyPath, *, resume: bool = False, force: bool = False
-) -> Iterator[EpochReport]:
-    """Train a configuration on a dataset, epoch by epoch, into the folder of a run.
+    config: RunConfig,
+    dataset: AnyPath,
+    run: AnyPath,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> tuple[EpochReport, ...]:
+    """Train a configuration on a dataset into the folder of a run, or go on after a kill.
 
     Args:
         config: of the run.
         dataset: folder of a split dataset with pairs.
-        run: folder for `best.safetensors`, `last.safetensors`, `metrics.csv`, `config.toml` (the
-            configuration) and `log.jsonl` (when each training began and how it ended).
-        resume: continue from `last.safetensors`, or from the finished members of an ensemble. A
-            model fitted by counting starts again, unless it is finished. Without `resume`, start.
-        force: replace an existing run; a finished one stays until the new one is whole. With
-            `resume`, replace it only if it is of another training.
+        run: folder for `best.safetensors`, `config.toml`, `training.json`, and for networks
+            `metrics.csv` and `curve.png`.
+        force: replace a finished run, which stays until the new one is whole.
+        progress: is told of every epoch.
 
-    Yields:
+    Returns:
         One report per epoch; none for a model that is fitted by counting.
 
     Raises:
-        TrainingError: if a run is in the way, cannot be resumed, or the loss is not finite.
-        DatasetError: if the dataset lacks a split or its pairs.
+        TrainingError: if the loss is not finite.
+        DatasetError: if the dataset lacks a split or its pairs, or a run is in the way.
     """
-    dataset, run = Path(dataset), Path(run)
-    data, device = Dataset.open(dataset), find_device(config.training.device)
-    finish_replacing(run)
-    refuse_overwriting(run, resume=resume, force=force)
-    resume = resume and not (force and _is_other_training(config, data, run))
-    if resume and _is_complete(config, data, run):
-        return
-    model = new_model(config, data)
-    network = as_network(model)
-    if network is not None:
-        steps = GradientSteps(network, config, device=device)
-        yield from _train_network(steps, config, data, run, resume=resume, force=force)
-        return
-    goes_on = resume and isinstance(model, Ensemble)  # a model that counts starts again
-    opened = open_run(run, resume=goes_on, force=force or resume)
-    with opened as place, keep_log(place, config, data) as notes:
-        if isinstance(model, Ensemble):
-            members = yield from _train_members(config, data, place)
-            _combine(model, config, data, members, place)
-        else:
-            _fit(model, config, data, place)
-        notes += model.notes
+    data, run, began = Dataset.open(Path(dataset)), resolve_links(Path(run)), time.perf_counter()
+    partial = name_staged(run)
+    refuse_links(run.parent, partial)
+    with write_results(run, report=BEST, force=force) as staged:
+        trained = _Training(data, partial, progress or (lambda _: None)).train(config)
+        save_model(trained.model, config, data, staged / BEST, **trained.fields)
+        write_bytes(staged / CONFIG, write_toml(config).encode())
+        notes = list(trained.model.notes)
+        if trained.reports:
+            write_bytes(staged / METRICS, _encode_metrics(trained.reports))
+            _plot_curve(config, trained.reports, staged / CURVE, notes)
+        record = _make_record(began=began, notes=notes)
+        write_bytes(staged / RECORD, (record.model_dump_json(indent=1) + "\n").encode())
+    _remove_partial(partial)
+    return trained.reports
 
 
-def _is_complete(config: RunConfig, data: Dataset, run: Path) -> bool:
-    """Return whether a run is sealed, and trained for as many epochs as are asked for."""
-    place = active_folder(run)
-    best, last = place / BEST, place / LAST
-    _require_resumable(config, data, place)
-    epochs = read_header(last).epoch if last.is_file() else config.training.epochs
-    is_trained = epochs >= config.training.epochs
-    return best.is_file() and is_trained and require_seal(place) is not None
+@dataclass(frozen=True, eq=False)
+class _Trained:
+    """A trained model, with fields of its checkpoint and one report per epoch."""
+
+    model: BeliefModel
+    fields: dict[str, Any] = field(default_factory=dict)
+    reports: tuple[EpochReport, ...] = ()
 
 
-def _fit(model: BeliefModel, config: RunConfig, data: Dataset, run: Path) -> None:
-    with one_thread():
-        model.fit(data, config.data)
-        calibrated = _calibrate_if_wanted(model, config, data)
-        save_fitted(model, config, data, run, calibrated=calibrated)
+@dataclass(frozen=True, eq=False)
+class _Training:
+    """What the trainings of a model and of its members share."""
+
+    data: Dataset
+    partial: Path  # folder of what a stopped training goes on from
+    progress: Progress
+
+    def train(self, config: RunConfig, *, name: str = "network") -> _Trained:
+        """Train a model; `name` is its own in the folder of unfinished trainings."""
+        model, fields = new_model(config, self.data), dict[str, Any]()
+        network, reports = as_network(model), list[EpochReport]()
+        with one_thread():
+            if isinstance(model, Ensemble):
+                fields["members"] = self._train_members(model, config)
+            elif network is None:
+                model.fit(self.data, config.data)
+            else:
+                unfinished = self.partial / f"{name}.safetensors"
+                best, reports = train_network(
+                    network, config, self.data, unfinished=unfinished, progress=self.progress
+                )
+                model.load_state(best)
+                fields |= _describe_best(reports)
+            fields["calibrated"] = _calibrate_if_wanted(model, config, self.data)
+        return _Trained(model, fields, tuple(reports))
+
+    def _train_members(self, model: Ensemble, config: RunConfig) -> dict[str, RunConfig]:
+        """Train the members of an ensemble, one after another; return their configurations."""
+        configs = {name: member_config(config, name) for name in model.members}
+        for number, (name, own) in enumerate(configs.items()):
+            model.members[name] = self.train(own, name=f"member-{number}").model
+        return configs
 
 
-def _train_network(
-    steps: GradientSteps, config: RunConfig, data: Dataset, run: Path, *, resume: bool, force: bool
-) -> Iterator[EpochReport]:
-    """Train by gradient, then calibrate."""
-    model = steps.model
-    # An unsuitable dataset fails here, before anything is replaced.
-    buildings = TrainingBuildings(config, data, vocabulary=model.vocabulary)
-    masked = validation_buildings(config, data, vocabulary=model.vocabulary)
-    validation = [model.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
-    opened = open_run(run, resume=resume, force=force)
-    with opened as place, keep_log(place, config, data) as notes, one_thread():
-        model.fit(data, config.data)
-        yield from train_epochs(steps, config, data, place, buildings, validation)
-        notes += _calibrate_run(config, data, place)
+def _describe_best(reports: Sequence[EpochReport]) -> dict[str, Any]:
+    """Return what a checkpoint says of the epoch with the lowest validation loss."""
+    best = reports[reports[-1].best_epoch - 1]
+    return {
+        "epoch": best.epoch,
+        "val_loss": best.val_loss,
+        "best_epoch": best.epoch,
+        "best_loss": best.val_loss,
+    }
 
 
-def _is_other_training(config: RunConfig, data: Dataset, run: Path) -> bool:
-    """Return whether a run cannot be continued, because it is of another training or damaged."""
-    try:
-        run = active_folder(run)
-        _require_resumable(config, data, run)
-        require_seal(run)
-    except (TrainingError, CheckpointError, DatasetError):
-        return True
-    return (run / LAST).is_file() and not (run / BEST).is_file()
+def _plot_curve(
+    config: RunConfig, reports: Sequence[EpochReport], path: Path, notes: list[str]
+) -> None:
+    """Draw the learning curve; a note says why it cannot be drawn."""
+    likelihood = getattr(config.model, "likelihood", "mse")
+    loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
+    title = f"{config.name}, seed {config.seed}"
+    with noting_failures(notes):
+        plot_learning_curve(reports, path, title=title, loss=loss)
 
 
-def _require_resumable(config: RunConfig, data: Dataset, run: Path) -> None:
-    """Refuse to continue a run of another training, also of a model without a last checkpoint.
+def _encode_metrics(rows: Sequence[EpochReport]) -> bytes:
+    """Return reports as CSV."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(EpochReport.model_fields), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({**row.model_dump(), "seconds": f"{row.seconds:.4f}"} for row in rows)
+    return text.getvalue().encode()
 
-    A stopped ensemble is recognised by its members.
-    """
-    last = run / LAST
-    require_same_training(config, data, last if last.is_file() else run / BEST)
-    for name in getattr(config.model, "members", ()):
-        with suppress(CheckpointError):  # a damaged member is trained again
-            require_same_training(member_config(config, name), data, run / MEMBERS / name / BEST)
+
+def _make_record(*, began: float, notes: Sequence[str]) -> TrainingRecord:
+    """Return the record of a training that ends now; `began` is of `time.perf_counter`."""
+    versions = {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
+    return TrainingRecord(
+        time=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        seconds=round(time.perf_counter() - began, 3),
+        versions=versions,
+        notes=tuple(notes),
+    )
+
+
+def _remove_partial(partial: Path) -> None:
+    """Remove what a stopped training would have gone on from."""
+    for pattern in ("network.safetensors", "member-*.safetensors"):
+        for path in partial.glob(pattern):
+            path.unlink()
+    with suppress(OSError):
+        partial.rmdir()  # unless anything else is in it
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
@@ -175,16 +204,6 @@ def new_model(config: RunConfig, data: Dataset) -> BeliefModel:
             vocabulary_of(data, scenes, min_scenes=config.data.min_scenes) if reads else ()
         ),
     )
-
-
-def _calibrate_run(config: RunConfig, data: Dataset, run: Path) -> tuple[str, ...]:
-    """Calibrate a run's best checkpoint if its configuration says so; return the model's notes."""
-    checkpoint = load_checkpoint(run / BEST)
-    model = restore_model(run / BEST, checkpoint)
-    if _calibrate_if_wanted(model, config, data):
-        header = checkpoint.header.model_copy(update={"calibrated": True})
-        save_checkpoint(run / BEST, header, name_tensors("model", model.state()))
-    return model.notes
 
 
 def _calibrate_if_wanted(model: BeliefModel, config: RunConfig, data: Dataset) -> bool:
@@ -238,53 +257,9 @@ def calibrate(
     model.hold(building_calibration=fit_building_tilt(presence, masked, tilted))
 
 
-def _train_members(
-    config: RunConfig, data: Dataset, run: Path
-) -> Generator[EpochReport, None, dict[str, Path]]:
-    """Train the members of an ensemble, one after another; return the folder of each."""
-    members = {name: run / MEMBERS / name for name in getattr(config.model, "members", ())}
-    for name, folder in members.items():
-        refuse_links(run, folder)
-        member = member_config(config, name)
-        if is_finished(folder, member, data):
-            continue
-        again = (folder / LAST).is_file()
-        if not again:
-            clear_run(folder)
-        yield from train_run(member, data.path, folder, resume=again)
-    return members
-
-
 def member_config(config: RunConfig, name: str) -> RunConfig:
     """Return the configuration of a member: its own recipe, with the ensemble's seed and data."""
     member = find_member(name)
     chosen = {name: getattr(config.data, name) for name in ("fold", "min_scenes")}
     data = member.data.under(config.data.mask).model_copy(update=chosen)
     return member.model_copy(update={"seed": config.seed, "data": data})
-
-
-def combine_runs(config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path) -> None:
-    """Make the ensemble of trained runs, calibrate it on val, and save it.
-
-    Args:
-        config: of the ensemble.
-        data: that the members were trained on.
-        members: name in the zoo → folder of its run.
-        run: folder of the ensemble.
-    """
-    model = cast(Ensemble, new_model(config, data))
-    with open_run(run) as place, keep_log(place, config, data) as notes:
-        _combine(model, config, data, members, place)
-        notes += model.notes
-
-
-def _combine(
-    model: Ensemble, config: RunConfig, data: Dataset, members: Mapping[str, Path], run: Path
-) -> None:
-    """Mix the members, calibrate and save."""
-    for name, folder in members.items():
-        model.members[name] = restore_model(folder / BEST, load_checkpoint(folder / BEST))
-    with one_thread():
-        calibrated = _calibrate_if_wanted(model, config, data)
-        recipes = {name: member_config(config, name) for name in members}
-        save_fitted(model, config, data, run, calibrated=calibrated, members=recipes)

@@ -96,14 +96,6 @@ def reads_categories(config: RunConfig) -> bool:
     return "categories" in getattr(config.model, "reads", ())
 
 
-def can_resume(config: RunConfig) -> bool:
-    """Return whether a stopped training can continue; a training by counting cannot."""
-    make = ZOO[config.model.family].make
-    return isinstance(make, type) and (
-        issubclass(make, Ensemble) or (issubclass(make, BeliefModel) and make.by_gradient)
-    )
-
-
 def is_by_seed(config: RunConfig) -> bool:
     """Return whether another seed may train another model; an ensemble counts as such."""
     return bool(getattr(ZOO[config.model.family].make, "by_seed", True))

@@ -21,8 +21,7 @@ from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.observation import Observation
 from bsg_models.arrays import Array
 from bsg_models.belief.expectation import Expectation, from_totals
-from bsg_models.inputs.edges import list_edges
-from bsg_models.inputs.nodes import Arrays, Nodes
+from bsg_models.inputs.nodes import Arrays, Nodes, list_edges
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.network import Network

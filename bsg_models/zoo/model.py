@@ -20,7 +20,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError, PredictionError
-from bsg_models.inputs.edges import EdgeSet
+from bsg_models.inputs.nodes import EdgeSet
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 if TYPE_CHECKING:

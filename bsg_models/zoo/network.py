@@ -15,8 +15,7 @@ from bsg_data.arrays import Counts
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
-from bsg_models.inputs.edges import list_edges
-from bsg_models.inputs.nodes import Nodes, to_nodes
+from bsg_models.inputs.nodes import Nodes, list_edges, to_nodes
 from bsg_models.zoo.model import BeliefModel, ModelInputs, State
 from bsg_models.zoo.settings import ModelConfig
 

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe, Record
-from bsg_models.inputs.edges import EdgeSet
+from bsg_models.inputs.nodes import EdgeSet
 
 Device = Literal["auto", "cpu", "cuda"]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -111,7 +111,7 @@ class TrainingConfig(Record):
     # depends on `epochs`.
     schedule: Literal["constant", "one-cycle"] = "constant"
     clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)  # norm of the gradients
-    # Epochs between validations; each also writes the checkpoints.
+    # Epochs between validations; each also writes what a stopped training goes on from.
     validate_every: int = Field(default=10, ge=1)
     # Of the steps; `auto` takes a GPU if there is one. Validation is on the CPU.
     device: Device = "cpu"

@@ -31,8 +31,7 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.recipes import SplitRecipe
 from bsg_models.belief.count_distribution import MIN_RATE
-from bsg_models.inputs.edges import list_edges
-from bsg_models.inputs.nodes import EVIDENCE
+from bsg_models.inputs.nodes import EVIDENCE, list_edges
 from bsg_models.training.buildings import TrainingBuildings
 from bsg_models.training.count_gradients import CountGradients, as_network
 from bsg_models.training.epochs import GradientSteps

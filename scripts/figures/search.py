@@ -70,9 +70,10 @@ def run_study(dataset: Path, scene: str, model: str) -> Replay:
         trace="auto",
     )
     data = Dataset.open(dataset)
-    study = study_search(dataset, choose_buildings(request, data)[0], request, trace="auto")
+    runs, _ = choose_buildings(request, data)
+    study = study_search(dataset, runs, request)
     results = summarise(study, resamples=request.resamples)
-    return replay_search(data, study, results, model=model, named=False)
+    return replay_search(data, study, results, runs, model=model, trace="auto")
 
 
 def draw_replay(replay: Replay, path: Path) -> None:

@@ -82,8 +82,7 @@ def train(name: str, settings: tuple[str, ...], dataset: Path, run: Path) -> Non
     tables = override(find_config(zoo_name).model_dump(mode="json"), settings)
     config = validate_config(tables, source=name)
     if not is_finished(run, config, Dataset.open(dataset)):
-        for _ in train_run(config, dataset, run, force=True):
-            pass
+        train_run(config, dataset, run, force=True)
 
 
 def measure_splits(

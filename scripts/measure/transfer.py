@@ -117,8 +117,7 @@ def train(config: RunConfig, data: Dataset, folder: Path, *, fold: int) -> Path:
         update={"data": config.data.model_copy(update={"fold": fold})},
     )
     if not is_finished(run, fitted, data):
-        for _ in train_run(fitted, data.path, run, force=True):
-            pass
+        train_run(fitted, data.path, run, force=True)
         print(f"trained {run}", flush=True)
     return run
 

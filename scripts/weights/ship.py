@@ -49,7 +49,7 @@ from bsg_models.runs.checkpoint import (
 )
 from bsg_models.runs.found_model import SUFFIX
 from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
-from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.runs.run_folder import BEST
 from bsg_models.training.buildings import mask_as_trained
 from bsg_models.training.training import calibrate, train_run
 from bsg_models.zoo.calibration import CalibratedModel
@@ -164,9 +164,13 @@ def train(config: RunConfig, dataset: Path, run: Path, *, force: bool) -> None:
     """Train a run, or go on with it; one that is finished stays."""
     if not force and is_finished(run, config, Dataset.open(dataset)):
         return
-    resume = not force and (run / LAST).is_file()
-    for report in train_run(config, dataset, run, resume=resume, force=True):
-        print(f"  epoch {report.epoch}", end="\r", file=sys.stderr)
+    train_run(
+        config,
+        dataset,
+        run,
+        force=True,
+        progress=lambda report: print(f"  epoch {report.epoch}", end="\r", file=sys.stderr),
+    )
 
 
 def calibrate_across_folds(

@@ -65,7 +65,7 @@ def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Pa
     few += ("--planners", "ratio", "--out", tmp_path / "out")
     run_command(dataset, "--model", run, *few, "--trace")
     page = (tmp_path / "out" / "trace.html").read_text("utf-8")
-    assert "This search was chosen as worth watching" in page
+    assert "This is the first search" in page
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ class Reference:
         key = made, name
         if key not in self._trained:
             run = self[made].parent / f"run-{name}"
-            list(train_run(configure(name), self[made], run))
+            train_run(configure(name), self[made], run)
             self._trained[key] = hash_files(run, "*.safetensors")
         return self._trained[key]
 
@@ -154,7 +154,6 @@ class House(RuleBasedStateMachine):
         self.made: Made | None = None
         self.growing = False  # a command that makes a dataset was killed, and may go on
         self.torn = False  # a command that changes the dataset was killed, and none came after it
-        self.run_of: dict[str, Made] = {}
 
     def teardown(self) -> None:
         shutil.rmtree(self.folder)
@@ -232,10 +231,8 @@ class House(RuleBasedStateMachine):
     def train(self, name: str, kill: Kill) -> None:
         made, run = self.made, self.runs / name
         assert made is not None
-        config, resume = configure(name), self.run_of.get(name) == made
-        again = {"resume": True} if resume else {"force": True}
-        ended = self.run(lambda: list(train_run(config, self.dataset, run, **again)), kill=kill)
-        self.run_of[name] = made
+        config = configure(name)
+        ended = self.run(lambda: train_run(config, self.dataset, run, force=True), kill=kill)
         if ended.how == "killed":
             return  # the next one goes on, or begins again on another dataset
         assert ended.how == "done", ended

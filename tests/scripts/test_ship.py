@@ -11,8 +11,7 @@ from conftest import load_script
 from bsg_models.runs import found_model as shipped_module
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.found_model import read_shipped_card, shipped_names
-from bsg_models.runs.model_card import read_card
-from bsg_models.runs.model_summary import list_shipped
+from bsg_models.runs.model_card import list_shipped, read_card
 from bsg_models.runs.predictor import Predictor
 
 SHIP = load_script("weights/ship")

@@ -20,7 +20,7 @@ from bsg_models.evaluation.catalogue import (
     list_values,
 )
 from bsg_models.evaluation.measurement import Fold, measure_fold
-from bsg_models.evaluation.metric_kinds import NodeMetric, WholeMetric
+from bsg_models.evaluation.metric_kinds import NodeMetric, PooledMetric, Tally
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.testing import MetricContract
 
@@ -33,20 +33,12 @@ def overshoot(truth: Truth, expectation: Expectation) -> Floats:
 OVERSHOOT = NodeMetric(label="overshoot", less=True, about="objects too many", values=overshoot)
 
 
-class Sharpest(WholeMetric):
-    """The greatest presence in a building that counts: a function of the weights."""
-
-    @property
-    def node_sets(self) -> tuple[str, ...]:
-        return ("building",)
-
-    def measure(self, prediction: Prediction, weights: Floats) -> dict[tuple[str, str], float]:
-        rows = prediction.rows["building"]
-        presence = prediction.expectation.presence[rows].max(axis=1)
-        return {("building", self.label): float(presence[weights[rows] > 0].max())}
+def gini(tally: Tally, node_set: str, part: str) -> Floats:
+    """Return 2 AUROC − 1, `[W]`."""
+    return np.asarray(2 * tally.cells[node_set].ranks.auroc[part][0] - 1)
 
 
-SHARPEST = Sharpest(label="", less=False, about="greatest presence")
+GINI = PooledMetric(label="Gini", less=False, about="2 AUROC − 1", measure=gini)
 
 
 def evaluate(
@@ -123,10 +115,11 @@ def test_a_metric_of_somebody_else_stands_with_the_others(
     assert head_value("rooms/overshoot") == "overshoot, rooms ↓"
 
 
-def test_a_metric_may_be_any_function_of_the_weights(
+def test_a_metric_may_be_any_function_of_the_tally(
     prediction: Prediction, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    install(monkeypatch, "SHARPEST")
-    of_second = prediction.expectation.presence[[8, 12]].max()
-    assert evaluate(prediction, (0.0, 2.0, 0.0))[0]["building/overshoot"] == of_second
-    assert list_values()[-1] == "building/overshoot"
+    install(monkeypatch, "GINI")
+    found, nodes = evaluate(prediction, (3.0, 2.0, 1.0))
+    auroc = found["rooms/presence_auroc_micro/all"]
+    assert found["rooms/overshoot/all"] == pytest.approx(2 * auroc - 1)
+    assert nodes["rooms/overshoot/all"] == 18

@@ -16,7 +16,7 @@ from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import weigh_buildings
-from bsg_models.evaluation.details import ClassErrors, ShownCollector
+from bsg_models.evaluation.details import Details
 from bsg_models.evaluation.measurement import Fold, measure, measure_fold, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
@@ -92,7 +92,7 @@ def test_nodes_are_counted_as_each_metric_uses_them(truth: Truth) -> None:
 
 def test_errors_per_class_by_hand(truth: Truth) -> None:
     beliefs = believe(truth)
-    errors = ClassErrors()
+    errors = Details()
     errors.add(truth, beliefs)
     frame = errors.tabulate("m", list("abcde"))
     row = frame[(frame["nodes"] == "building") & (frame["class"] == "c")].iloc[0]
@@ -165,7 +165,7 @@ def test_every_kth_masked_building_is_kept_and_the_example(
 ) -> None:
     """Five masked buildings of two nodes: one draw of a, two of c, two of b."""
     targets = np.arange(10.0)[:, None]
-    collector = ShownCollector(stride, "c")
+    collector = Details(stride, "c")
     for rows, scenes in ((np.arange(4), ("a", "c")), (np.arange(4, 10), ("c", "b"))):
         number = [0, 0, 1, 1] if len(rows) == 4 else [0, 0, 1, 1, 1, 1]
         shift = 2 if len(rows) == 4 else 0  # the first batch has another building before c
@@ -179,7 +179,7 @@ def test_every_kth_masked_building_is_kept_and_the_example(
             scene_ids=scenes if not shift else ("a", "d"),
         )
         collector.add(truth, Expectation(truth.inputs, poisson(truth.inputs)))
-    shown = collector.finish()
+    shown = collector.shown()
     assert shown.targets[:, 0].tolist() == kept
     assert shown.totals[:, 0].tolist() == [2 * one for one in kept]
     assert shown.targets[shown.example, 0] == 4

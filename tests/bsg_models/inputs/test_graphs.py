@@ -16,9 +16,9 @@ from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
-from bsg_models.inputs.edges import EdgeSet
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import MaskedGraphs, read_split, to_graph
+from bsg_models.inputs.nodes import EdgeSet
 
 
 def test_a_graph_by_hand() -> None:

@@ -18,8 +18,7 @@ from bsg_data.observation.observation import Observation, stack
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
 from bsg_data.scene.surroundings import EVIDENCE as EVIDENCE_OF_DATA
-from bsg_models.inputs.edges import EdgeSet, list_edges
-from bsg_models.inputs.nodes import EVIDENCE, Neighbours, to_nodes
+from bsg_models.inputs.nodes import EVIDENCE, EdgeSet, Neighbours, list_edges, to_nodes
 from bsg_models.zoo.networks import convolve
 
 KINDS: tuple[EdgeSet, ...] = ("up", "down", "adjacent", "complete")

@@ -19,7 +19,7 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.scene_graph import ADJACENCY_METHODS
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
-from bsg_models.inputs.whole_buildings import to_pyg
+from bsg_models.inputs.graphs import to_pyg
 
 ADJACENT = ("room", "adjacent", "room")
 NAN = float("nan")

@@ -12,8 +12,14 @@ import yaml
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint_file import read_fields
-from bsg_models.runs.model_card import ModelCard, TrainedOn, read_card, write_card
-from bsg_models.runs.model_summary import list_shipped, summarise_model
+from bsg_models.runs.model_card import (
+    ModelCard,
+    TrainedOn,
+    list_shipped,
+    read_card,
+    summarise_model,
+    write_card,
+)
 
 HM3D = TrainedOn(
     source="hm3d",

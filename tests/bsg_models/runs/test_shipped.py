@@ -22,8 +22,7 @@ from bsg_models.runs.found_model import (
     shipped_names,
     weights_folder,
 )
-from bsg_models.runs.model_card import ModelCard, write_card
-from bsg_models.runs.model_summary import summarise_model
+from bsg_models.runs.model_card import ModelCard, summarise_model, write_card
 from bsg_models.runs.predictor import Predictor
 
 # Weights never change under their name: a new training is a new line here.

@@ -29,9 +29,9 @@ from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel, Kind
-from bsg_models.studies.comparison import Comparison, EvaluationRequest, compare_runs, name_runs
+from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_runs, compare_runs
 from bsg_models.studies.evaluation_report import encode_comparison, headline_rows, metric_rows
-from bsg_models.studies.stored_pairs import folds_of, open_entry, survey_split
+from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
 from bsg_models.zoo.config import find_config, override, validate_config
@@ -134,7 +134,7 @@ def run_of(model: str, folder: str, kind: Kind = "run") -> tuple[FoundModel, Che
     ],
 )
 def test_a_run_is_named_by_its_model(runs: list[tuple[str, str]], names: tuple[str, ...]) -> None:
-    assert name_runs([run_of(*one) for one in runs]) == names
+    assert _name_runs([run_of(*one) for one in runs]) == names
 
 
 def test_results_lie_in_the_first_run_unless_a_folder_is_named() -> None:
@@ -152,8 +152,8 @@ def test_what_a_run_writes_is_measured_as_the_run(dataset: Path, run: Path, tmp_
     data, name = Dataset.open(dataset), "gamma-poisson (run)"
     path = tmp_path / "mine.parquet"
     request = EvaluationRequest(runs=(run,), dataset=dataset, resamples=2)
-    with open_entry(tmp_path, "mine", data, split="test", fold=None) as writer:
-        compare_runs(request, write=lambda name, fold: writer)
+    with MeasuredPairs(data, "test", (None,)).open_entry(tmp_path, "mine", None) as writer:
+        compare_runs(request, write=lambda pairs, name, fold: writer)
     both = compare([run], dataset, predictions=[path, path], resamples=2)
     assert both.runs == (name, "mine", "mine-2")
     assert list(both.estimates) == [name, "mine", "mine-2", *BASELINES]
@@ -170,7 +170,6 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
     split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=2))
     data = Dataset.open(dataset)
-    assert folds_of(data) == (0, 1, 2)
     measured = []
     for fold in range(3):
         model = make_model(find_config("gamma-poisson"), classes=45)
@@ -178,8 +177,8 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
         masked = read_split(data, "test", fold=fold)
         truth, expectation = read_truth(masked), predict_all(model, masked)
         measured.append(Fold(truth.scene_ids, [(truth, expectation)]))
-        with open_entry(tmp_path, "mine", data, split="test", fold=fold) as writer:
-            writer.add(expectation, masked)
+        with MeasuredPairs(data, "test", (fold,)).open_entry(tmp_path, "mine", fold) as writer:
+            writer.add(truth, expectation)
     mine = [tmp_path / "mine"]
     every = compare([], dataset, predictions=mine, resamples=0)
     point = measure(measured).point
@@ -200,7 +199,7 @@ def test_predictions_of_all_folds_are_measured_fold_by_fold(dataset: Path, tmp_p
 def test_a_survey_counts_what_is_read_whole(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = Dataset.open(dataset)
     masked = read_split(data, "train")
-    truth, survey = read_truth(masked), survey_split(data, "train", fold=None)
+    truth, survey = read_truth(masked), MeasuredPairs(data, "train", (None,)).surveys[None]
     assert tuple(survey.scene_id.unique()) == truth.scene_ids
     assert len(survey) == len(masked)
     assert survey.rooms.sum() == (~truth.is_building).sum()
@@ -212,4 +211,4 @@ def test_a_survey_counts_what_is_read_whole(dataset: Path, monkeypatch: pytest.M
     monkeypatch.setattr(pairs, "fits_pairs", lambda cells: False)
     write_pairs(dataset, PairsRecipe(), force=True)
     with pytest.raises(DatasetError):
-        survey_split(Dataset.open(dataset), "test", fold=None)
+        _ = MeasuredPairs(Dataset.open(dataset), "test", (None,)).surveys

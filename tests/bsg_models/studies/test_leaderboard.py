@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.recipes import MaskRecipe
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_models.errors import ConfigError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import Fold, measure
 from bsg_models.inputs.folds import scenes_of
@@ -27,23 +26,20 @@ from bsg_models.studies.leaderboard import (
     DATASET,
     Leaderboard,
     LeaderboardRecipe,
-    Place,
     fit_to,
     make_leaderboard,
-    plan_runs,
     prepare_dataset,
     run_of,
 )
-from bsg_models.studies.leaderboard_report import write_json, write_markdown
-from bsg_models.training.learning_curve import EpochReport
-from bsg_models.training.training import member_config, train_run
+from bsg_models.studies.leaderboard_report import write_json
+from bsg_models.studies.stored_pairs import MeasuredPairs
+from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
 from bsg_models.zoo.ensemble import is_by_seed
 from bsg_models.zoo.settings import DataConfig
 
 RECIPE = LeaderboardRecipe(folds=3, draws=2, resamples=3)
-UNIFORM = LeaderboardRecipe(masks=("uniform",))
 PLAIN = ("data.mask.strategy=uniform", "data.mask.withhold=0.0", "data.min_scenes=4")  # as others
 MIXED = (
     *("data.mask.strategy=mixed", "data.mask.withhold=0.05", "data.mask.detector=0.0"),
@@ -79,7 +75,7 @@ def test_every_model_is_tested_on_every_building_once(unsplit: Path, tmp_path: P
         unsplit, tmp_path / "board", MODELS, RECIPE, progress=lambda *words: seen.append(words)
     )
     assert {p: p.read_bytes() for p in unsplit.rglob("*") if p.is_file()} == before
-    assert ("train", 18, 18) in seen  # 3 models, 3 folds, 2 masks
+    assert ("train", 24, 24) in seen  # 4 models, 3 folds, 2 masks
     assert ("measure", 8, 8) in seen
     rooms = read_manifest(unsplit).totals.rooms
     for mask in ("uniform", "rooms"):
@@ -138,7 +134,7 @@ def test_a_copy_of_another_dataset_is_refused(
 def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_kind(
     unsplit: Path, tmp_path: Path
 ) -> None:
-    """Also an ensemble, whose members are those trained for it and those of the leaderboard."""
+    """Also an ensemble, which trains its own members."""
     models = {
         "train-mean": configure("train-mean", *MIXED),
         "pair": configure("ensemble", PAIR, *MIXED),
@@ -150,7 +146,6 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
     runs = {path.parent.relative_to(out).as_posix() for path in out.glob("*/fold-0/*/best.*")}
     assert runs == {
         "mixed/fold-0/train-mean",
-        "mixed/fold-0/gamma-poisson",
         "mixed/fold-0/pair",
         "uniform/fold-0/gamma-poisson",
         "rooms/fold-0/gamma-poisson",
@@ -161,53 +156,6 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
     assert points[0]["rooms/hidden_nll"] != points[1]["rooms/hidden_nll"]
     config = load_checkpoint(run_of(out / "mixed", "pair", 2) / BEST).header.config
     assert (config.data.fold, str(config.data.mask)) == (2, "mixed, fraction 0.5, withhold 0.05")
-
-
-def test_a_member_that_is_there_in_another_configuration_is_trained_once_more() -> None:
-    runs = plan_runs({"pair": MODELS["pair"]}, UNIFORM)
-    assert {place.name for place in runs} == {"pair", "gamma-poisson", "train-mean"}
-    same = {"gamma-poisson": "gamma-poisson", "train-mean": "train-mean"}
-    assert runs[Place("uniform", "pair")].members == same
-    seeded = configure("ensemble", 'model.members=["train-mean"]', *PLAIN, "seed=3")
-    taken = {"seeded": seeded, "train-mean": find_config("train-mean")}
-    runs = plan_runs(taken, UNIFORM)
-    assert runs[Place("uniform", "train-mean")].config == taken["train-mean"]
-    assert runs[Place("uniform", "seeded+train-mean")].config.seed == 3
-    assert runs[Place("uniform", "seeded")].members == {"train-mean": "seeded+train-mean"}
-    with pytest.raises(ConfigError):
-        plan_runs(taken | {"seeded+train-mean": find_config("doubled")}, UNIFORM)
-
-
-def test_every_model_has_a_place_for_each_kind_of_mask_or_one_of_its_own() -> None:
-    """A run that an ensemble needs and the leaderboard has is one."""
-    ensemble = configure("ensemble", 'model.members=["mixture","ceci-sage"]', *MIXED)
-    models = {
-        "ceci-sage": configure("ceci-sage", *MIXED),
-        "mixture": find_config("mixture"),
-        "ensemble": ensemble,
-    }
-    runs = plan_runs(models, LeaderboardRecipe(masks=("uniform", "explore")))
-    assert set(runs) == {
-        Place("uniform", "mixture"),
-        Place("explore", "mixture"),
-        Place("mixed", "ensemble"),
-        Place("mixed", "mixture"),  # of the ensemble
-        Place("mixed", "ceci-sage"),
-    }
-    recipe = LeaderboardRecipe(seed=7)
-    fitted = fit_to(ensemble, recipe, mask="mixed", fold=1)
-    trained = fit_to(models["ceci-sage"], recipe, mask="mixed", fold=1)
-    assert member_config(fitted, "ceci-sage") == trained
-
-
-def test_a_leaderboard_of_mixed_masks_has_both_kinds_of_them() -> None:
-    mixed = LeaderboardRecipe(masks=("mixed",))
-    ensemble = configure("ensemble", 'model.members=["mixture"]', *MIXED)
-    runs = plan_runs({"mixture": find_config("mixture"), "one": ensemble}, mixed)
-    masks = [runs[Place("mixed", name)].config.data.mask for name in ("mixture", "one+mixture")]
-    assert [mask.withhold for mask in masks] == [0.0, 0.05]
-    zoo = plan_runs({name: find_config(name) for name in ZOO}, mixed)
-    assert zoo[Place("mixed", "ensemble")].members["mixture"] == "ensemble+mixture"
 
 
 def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
@@ -239,34 +187,33 @@ def list_runs(out: Path) -> set[str]:
 def measure_seed(data: Dataset, seed: int, name: str) -> Bootstrap:
     """Measure the runs of one seed on the pairs of a leaderboard's dataset."""
     runs = [run_of(data.path.parent, name, fold, seed=seed) for fold in range(len(data.splits))]
+    pairs = MeasuredPairs(data, "test", tuple(range(len(data.splits))))
     return measure(
         [
-            Fold(scenes_of(data, "test", fold=fold), leaderboard._predict(run, data, fold))
+            Fold(scenes_of(data, "test", fold=fold), leaderboard._predict(run, pairs, fold))
             for fold, run in enumerate(runs)
         ]
     )
 
 
-def documents(board: Leaderboard) -> tuple[object, str]:
-    """Return what a leaderboard says, JSON and Markdown, with no training time."""
+def encode(board: Leaderboard) -> object:
+    """Return what a leaderboard says, with no training time."""
     results = {
         mask: {name: replace(result, seconds=0.0) for name, result in models.items()}
         for mask, models in board.results.items()
     }
-    timeless = replace(board, results=results)
-    return write_json(timeless), write_markdown(timeless)
+    return write_json(replace(board, results=results))
 
 
 def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
     unsplit: Path, tmp_path: Path
 ) -> None:
-    """With one seed, runs and documents are those of a leaderboard without seeds."""
+    """With one seed, runs and JSON are those of a leaderboard without seeds."""
     out = tmp_path / "board"
     one = make_leaderboard(unsplit, out, SEEDED, ONE)
     usual = {f"uniform/fold-{fold}/{name}" for fold in range(3) for name in SEEDED}
     assert list_runs(out) == usual
     assert "seeds" not in write_json(one)["recipe"]
-    assert "seeds" not in write_markdown(one)
     stamps = {path: path.stat().st_mtime_ns for path in out.rglob(BEST)}
     two = make_leaderboard(unsplit, out, SEEDED, TWO)
     assert list_runs(out) == usual | {f"uniform/seed-1/fold-{fold}/ceci-sage" for fold in range(3)}
@@ -283,9 +230,6 @@ def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
     points = [before["ceci-sage"].metrics.point[nll], measure_seed(data, 1, "ceci-sage").point[nll]]
     assert points[0] != points[1]
     assert after["ceci-sage"].metrics.point[nll] == pytest.approx(np.mean(points))
-    text = write_markdown(two)
-    assert "trained by 2 seeds, 0 to 1; `gamma-poisson` once" in text
-    assert "95 % interval over buildings and seeds" in text
     assert write_json(two)["masks"]["uniform"]["ceci-sage"]["seeds"] == 2
 
 
@@ -297,7 +241,7 @@ def test_a_leaderboard_of_seeds_that_was_stopped_says_what_an_unbroken_one_says(
     unbroken = make_leaderboard(unsplit, tmp_path / "unbroken", models, TWO)
     out, train, begun = tmp_path / "stopped", leaderboard.train_run, []
 
-    def stop(*words: Any, **options: Any) -> Iterator[EpochReport]:
+    def stop(*words: Any, **options: Any) -> object:
         begun.append(words[2])
         if len(begun) == 5:
             raise KeyboardInterrupt
@@ -311,22 +255,9 @@ def test_a_leaderboard_of_seeds_that_was_stopped_says_what_an_unbroken_one_says(
     assert len(stamps) == 4
     again = make_leaderboard(unsplit, out, models, TWO)
     assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
-    assert documents(again) == documents(unbroken)
+    assert encode(again) == encode(unbroken)
     for run in list_runs(out):
         assert (out / run / BEST).read_bytes() == (tmp_path / "unbroken" / run / BEST).read_bytes()
-
-
-def test_an_ensemble_has_its_members_by_every_seed(unsplit: Path, tmp_path: Path) -> None:
-    """Also those that no seed changes, and they are then the same by every seed."""
-    models = {"gamma-poisson": MODELS["gamma-poisson"], "pair": MODELS["pair"]}
-    out = tmp_path / "board"
-    board = make_leaderboard(unsplit, out, models, TWO).results["uniform"]
-    members = {f"uniform/seed-1/fold-0/{name}" for name in (*models, "train-mean")}
-    assert members < list_runs(out)
-    assert [board[name].seeds for name in models] == [2, 2]
-    for name in ("gamma-poisson", "train-mean"):
-        runs = [run_of(out / "uniform", name, 0, seed=seed) / BEST for seed in range(2)]
-        assert len({load_checkpoint(run).header.tensors_sha256 for run in runs}) == 1
 
 
 @pytest.mark.parametrize("name", [name for name in ZOO if not is_by_seed(find_config(name))])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,21 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from bsg_models.studies.savings import WorldResult, saving_of_buildings, summarise
+from bsg_data.tables import format_text
+from bsg_models.evaluation.bootstrap import Estimate
+from bsg_models.search.catalogue import PLANNERS
+from bsg_models.studies.savings import (
+    Saving,
+    WorldResult,
+    saving_of_buildings,
+    summarise,
+    tabulate_savings,
+)
 from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, choose_planners
 
 Costs = tuple[Sequence[float], Sequence[float]]  # of `nearest`, and of `ratio`
+NAN = float("nan")
 RECIPE = StudyRecipe(tasks=("single",))
 
 
@@ -31,7 +42,7 @@ def by_hand(costs: Mapping[str, Costs]) -> pd.DataFrame:
 
 def result_of(costs: Mapping[str, Costs], **options: Any) -> WorldResult:
     planners = choose_planners(RECIPE, {}, remote=False)
-    (one,) = summarise(Study(RECIPE, (), by_hand(costs), (), {}, planners), **options)
+    (one,) = summarise(Study(RECIPE, (), by_hand(costs), {}, planners), **options)
     return one
 
 
@@ -74,3 +85,49 @@ def test_an_interval_is_scipys_percentile_bootstrap() -> None:
     assert saved.low == pytest.approx(theirs.low, abs=0.01)
     assert saved.high == pytest.approx(theirs.high, abs=0.01)
     assert saved.nodes == one.searches == 40
+
+
+def estimate(value: float, low: float = NAN, high: float = NAN) -> Estimate:
+    return Estimate(value, low, high, nodes=200)
+
+
+def saving(*saved: float) -> Saving:
+    shares = (estimate(*saved), estimate(NAN), estimate(0.5))
+    return Saving(*shares, -1.5, 0.25, wins=150, ties=20, losses=30, cost=12.345, entered=3.21)
+
+
+def study(task: str, **changed: object) -> WorldResult:
+    savings = {"nearest": saving(0, 0, 0), "ratio": saving(0.4321, 0.391, 0.466)}
+    result = WorldResult("tree:1-10", task, 10, 200, 0.34, 0.12, savings)
+    return replace(result, **changed)
+
+
+def test_a_world_by_hand() -> None:
+    (table,) = tabulate_savings([study("single"), study("all")])
+    assert table.caption.splitlines() == [
+        "tree:1-10: 200 searches of 10 buildings per task",
+        "the likeliest room holds one in 34% of searches, a random room in 12%",
+    ]
+    assert format_text(table.rows, header=table.header).splitlines() == [
+        "planner  single: saved, %  wins, %  all: saved, %    wins, %",
+        "nearest  0.0 (0 to 0)           75  0.0 (0 to 0)          75",
+        "ratio    43.2 (39 to 47)        75  43.2 (39 to 47)       75",
+    ]
+
+
+def test_a_table_fits_80_characters_with_every_planner_of_ours() -> None:
+    worst = {
+        "world": "complete:1.5-10.5",
+        "searches": 145_000,
+        "savings": dict.fromkeys(PLANNERS, saving(-1.2345, -2.001, -1.001)),
+    }
+    (table,) = tabulate_savings([study("single", **worst), study("all", **worst)])
+    lines = (table.caption + "\n" + format_text(table.rows, header=table.header)).splitlines()
+    assert max(map(len, lines)) <= 80
+
+
+def test_what_is_unknown_is_a_dash_or_left_out() -> None:
+    savings = {"nearest": saving(0), "ratio": saving(NAN)}
+    (table,) = tabulate_savings([study("single", ranked_first=NAN, savings=savings)])
+    assert "likeliest" not in table.caption
+    assert [row[1] for row in table.rows] == ["0.0", "-"]

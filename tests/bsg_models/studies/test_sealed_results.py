@@ -20,11 +20,11 @@ from bsg_models.studies.sealed_results import check_results
 
 
 def test_what_is_sound_what_was_changed_and_what_has_no_seal(run: Path, tmp_path: Path) -> None:
-    assert check_results(run) == ("best.safetensors", "config.toml", "log.jsonl")
+    assert check_results(run) == ("best.safetensors", "config.toml", "training.json")
     assert check_results(run / "best.safetensors") == ("best.safetensors",)
     done = CliRunner().invoke(COMMANDS["bsg-models"], ["verify", str(run)])
     assert done.output == f"{run}: sound (3 files)\n"
-    (run / "log.jsonl").write_text("{}")
+    (run / "training.json").write_text("{}")
     with refuses(DatasetError, "file-changed", golden=False):
         check_results(run)
     (run / "SHA256SUMS").unlink()
@@ -32,7 +32,7 @@ def test_what_is_sound_what_was_changed_and_what_has_no_seal(run: Path, tmp_path
         with pytest.raises(DatasetError):
             check_results(path)
     with pytest.raises(CheckpointError):
-        check_results(run / "log.jsonl")
+        check_results(run / "training.json")
 
 
 def test_an_evaluation_of_replaced_weights_is_told(

@@ -59,7 +59,7 @@ def test_beliefs_are_those_of_the_partial_graph(name: str, dataset: Path, tmp_pa
         scene_id=graph.scene_id,
         mask=mask,
         draws=np.array([0, 1, 0]),
-        artifacts=np.array([[stove], [stove], [3]]),
+        artifacts=np.array([stove, stove, 3]),
     )
     nodes = 1 + len(graph.rooms)
     explored = np.zeros((3, nodes), dtype=bool)
@@ -111,7 +111,7 @@ def test_under_any_mask_beliefs_are_those_of_what_the_robot_holds(dataset: Path,
         scene_id=graph.scene_id,
         mask=mask,
         draws=np.array([draw]),
-        artifacts=np.array([[mirror]]),
+        artifacts=np.array([mirror]),
     )
     explored = np.zeros((1, 1 + len(graph.rooms)), dtype=bool)
     for room in (3, 1, 5):

@@ -17,8 +17,8 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.studies.search_request import (
     ROOM_SPECIFIC,
     SearchRequest,
+    choose_buildings,
     choose_default_run,
-    choose_runs,
 )
 
 CLASSES = load_class_map().classes
@@ -61,11 +61,11 @@ def test_the_default_model_is_taken_where_it_fits(
 
 def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path, run: Path) -> None:
     data = Dataset.open(dataset)
-    chosen, notes = choose_runs(data, [run])
+    chosen, notes = choose_buildings(SearchRequest.read(dataset, runs=(run,)), data)
     assert set(chosen) == set(scenes_of(data, "test"))
     assert notes == []
     with pytest.raises(DatasetError):
-        choose_runs(data, [run, run])
+        choose_buildings(SearchRequest.read(dataset, runs=(run, run)), data)
 
 
 @pytest.mark.parametrize(
@@ -76,6 +76,7 @@ def test_runs_are_asked_about_the_buildings_that_they_do_not_know(dataset: Path,
         {"artifacts": ("spaceship",)},
         {"worlds": ("ring",)},
         {"trace": "auto"},
+        {"trace": 200, "runs": (Path("run"),)},  # searches have numbers from 0 to 199
     ],
 )
 def test_what_cannot_be_searched_is_refused(dataset: Path, fields: dict[str, Any]) -> None:

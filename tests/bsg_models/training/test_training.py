@@ -2,39 +2,43 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from safetensors.numpy import load_file
+from refusals import refuses
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import PairsRecipe, SplitRecipe
-from bsg_data.results import SEAL
+from bsg_data.recipes import PairsRecipe
+from bsg_data.results import SEAL, name_staged
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.robot.seen_building import open_graph
-from bsg_models.runs.checkpoint import (
-    CheckpointHeader,
-    load_checkpoint,
-    save_checkpoint,
-)
+from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.predictor import Predictor
-from bsg_models.runs.run_folder import BEST, LAST, LOG, METRICS
-from bsg_models.studies.run_summary import summarise_run
+from bsg_models.runs.run_folder import (
+    BEST,
+    CONFIG,
+    CURVE,
+    METRICS,
+    RECORD,
+    EpochReport,
+    read_record,
+)
 from bsg_models.training import training
 from bsg_models.training.buildings import TrainingBuildings, validation_buildings
 from bsg_models.training.count_gradients import as_network
-from bsg_models.training.epochs import find_device
-from bsg_models.training.learning_curve import read_metrics
+from bsg_models.training.epochs import Progress, find_device
 from bsg_models.training.training import train_run
-from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-from bsg_models.zoo.model import State
+from bsg_models.zoo.config import (
+    RunConfig,
+    find_config,
+    override,
+    read_config,
+    validate_config,
+)
 
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
 
@@ -49,24 +53,27 @@ def configure(*settings: str, name: str = "ceci-gcn") -> RunConfig:
     )
 
 
-def weights(path: Path) -> State:
-    return load_file(path)
-
-
-def same(a: State, b: State) -> bool:
-    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
-
-
-def test_a_run_leaves_checkpoints_and_metrics(dataset: Path, tmp_path: Path) -> None:
-    reports = list(train_run(configure(), dataset, tmp_path / "run"))
+def test_a_run_leaves_a_checkpoint_metrics_and_what_trains_it_again(
+    dataset: Path, tmp_path: Path
+) -> None:
+    told: list[EpochReport] = []
+    config, run = configure("seed=3"), tmp_path / "run"
+    reports = train_run(config, dataset, run, progress=told.append)
+    assert list(reports) == told
     assert [r.epoch for r in reports] == list(range(1, 9))
     assert [r.epoch for r in reports if r.val_loss is not None] == [2, 4, 6, 8]
-    assert read_metrics(tmp_path / "run" / METRICS)[-1].epoch == 8
-    best = load_checkpoint(tmp_path / "run" / BEST).header
+    lines = (run / METRICS).read_text().splitlines()
+    assert [line.partition(",")[0] for line in lines] == ["epoch", *map(str, range(1, 9))]
+    best = load_checkpoint(run / BEST).header
     lowest = min((r for r in reports if r.val_loss), key=lambda r: r.val_loss or 0)
     assert (best.epoch, best.val_loss) == (lowest.epoch, lowest.val_loss)
     assert reports[-1].best_epoch == best.epoch
     assert best.dataset_sha256 == Dataset.open(dataset).sha256
+    assert validate_config(read_config(run / CONFIG), source="kept") == config
+    record = read_record(run)
+    assert record
+    assert {"belief-scene-graphs", "python", "torch"} <= set(record.versions)
+    assert {path.name for path in run.iterdir()} == {SEAL, BEST, CONFIG, RECORD, METRICS, CURVE}
 
 
 def test_a_mixed_model_is_validated_on_masks_of_its_own(dataset: Path) -> None:
@@ -89,7 +96,7 @@ def test_a_mixed_model_is_validated_on_masks_of_its_own(dataset: Path) -> None:
 def test_training_learns(dataset: Path, tmp_path: Path) -> None:
     """On buildings that are alike, the loss falls well below that of the first epoch."""
     config = configure("training.epochs=120", "model.dropout=0.0")
-    reports = list(train_run(config, dataset, tmp_path / "run"))
+    reports = train_run(config, dataset, tmp_path / "run")
     assert reports[-1].train_loss < 0.5 * reports[0].train_loss
 
 
@@ -98,126 +105,74 @@ def test_the_same_seed_gives_the_same_weights_and_another_does_not(
     dataset: Path, tmp_path: Path, masks: str
 ) -> None:
     for name, seed in (("a", 0), ("b", 0), ("c", 1)):
-        config = configure(f"seed={seed}", f"data.masks={masks}")
-        list(train_run(config, dataset, tmp_path / name))
-    a, b, c = (weights(tmp_path / name / LAST) for name in "abc")
-    assert same(a, b)
-    assert not same(a, c)
+        train_run(configure(f"seed={seed}", f"data.masks={masks}"), dataset, tmp_path / name)
+    a, b, c = ((tmp_path / name / BEST).read_bytes() for name in "abc")
+    assert a == b
+    assert load_checkpoint(tmp_path / "a" / BEST).header.tensors_sha256 != (
+        load_checkpoint(tmp_path / "c" / BEST).header.tensors_sha256
+    )
+    assert a != c
 
 
-@pytest.mark.parametrize(("stop", "decay"), [(1, "weight-decay"), (5, "learning-rate")])
-def test_a_stopped_run_resumes_to_the_same_weights(
-    dataset: Path, tmp_path: Path, stop: int, decay: str
+def stop_at(epoch: int) -> Progress:
+    def stop(report: EpochReport) -> None:
+        if report.epoch == epoch:
+            raise KeyboardInterrupt
+
+    return stop
+
+
+@pytest.mark.parametrize(
+    ("name", "stop", "settings"),
+    [
+        ("ceci-gcn", 1, ()),
+        ("ceci-gcn", 5, ("training.decay_as=learning-rate", "training.decay=0.01")),
+        ("ceci-sage", 3, ("training.validate_every=2",)),
+        ("ensemble", 3, ('model.members=["ceci-sage","gamma-poisson"]',)),
+    ],
+)
+def test_a_stopped_training_goes_on_to_the_bytes_of_an_unbroken_one(
+    name: str, stop: int, settings: tuple[str, ...], dataset: Path, tmp_path: Path
 ) -> None:
-    config = configure(f"training.decay_as={decay}", "training.decay=0.01")
-    list(train_run(config, dataset, tmp_path / "whole"))
-    for report in train_run(config, dataset, tmp_path / "stopped"):
-        if report.epoch == stop:
-            break  # as Ctrl-C does: the generator is closed between two epochs
-    resumed = list(train_run(config, dataset, tmp_path / "stopped", resume=True))
-    assert resumed[0].epoch == 2 * (stop // 2) + 1
-    for name in (LAST, BEST):
-        assert same(weights(tmp_path / "whole" / name), weights(tmp_path / "stopped" / name))
-    whole, stopped = (read_metrics(tmp_path / n / METRICS) for n in ("whole", "stopped"))
-    assert [(r.epoch, r.train_loss, r.val_loss) for r in whole] == [
-        (r.epoch, r.train_loss, r.val_loss) for r in stopped
-    ]
+    config, run = configure(*settings, name=name), tmp_path / "stopped"
+    whole = train_run(config, dataset, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        train_run(config, dataset, run, progress=stop_at(stop))
+    assert not run.exists()
+    told: list[EpochReport] = []
+    again = train_run(config, dataset, run, progress=told.append)
+    if name != "ensemble":  # whose member validates every 20 epochs
+        assert told[0].epoch == 2 * (stop // 2) + 1
+        losses = [[(r.epoch, r.train_loss, r.val_loss) for r in one] for one in (whole, again)]
+        assert losses[0] == losses[1]
+    assert (run / BEST).read_bytes() == (tmp_path / "whole" / BEST).read_bytes()
+    assert not name_staged(run).exists()
 
 
-def test_a_run_can_be_made_longer(dataset: Path, tmp_path: Path) -> None:
-    list(train_run(configure(), dataset, tmp_path / "long"))
-    list(train_run(configure("training.epochs=4"), dataset, tmp_path / "short"))
-    list(train_run(configure(), dataset, tmp_path / "short", resume=True))
-    assert same(weights(tmp_path / "long" / LAST), weights(tmp_path / "short" / LAST))
+def test_what_another_training_left_is_not_gone_on_with(dataset: Path, tmp_path: Path) -> None:
+    run, other = tmp_path / "run", configure("seed=1")
+    with pytest.raises(KeyboardInterrupt):
+        train_run(configure(), dataset, run, progress=stop_at(4))
+    train_run(other, dataset, run)
+    train_run(other, dataset, tmp_path / "alone")
+    assert (run / BEST).read_bytes() == (tmp_path / "alone" / BEST).read_bytes()
 
 
-@pytest.mark.parametrize("name", ["gamma-poisson", "ceci-gcn"])
-def test_a_job_that_is_started_again_leaves_a_finished_run_as_it_is(
-    name: str, dataset: Path, tmp_path: Path
+def test_a_finished_run_is_replaced_as_a_whole_and_by_force_alone(
+    dataset: Path, tmp_path: Path
 ) -> None:
-    """It has the same command line: nothing may be there, half, or all."""
-    run, config = tmp_path / "run", configure(name=name)
-    list(train_run(config, dataset, run, resume=True))
-    saved = (run / BEST).read_bytes()
-    (run / SEAL).unlink()  # as if it had been killed before it was through
-    list(train_run(config, dataset, run, resume=True))
-    assert (run / BEST).read_bytes() == saved
-    before = {path.name: path.stat().st_mtime_ns for path in run.iterdir()}
-    list(train_run(config, dataset, run, resume=True))
-    assert {path.name: path.stat().st_mtime_ns for path in run.iterdir()} == before
-
-
-def test_what_cannot_be_resumed_is_refused(dataset: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
-    list(train_run(configure(), dataset, run))
-    with pytest.raises(TrainingError, match="--resume continues it, --force replaces"):
-        list(train_run(configure(), dataset, run))
-    with pytest.raises(TrainingError, match=r"model\.dropout: 0\.5 → 0\.1"):
-        list(train_run(configure("model.dropout=0.1"), dataset, run, resume=True))
-    with pytest.raises(
-        TrainingError, match=r"another configuration .*model\.family: ceci-gcn → doub"
-    ):
-        list(train_run(configure(name="doubled"), dataset, run, resume=True))
-    split_dataset(dataset, SplitRecipe(seed=5), force=True)
+    train_run(configure(), dataset, run)
     before = {path.name: path.read_bytes() for path in run.iterdir()}
-    with pytest.raises(DatasetError, match="has no pairs"):
-        list(train_run(configure(), dataset, run, force=True))
-    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
-    write_pairs(dataset, PairsRecipe(draws=1))
-    with pytest.raises(TrainingError, match="was trained on another dataset"):
-        list(train_run(configure(), dataset, run, resume=True))
-    list(train_run(configure(name="doubled"), dataset, run, force=True))
-    assert not (run / LAST).exists()
-
-
-def test_two_trainings_never_write_into_one_run(dataset: Path, tmp_path: Path) -> None:
-    first = train_run(configure(), dataset, tmp_path / "run")
-    next(first)
-    with pytest.raises(DatasetError, match="another command is writing there"):
-        list(train_run(configure(), dataset, tmp_path / "run", force=True))
-    list(first)
-    list(train_run(configure(), dataset, tmp_path / "alone"))
-    assert same(weights(tmp_path / "run" / LAST), weights(tmp_path / "alone" / LAST))
-
-
-def test_a_run_that_lost_a_part_is_not_resumed(dataset: Path, tmp_path: Path) -> None:
-    run, longer = tmp_path / "run", configure("training.epochs=10")
-    list(train_run(configure(), dataset, run))
-    whole = (run / METRICS).read_text()
-    (run / METRICS).write_text("nonsense\n1\n")
-    with pytest.raises(DatasetError, match=r"metrics\.csv: was changed"):
-        list(train_run(longer, dataset, run, resume=True))
-    (run / "SHA256SUMS").unlink()  # as of a run that was stopped
-    with pytest.raises(TrainingError, match="not the metrics of a run"):
-        list(train_run(longer, dataset, run, resume=True))
-    (run / METRICS).write_text("".join(whole.splitlines(keepends=True)[:-1]))
-    with pytest.raises(TrainingError, match=r"metrics\.csv: is gone"):
-        list(train_run(longer, dataset, run, resume=True))
-    (run / METRICS).write_text(whole)
-    (run / BEST).unlink()
-    with pytest.raises(TrainingError, match="is gone"):
-        list(train_run(longer, dataset, run, resume=True))
-
-
-def test_a_diverging_run_says_so_and_keeps_what_it_had(dataset: Path, tmp_path: Path) -> None:
-    run = tmp_path / "run"
-    list(train_run(configure("training.epochs=2"), dataset, run))
-    header = load_checkpoint(run / LAST).header
-    hot = header.config.training.model_copy(update={"learning_rate": 1e30})
-    config = header.config.model_copy(update={"training": hot})
-    rewrite(run / LAST, weights(run / LAST), config=config)
-    (run / "SHA256SUMS").unlink()  # as of a run that was stopped
-    before = {name: (run / name).read_bytes() for name in (BEST, LAST, METRICS)}
-    longer = config.model_copy(update={"training": hot.model_copy(update={"epochs": 9})})
+    with refuses(DatasetError, "path-taken", golden=False):
+        train_run(configure(), dataset, run)
     with pytest.raises(TrainingError, match=r"is not finite.*lower training\.learning_rate"):
-        list(train_run(longer, dataset, run, resume=True))
-    assert {name: (run / name).read_bytes() for name in before} == before
-    assert '"how":"failed"' in (run / LOG).read_text("utf-8").splitlines()[-1]
-
-
-def rewrite(path: Path, tensors: State, **update: Any) -> None:
-    header = load_checkpoint(path).header.model_copy(update=update)
-    save_checkpoint(path, CheckpointHeader.model_validate(header.model_dump()), tensors)
+        train_run(configure("training.learning_rate=1e30"), dataset, run, force=True)
+    with pytest.raises(KeyboardInterrupt):
+        train_run(configure(), dataset, run, force=True, progress=stop_at(4))
+    assert {path.name: path.read_bytes() for path in run.iterdir()} == before
+    train_run(configure(name="doubled"), dataset, run, force=True)
+    assert {path.name for path in run.iterdir()} == {SEAL, BEST, CONFIG, RECORD}
 
 
 def test_a_calibration_of_a_sample_says_so(
@@ -225,8 +180,10 @@ def test_a_calibration_of_a_sample_says_so(
 ) -> None:
     config = configure("model.iterations=2", name="mixture")
     monkeypatch.setattr(training, "_CALIBRATED_NODES", 20)
-    list(train_run(config, dataset, tmp_path / "some"))
-    (note,) = summarise_run(tmp_path / "some").notes
+    train_run(config, dataset, tmp_path / "some")
+    record = read_record(tmp_path / "some")
+    assert record
+    (note,) = record.notes
     assert re.fullmatch(
         r"calibrated on a random sample of \d of \d masked val buildings: at most 20 nodes", note
     )
@@ -269,7 +226,7 @@ def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(
 def test_a_class_that_was_never_taught_is_expected_nowhere_and_said(
     name: str, dataset: Path, tmp_path: Path
 ) -> None:
-    list(train_run(configure("training.epochs=2", name=name), dataset, tmp_path / "run"))
+    train_run(configure("training.epochs=2", name=name), dataset, tmp_path / "run")
     predictor = Predictor(tmp_path / "run")
     data = Dataset.open(dataset)
     objects = sum(data.cells(scene).sum(axis=0) for scene in scenes_of(data, "train"))

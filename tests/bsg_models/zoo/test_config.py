@@ -19,7 +19,7 @@ from bsg_models.zoo.config import (
     validate_config,
     write_toml,
 )
-from bsg_models.zoo.ensemble import EnsembleConfig, can_resume, make_model, reads_categories
+from bsg_models.zoo.ensemble import EnsembleConfig, make_model, reads_categories
 from bsg_models.zoo.settings import DataConfig, TrainingConfig
 
 COUNTING = {
@@ -128,7 +128,6 @@ def test_a_row_is_a_configuration_and_its_model(name: str) -> None:
     assert (model.inputs.classes, model.inputs.edges) == (3, row.data.edges)
     assert model.vocabulary == (("tap", "wall") if reads_categories(config) else ())
     assert model.by_gradient == (name not in COUNTING | {"ensemble"})
-    assert can_resume(config) == (name not in COUNTING)
 
 
 def test_withhold_is_short_for_masks_of_a_search() -> None:

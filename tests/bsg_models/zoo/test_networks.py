@@ -19,12 +19,10 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
-from bsg_models.errors import TrainingError
-from bsg_models.inputs.edges import list_edges
 from bsg_models.inputs.graphs import read_split
-from bsg_models.inputs.nodes import EVIDENCE, to_nodes
+from bsg_models.inputs.nodes import EVIDENCE, list_edges, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
-from bsg_models.runs.run_folder import BEST, LAST
+from bsg_models.runs.run_folder import BEST
 from bsg_models.training.count_gradients import CountGradients, Dropout
 from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
@@ -221,21 +219,6 @@ def test_every_network_learns_and_is_saved_and_loaded_alike(
     assert model.vocabulary == checkpoint.header.vocabulary
     assert "wall" in model.vocabulary
     assert checkpoint.header.calibrated
-
-
-def test_a_stopped_network_resumes_to_the_same_weights(dataset: Path, tmp_path: Path) -> None:
-    config = configure("ceci-sage")
-    list(train_run(config, dataset, tmp_path / "whole"))
-    for report in train_run(config, dataset, tmp_path / "stopped"):
-        if report.epoch == 3:
-            break
-    list(train_run(config, dataset, tmp_path / "stopped", resume=True))
-    a, b = (load_checkpoint(tmp_path / name / LAST) for name in ("whole", "stopped"))
-    assert a.header == b.header
-    assert all(np.array_equal(t, b.tensors[name]) for name, t in a.tensors.items())
-    longer = configure("ceci-sage", "training.epochs=9")
-    with pytest.raises(TrainingError):  # its learning rate falls over all epochs
-        list(train_run(longer, dataset, tmp_path / "whole", resume=True))
 
 
 def test_categories_that_an_observation_lacks_are_unseen_and_others_are_refused(

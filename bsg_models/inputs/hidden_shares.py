@@ -1,4 +1,16 @@
-"""Compute the posterior of a room's hidden share from what was seen in it.
+"""Handle uncertain hidden shares: integrate over them, and narrow them by what was seen.
+
+The hidden counts of a room with uncertain share S are the mixture, over S, of those at each share.
+The K levels, with probabilities u_k and weights w_k, are Gauss-Legendre nodes on (0, 1). At a
+level, every uncertain room hides the u_k-quantile of its own Beta distribution:
+
+    P(H) = ∫ P(H | S = F⁻¹(u)) du ≈ Σ_k w_k P(H | S = F⁻¹(u_k))
+
+So a building takes K copies in one pass of a model, however many of its rooms are uncertain. The
+rooms are coupled: a robot that overlooked more than it thinks did so everywhere.
+Presences differ by .011 at most from those at 128 levels.
+
+What was seen of a room narrows its share:
 
     P(s | V) ∝ P(s) Π_c P(V_c | s)^τ
 
@@ -16,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -24,15 +37,61 @@ from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.count_distribution import CountDistribution
-from bsg_models.inputs.share_levels import find_quantiles
-from bsg_models.special_functions import gauss_legendre, log_sum_exp
+from bsg_models.special_functions import beta_quantiles, gauss_legendre, log_sum_exp
 
+_LEVELS = 8  # the error of a presence is then .0004 on average, and .011 at most
 EVIDENCE = 0.5  # τ
-_LEVELS = 32
+_POSTERIOR_LEVELS = 32
 _MOST = 1 - 1e-6  # at share 1 nothing could have been seen
 _GROUPS = 16  # groups in which uncertain rooms are forgotten; up to 16 rooms are forgotten alone
 _NODES = 1 << 14  # in copies of a building, in one call of the model
 _CELLS = 1 << 15  # of a table of likelihoods, so that it stays in a fast cache
+
+
+def spread_shares(
+    graph: PartialGraph, seen: Observation, *, levels: int = _LEVELS
+) -> tuple[Observation, Floats]:
+    """Return the observation at several levels of the hidden shares, and the weight of each level.
+
+    Args:
+        graph: what a robot knows of R rooms.
+        seen: the same as arrays, of N = 1 + R nodes.
+        levels: K.
+
+    Returns:
+        K copies of the building, one per level, and weights `[K]` that sum to 1. If every share is
+        certain, the observation itself and the weight 1.
+    """
+    beliefs = [room.share for room in graph.rooms]
+    if all(belief.is_certain for belief in beliefs):
+        return seen, np.ones(1)
+    nodes, weights = gauss_legendre(levels)
+    told = [
+        [graph.share_with(shares), *shares]
+        for shares in _find_quantiles(beliefs, (1 + nodes) / 2).tolist()
+    ]
+    copies = seen.take(np.zeros(levels, dtype=np.int64))
+    return replace(copies, hidden_share=np.array(told, dtype=np.float32).ravel()), weights / 2
+
+
+def _find_quantiles(beliefs: Sequence[ShareBelief], probabilities: Floats) -> Floats:
+    """Return the quantiles `[K, R]` of R shares at K probabilities."""
+    quantiles = np.tile([belief.mean for belief in beliefs], (len(probabilities), 1))
+    unsure = [room for room, belief in enumerate(beliefs) if not belief.is_certain]
+    if unsure:
+        parameters = [beliefs[room].beta for room in unsure]
+        different = {one: number for number, one in enumerate(dict.fromkeys(parameters))}
+        found = _find_each(tuple(different), tuple(probabilities.tolist()))
+        quantiles[:, unsure] = found[:, [different[one] for one in parameters]]
+    return quantiles
+
+
+@lru_cache(maxsize=32)
+def _find_each(
+    parameters: tuple[tuple[float, float], ...], probabilities: tuple[float, ...]
+) -> Floats:
+    """Return the quantiles of some Beta distributions; most rooms begin with the same one."""
+    return beta_quantiles(*np.array(parameters).T, probabilities=np.array(probabilities))
 
 
 def update_shares(
@@ -100,10 +159,10 @@ def _weigh(
         seen: `[M, C]`.
         withheld: `[M, C]` cells that are no evidence.
     """
-    levels, weights = gauss_legendre(_LEVELS)
-    shares = np.minimum(find_quantiles(beliefs, (1 + levels) / 2), _MOST)
+    levels, weights = gauss_legendre(_POSTERIOR_LEVELS)
+    shares = np.minimum(_find_quantiles(beliefs, (1 + levels) / 2), _MOST)
     told = np.empty(shares.shape)
-    size = max(1, _CELLS // (_LEVELS * len(true.means) * seen.shape[1]))
+    size = max(1, _CELLS // (_POSTERIOR_LEVELS * len(true.means) * seen.shape[1]))
     for first in range(0, len(beliefs), size):
         rooms = np.arange(first, min(first + size, len(beliefs)))
         log_p = true.take(rooms).log_seen(seen[rooms], shares[:, rooms])
