@@ -6,7 +6,7 @@ from .dataset.manifest import read_manifest
 from .dataset.shards import read_scene_graphs
 from .dataset.splits import split_dataset
 from .errors import BSGError, ClassMapError, DatasetError, RecipeError, SourceError
-from .exports.catalogue import export_dataset
+from .exports.export import export_dataset
 from .merge import merge_datasets
 from .observation.hidden_share import estimate_hidden_share
 from .observation.masked_graph import mask_scene

@@ -18,7 +18,7 @@ from whole_home import CLASSES, HOME
 from bsg_data.build import build_dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.exports.building_graphs import _encode_graphml, _encode_node_link
-from bsg_data.exports.catalogue import export_dataset
+from bsg_data.exports.export import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.room_layouts import WithLayouts

@@ -13,7 +13,7 @@ from painted_meshes import Painting, write_painted
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.exports.catalogue import export_dataset
+from bsg_data.exports.export import export_dataset
 from bsg_data.exports.habitat import _encode_regions, _find_orientation
 from bsg_data.geometry.placement import STAIRS, UPRIGHT
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph

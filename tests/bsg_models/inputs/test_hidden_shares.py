@@ -17,7 +17,7 @@ from bsg_data.arrays import Ints
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.reports import hide_of_room, observe
+from bsg_data.observation.reports import enter, hide_of_room
 from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.count_distribution import poisson as poisson_counts

@@ -10,7 +10,8 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow, export_dataset
+from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
+from bsg_data.exports.export import export_dataset
 from bsg_data.sources.catalogue import open_source
 from bsg_data.testing import ExportContract
 
