@@ -18,18 +18,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from bsg_cli.serve.bounds import MOST_BYTES, Fault, confess, refuse
 from bsg_cli.serve.doors import EventStreams
-from bsg_cli.serve.questions import Contents, Destination, Expect, Find, Found, NextPlace, Service
+from bsg_cli.serve.questions import QUESTIONS, Question, Service
 from bsg_cli.serve.tools import make_server
 from bsg_data.errors import BSGError
 from bsg_data.inputs.documents import parse_json
-from bsg_data.recipes import SaidRecord
 from bsg_data.spelling import SHOWN, ask_if_meant
 
-_QUESTIONS: dict[str, type[SaidRecord]] = {
-    "/find": Find,
-    "/next_place": NextPlace,
-    "/expect": Expect,
-}
 _FAULTS = {
     400: "not JSON, or an unknown Host",
     404: "no such path",
@@ -72,21 +66,20 @@ def make_app(service: Service) -> FastAPI:
     app.exception_handler(HTTPException)(_explain_path)
     app.exception_handler(Exception)(_confess)
 
-    async def find(asked: Find) -> Found:
-        """Say in which rooms things probably are, and which room to search first."""
-        return service.find(asked)
-
-    async def next_place(asked: NextPlace) -> Destination:
-        """Say which piece of furniture to look at next, to find one thing."""
-        return service.next_place(asked)
-
-    async def expect(asked: Expect) -> Contents:
-        """Say what rooms probably hold that was not seen yet, of one room or of all."""
-        return service.expect(asked)
-
-    for answer in (find, next_place, expect):
-        app.post(f"/{answer.__name__}", operation_id=answer.__name__)(answer)
+    for name, question in QUESTIONS.items():
+        app.post(f"/{name}", operation_id=name)(_answering(service, name, question))
     return app
+
+
+def _answering(service: Service, name: str, question: Question) -> Callable[..., Awaitable[Any]]:
+    """Return the function of a path; FastAPI reads its name, its docstring and its types."""
+
+    async def answer(asked: Any) -> Any:
+        return getattr(service, name)(asked)
+
+    answer.__name__, answer.__doc__ = name, question.what
+    answer.__annotations__ = {"asked": question.asks, "return": question.answers}
+    return answer
 
 
 class _Parser:
@@ -145,7 +138,7 @@ async def _explain_question(request: Request, error: Exception) -> JSONResponse:
         most, found = fault["ctx"]["max_length"], fault["ctx"]["actual_length"]
         said = f"expected at most {most}, found {found or 'more'}"
     if fault["type"] == "extra_forbidden":
-        keys = _QUESTIONS[request.url.path].model_fields
+        keys = QUESTIONS[request.url.path.strip("/")].asks.model_fields
         hint = ask_if_meant(where, keys) or f"known are {', '.join(keys)}"
         said = f"is no key; {hint}"
     return refuse(422, f"{where}: {said}", code="question-malformed", where=where)

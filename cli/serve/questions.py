@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field
 
@@ -239,8 +239,39 @@ class Contents(Record):
     notes: Annotated[tuple[str, ...], Field(description="How the map was read.")]
 
 
+class Question(NamedTuple):
+    """What can be asked: over HTTP at the path of its name in `QUESTIONS`, over MCP by a tool."""
+
+    tool: str
+    asks: type[SaidRecord]
+    answers: type[Record]
+    what: str
+
+
+QUESTIONS = {
+    "find": Question(
+        "find_things",
+        Find,
+        Found,
+        "Say in which rooms things probably are, and which room to search first.",
+    ),
+    "next_place": Question(
+        "next_place",
+        NextPlace,
+        Destination,
+        "Say which piece of furniture to look at next, to find one thing.",
+    ),
+    "expect": Question(
+        "expect_things",
+        Expect,
+        Contents,
+        "Say what rooms probably hold that was not seen yet, of one room or of all.",
+    ),
+}
+
+
 class Service:
-    """Answers questions by one model."""
+    """Answers each of `QUESTIONS` by one model."""
 
     def __init__(self, model: AnyPath = bsg_models.DEFAULT_MODEL) -> None:
         """Load the model.

@@ -11,9 +11,8 @@ from mcp.server.lowlevel import Server
 from starlette.types import ASGIApp
 
 from bsg_cli.serve.answer import call
-from bsg_cli.serve.questions import Contents, Destination, Expect, Find, Found, NextPlace
+from bsg_cli.serve.questions import QUESTIONS
 from bsg_data.files import encode_json
-from bsg_data.recipes import Record
 
 _INSTRUCTIONS = (
     "Say where things probably are in a building that a robot has partly seen, which room to "
@@ -23,28 +22,7 @@ _INSTRUCTIONS = (
     "Names of rooms are read as their kind (kitchen, bedroom_2). A partial graph can also say what "
     "looks have missed (`looks`), and how sure an object is there (`score`)."
 )
-_TOOLS: dict[
-    str, tuple[str, type[Record], type[Record], str]
-] = {  # name -> path, question, answer, what it does
-    "find_things": (
-        "/find",
-        Find,
-        Found,
-        "Say in which rooms things probably are, and which room to search first.",
-    ),
-    "next_place": (
-        "/next_place",
-        NextPlace,
-        Destination,
-        "Say which piece of furniture to look at next, to find one thing.",
-    ),
-    "expect_things": (
-        "/expect",
-        Expect,
-        Contents,
-        "Say what rooms probably hold that was not seen yet, of one room or of all.",
-    ),
-}
+_TOOLS = {question.tool: (path, question) for path, question in QUESTIONS.items()}
 
 
 def make_server(app: ASGIApp) -> Server[Any]:
@@ -54,12 +32,12 @@ def make_server(app: ASGIApp) -> Server[Any]:
         tools = [
             types.Tool(
                 name=name,
-                description=what,
-                input_schema=question.model_json_schema(),
-                output_schema=answer.model_json_schema(mode="serialization"),
+                description=question.what,
+                input_schema=question.asks.model_json_schema(),
+                output_schema=question.answers.model_json_schema(mode="serialization"),
                 annotations=types.ToolAnnotations(read_only_hint=True, open_world_hint=False),
             )
-            for name, (_, question, answer, what) in _TOOLS.items()
+            for name, (_, question) in _TOOLS.items()
         ]
         return types.ListToolsResult(tools=tools)
 
@@ -68,7 +46,7 @@ def make_server(app: ASGIApp) -> Server[Any]:
             return _say(f"no tool of this name; known are {', '.join(_TOOLS)}")
         scope = {
             "method": "POST",
-            "path": _TOOLS[asked.name][0],
+            "path": f"/{_TOOLS[asked.name][0]}",
             "query_string": b"",
             "headers": [(b"content-type", b"application/json")],
         }

@@ -99,31 +99,6 @@ def room_graphs(draw: st.DrawFn) -> np.ndarray[tuple[int, ...], np.dtype[np.floa
 
 
 @given(room_graphs())
-def test_costs_are_those_of_networkx_and_ways_lead_there(
-    edges: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
-) -> None:
-    travel = find_ways(edges)
-    for number, one in enumerate(edges):
-        graph = networkx.DiGraph()
-        graph.add_nodes_from(range(len(one)))
-        graph.add_weighted_edges_from(
-            (a, b, one[a, b]) for a, b in np.argwhere(np.isfinite(one)).tolist() if a != b
-        )
-        lengths = dict(networkx.all_pairs_dijkstra_path_length(graph))
-        for a in range(len(one)):
-            for b in range(len(one)):
-                expected = lengths[a].get(b, np.inf)
-                assert travel.costs[number, a, b] == pytest.approx(expected)
-                if np.isfinite(expected):
-                    walked, place = 0.0, a
-                    while place != b:
-                        following = int(travel.steps[number, place, b])
-                        walked += one[place, following]
-                        place = following
-                    assert walked == pytest.approx(expected)
-
-
-@given(room_graphs())
 def test_the_costs_in_one_graph_are_those_of_ways(
     edges: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
 ) -> None:
@@ -139,18 +114,6 @@ def test_the_first_wanted_room_on_the_way_by_hand() -> None:
     for wanted, found in (([3, 4], 3), ([4], 4)):
         there = np.isin(np.arange(5), wanted)[None]
         assert travel.first_on_the_way(*way, there).tolist() == [found]
-
-
-def test_a_large_graph_has_the_ways_of_its_parts() -> None:
-    """A graph beside rooms that nothing joins to it has the same ways as alone."""
-    rng = np.random.default_rng(0)
-    edges = np.where(rng.random((2, 20, 20)) < 0.15, rng.uniform(0, 9, (2, 20, 20)), np.inf)
-    large = np.full((2, 60, 60), np.inf)
-    large[:, :20, :20] = edges
-    alone, among = find_ways(edges), find_ways(large)
-    np.testing.assert_allclose(among.costs[:, :20, :20], alone.costs, rtol=1e-14)
-    np.testing.assert_array_equal(among.steps[:, :20, :20], alone.steps)
-    assert np.isinf(among.costs[:, :20, 20:]).all()
 
 
 @pytest.mark.parametrize("more", [0, 100])
