@@ -6,14 +6,13 @@ from .dataset.manifest import read_manifest
 from .dataset.shards import read_scene_graphs
 from .dataset.splits import split_dataset
 from .errors import BSGError, ClassMapError, DatasetError, RecipeError, SourceError
-from .exports.export import export_dataset
+from .exports.catalogue import export_dataset
 from .merge import merge_datasets
 from .observation.hidden_share import estimate_hidden_share
 from .observation.masked_graph import mask_scene
 from .observation.observation import Observation
 from .observation.pairs import write_pairs
 from .observation.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
-from .observation.reports import observe
 from .observation.robot_json import read_robot_graph
 from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import ClassMap, load_class_map
@@ -53,7 +52,6 @@ __all__ = [
     "load_class_map",
     "mask_scene",
     "merge_datasets",
-    "observe",
     "open_source",
     "read_cells",
     "read_manifest",

@@ -23,8 +23,8 @@ from uuid import uuid4
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.commit import DATASET, publish, sweep
-from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.manifest import (
+    ClassMapEntry,
     FileEntry,
     Manifest,
     SkippedScene,
@@ -84,7 +84,7 @@ class _Plan(Record):
     left_out: tuple[SkippedScene, ...]
 
 
-class ShardReport(Record):
+class _ShardReport(Record):
     """What is in a finished shard, and what was left out of it."""
 
     files: tuple[FileEntry, ...]
@@ -152,7 +152,7 @@ class _Build:
 
     def make(
         self, folder: Path, executor: Executor | None, progress: _Progress | None
-    ) -> list[ShardReport]:
+    ) -> list[_ShardReport]:
         """Make the shards, and return their reports."""
         entry, size = self.plan.source.class_map, self.plan.scenes_per_shard
         if self.own_map is not None:
@@ -163,7 +163,7 @@ class _Build:
         ]
         return run_all(_make_shard, tasks, executor=executor, progress=progress)
 
-    def finish(self, shards: Sequence[ShardReport], folder: Path) -> Manifest:
+    def finish(self, shards: Sequence[_ShardReport], folder: Path) -> Manifest:
         """Return the manifest of the dataset after all its shards are made."""
         skipped = (*(one for shard in shards for one in shard.skipped), *self.plan.skipped)
         totals = Totals.sum(shard.totals for shard in shards)
@@ -276,7 +276,7 @@ class _Task:
         return reading
 
 
-def _make_shard(task: _Task, folder: Path, number: int) -> ShardReport:
+def _make_shard(task: _Task, folder: Path, number: int) -> _ShardReport:
     """Make one shard, unless an earlier run of the same build did; its report comes last."""
     class_map = load_class_map(task.class_map.name_in(folder))
     done = _read_report(folder, number)
@@ -320,10 +320,10 @@ def _report(
     source: Source,
     folder: Path,
     number: int,
-) -> ShardReport:
+) -> _ShardReport:
     """Write the files of a shard, and say what is in them."""
     graphs, root = [reading.graph for reading in readings], source.path
-    return ShardReport(
+    return _ShardReport(
         files=write_shards(graphs, folder, number=number, class_space=class_map.space),
         totals=count_totals(graphs),
         fingerprint=add_fingerprints(
@@ -338,7 +338,7 @@ def _report(
     )
 
 
-def _has_losses(shard: ShardReport, class_map: ClassMap) -> bool:
+def _has_losses(shard: _ShardReport, class_map: ClassMap) -> bool:
     names = (class_map.classify(name).category for name in shard.names)
     return bool(shard.skipped or shard.left_out or None in names)
 
@@ -418,10 +418,10 @@ def _name_report(folder: Path, number: int) -> Path:
     return folder / BUILD / f"part-{number:05d}.json"
 
 
-def _read_report(folder: Path, number: int) -> ShardReport | None:
+def _read_report(folder: Path, number: int) -> _ShardReport | None:
     """Return the report of a finished shard; None if its files changed or it has none."""
     try:
-        shard = ShardReport.model_validate_json(_name_report(folder, number).read_bytes())
+        shard = _ShardReport.model_validate_json(_name_report(folder, number).read_bytes())
         sound = all(hash_file(folder / entry.path) == entry.sha256 for entry in shard.files)
     except (OSError, ValidationError):
         return None

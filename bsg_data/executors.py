@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from itertools import count, islice
+from itertools import islice
 from typing import Any, TypeVar
 
 from bsg_data.errors import BSGError
 
 Result = TypeVar("Result")
-WINDOW = 512  # largest number of tasks begun and not yielded; bounds workers and memory
+WINDOW = 512  # largest number of tasks that are begun and not done
 
 
 def run_all(
@@ -28,47 +28,23 @@ def run_all(
         executor: runs the tasks in parallel; None runs them one by one in this process.
         progress: called with (tasks done, tasks in all) after each task.
     """
-    done = count(1)
-
-    def report() -> None:
-        if progress is not None:
-            progress(next(done), len(tasks))
-
-    return list(run_in_order(function, tasks, executor=executor, report=report))
-
-
-def run_in_order(
-    function: Callable[..., Result],
-    tasks: Iterable[tuple[Any, ...]],
-    *,
-    executor: Executor | None = None,
-    report: Callable[[], None] = lambda: None,
-) -> Iterator[Result]:
-    """Yield the results of any number of tasks in order, with at most `WINDOW` in memory.
-
-    `report` is called when a task is done. A fault of a task is raised as soon as it is known.
-    """
-    if executor is None:
-        for task in tasks:
-            result = function(*task)
-            report()
-            yield result
-        return
-    numbered, turn = enumerate(tasks), 0
+    results: dict[int, Result] = {}
     waiting: dict[Future[Result], int] = {}
-    ready: dict[int, Result] = {}
+    numbered = enumerate(tasks)
+
+    def keep(number: int, result: Result) -> None:
+        results[number] = result
+        if progress is not None:
+            progress(len(results), len(tasks))
+
     try:
-        while True:
-            for number, task in islice(numbered, WINDOW - len(waiting) - len(ready)):
+        for number, task in numbered if executor is None else ():
+            keep(number, function(*task))
+        while executor is not None and len(results) < len(tasks):
+            for number, task in islice(numbered, WINDOW - len(waiting)):
                 waiting[executor.submit(function, *task)] = number
-            if not waiting:
-                return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                ready[waiting.pop(future)] = future.result()
-                report()
-            while turn in ready:
-                yield ready.pop(turn)
-                turn += 1
+                keep(waiting.pop(future), future.result())
     except BrokenExecutor as error:
         raise BSGError(
             "a worker process died (killed, or out of memory?); fewer --workers need less memory"
@@ -76,3 +52,4 @@ def run_in_order(
     finally:
         for future in waiting:
             future.cancel()
+    return [results[number] for number in range(len(tasks))]

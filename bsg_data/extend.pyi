@@ -1,4 +1,4 @@
-from .dataset.manifest import Manifest, SkippedScene, UnmappedEntry
+from .dataset.manifest import Manifest, SkippedScene, Terms, UnmappedEntry
 from .dataset.statistics import (
     count_classes,
     count_frequencies,
@@ -6,7 +6,6 @@ from .dataset.statistics import (
     measure_coverage,
     plot_frequencies,
 )
-from .dataset.terms import Terms
 from .exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.hidden_share import ShareBelief
@@ -26,7 +25,6 @@ from .sources.hm3d import HM3DFolder
 from .sources.room_layouts import WithLayouts
 from .sources.room_words import WithRoomLabels
 from .sources.source import FoundScenes, Reading, SceneRef, Source, SourceRow
-from .synthetic.building import BuildingSize
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [
@@ -36,7 +34,6 @@ __all__ = [
     "SOURCES",
     "AnnotatedObject",
     "Box",
-    "BuildingSize",
     "ClassSpace",
     "Connections",
     "EncodedScene",

@@ -1,7 +1,8 @@
 """Records of strangers whose validation ends at the first fault: millions would take gigabytes.
 
 Pydantic gathers all faults of a document, though an error of ours tells one. Every list and every
-mapping that a stranger may fill is a `Listed` or a `Keyed`.
+mapping that a stranger may fill is a `Listed` or a `Keyed`. A `ForeignRecord` is of another
+program, whose other keys are ignored.
 """
 
 from __future__ import annotations
@@ -10,7 +11,14 @@ from collections.abc import Collection
 from itertools import islice
 from typing import Annotated, Any, TypeVar
 
-from pydantic import FailFast, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    FailFast,
+    Field,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 
 _TOGETHER = 20  # entries of a mapping that are validated together, and whose faults are gathered
 _Item = TypeVar("_Item")
@@ -44,3 +52,21 @@ def keep_one_unknown(said: Any, known: Collection[str]) -> Any:
         return said
     kept = {key: said[key] for key in known if key in said}
     return kept | {key: said[key] for key in islice((k for k in said if k not in kept), 1)}
+
+
+MAX_METRES = 10_000.0  # from the origin of a building
+Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
+
+
+class ForeignRecord(BaseModel):
+    """A frozen record that another program wrote, with keys of its own."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
+class Position(ForeignRecord):
+    """A point, in metres."""
+
+    x: Metres
+    y: Metres
+    z: Metres

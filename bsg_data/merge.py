@@ -24,7 +24,7 @@ from bsg_data.dataset.manifest import (
     read_manifest,
     require_class_space,
 )
-from bsg_data.dataset.shards import read_scene_graphs, write_shards
+from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.results import require_free, write_folder
@@ -66,7 +66,7 @@ def merge_datasets(
     for one in opened:
         require_class_space(opened[0].manifest, one.manifest.class_space, what=str(one.path))
     scenes = sum(one.manifest.totals.scenes for one in opened)
-    merged = combine_manifests([one.manifest for one in opened])
+    merged = _combine_manifests([one.manifest for one in opened])
     size = merged.scenes_per_shard
     count_shards(scenes, scenes_per_shard=size)
     _refuse_shared_buildings(opened)
@@ -78,7 +78,7 @@ def merge_datasets(
             for entry in one.manifest.class_maps:
                 entry.copy_map(one.path, folder)
         graphs = heapq.merge(
-            *(read_scene_graphs(one.path, manifest=one.manifest, held=one.held) for one in opened),
+            *(one.read_graphs() for one in opened),
             key=lambda graph: graph.scene_id,
         )
         files: list[FileEntry] = []
@@ -94,7 +94,7 @@ def merge_datasets(
     return merged
 
 
-def combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
+def _combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
     """Return the manifest of a dataset that holds what several hold, with all their files."""
     sources = [source for one in manifests for source in one.sources]
     return Manifest(

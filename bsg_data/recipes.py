@@ -92,6 +92,18 @@ class SplitRecipe(Record):
     ratios: tuple[float, float, float] | None = (0.8, 0.1, 0.1)
     folds: int | None = Field(default=None, ge=2, le=10_000)
 
+    @model_validator(mode="after")
+    def _fits_its_method(self) -> SplitRecipe:
+        ratios = self.ratios or ()
+        is_whole = all(0 <= ratio <= 1 for ratio in ratios) and abs(sum(ratios) - 1) <= 1e-9
+        if self.method == "folds" and self.folds is None:
+            raise ValueError("folds: expected their number, found none")
+        if self.method != "folds" and not is_whole:
+            raise ValueError(
+                f"ratios: expected three numbers of 0 or more that add up to 1; found {self.ratios}"
+            )
+        return self
+
 
 class Exploration(Record):
     """How a robot explores a building under the masks `explore` and `tour`.

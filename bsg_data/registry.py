@@ -47,7 +47,7 @@ class Registry(Generic[Row]):
 
     def __contains__(self, name: object) -> bool:
         """Say whether a name is one of `names`."""
-        return name in self.names()
+        return name in self._rows or name in self.names()
 
     def __getitem__(self, name: str) -> Row:
         """Import what a name stands for.
@@ -56,8 +56,10 @@ class Registry(Generic[Row]):
             RecipeError: if the name is unknown, or its object cannot be imported or is of another
                 type.
         """
-        self.require([name])
-        point = self._rows.get(name) or _installed(self.group)[name]
+        point = self._rows.get(name)
+        if point is None:  # what is installed takes long to list
+            self.require([name])
+            point = _installed(self.group)[name]
         try:
             row = point.load()
         except Exception as error:

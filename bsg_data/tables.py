@@ -68,7 +68,7 @@ def make_plain(text: str) -> str:
     """
     if text.isascii() and text.isprintable():
         return text
-    return "".join(_MARK if is_obeyed(c) else c for c in text)
+    return text.translate({ord(c): _MARK for c in set(text) if is_obeyed(c)})
 
 
 def make_line(text: str) -> str:

@@ -19,8 +19,8 @@ from .inputs.folds import scenes_of
 from .inputs.graphs import MaskedGraphs, read_split, to_graph
 from .inputs.whole_buildings import to_pyg
 from .rendering.explorer import ShownBelief, write_explorer
-from .robot.seen_building import ExpectedClass, Place, SeenBuilding, Step, open_graph
-from .robot.unfound_rooms import EXPLORE
+from .robot.answers import EXPLORE, ExpectedClass, Place, Step
+from .robot.seen_building import SeenBuilding, open_graph
 from .robot.ways import Ways
 from .robot.words import Meaning, set_hidden_shares
 from .runs.checkpoint import Checkpoint, load_checkpoint, restore_model

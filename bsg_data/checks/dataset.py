@@ -19,10 +19,10 @@ from bsg_data.checks.graphs import find_faults
 from bsg_data.checks.pairs import check_pairs, check_splits
 from bsg_data.dataset.commit import is_own, list_strays
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.kept_maps import KEPT
 from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
+    KEPT,
     MANIFEST,
     FileEntry,
     Manifest,
@@ -31,7 +31,7 @@ from bsg_data.dataset.manifest import (
     read_hashed_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import assemble_graphs, make_tables, read_file
+from bsg_data.dataset.shards import assemble_graphs, collect_columns, read_column
 from bsg_data.errors import BSGError, ClassMapError, DatasetError
 from bsg_data.files import AnyPath, hold
 from bsg_data.scene.class_map import ClassMap, load_class_map, parse_own_map
@@ -67,37 +67,33 @@ def check_dataset(
     """
     while True:
         manifest, sha256 = read_hashed_manifest(Path(dataset))
-        faults = _check_once(Path(dataset), manifest, sha256, progress)
-        if not faults or _is_still(Path(dataset), sha256):
+        data = Dataset(Path(dataset), manifest, {}, sha256)  # nothing held: all is read again
+        faults = _check_once(data, progress)
+        if not faults or _is_still(data):
             return faults
 
 
-def _is_still(dataset: Path, sha256: str) -> bool:
+def _is_still(data: Dataset) -> bool:
     """Say whether no command has written a dataset meanwhile, so that its faults are its own."""
     try:
-        with hold(dataset):
+        with hold(data.path):
             pass
     except DatasetError as error:
         if error.code == "folder-busy":
             raise
-    return hash_manifest(dataset) == sha256
+    return hash_manifest(data.path) == data.sha256
 
 
-def _check_once(
-    dataset: Path,
-    manifest: Manifest,
-    sha256: str,
-    progress: Callable[[int, int], None] | None,
-) -> tuple[Fault, ...]:
-    check = _Check(dataset, manifest, progress)
-    check.faults += _check_files(dataset, manifest)
+def _check_once(data: Dataset, progress: Callable[[int, int], None] | None) -> tuple[Fault, ...]:
+    check, manifest = _Check(data, progress), data.manifest
+    check.faults += _check_files(data.path, manifest)
     scenes = _check_tables(check)
     splits = [check.read(entry) for entry in manifest.files_of("splits")]
     if not check.faults and manifest.split is not None:
         table = pa.concat_tables(splits)
         check.add("splits", check_splits(table, scenes, manifest.split))
         if manifest.pairs is not None and not check.faults:
-            check.add("pairs", check_pairs(Dataset(dataset, manifest, sha256), table, check.read))
+            check.add("pairs", check_pairs(data, table, check.read))
     return (*dict.fromkeys(check.faults), *check.count_others())
 
 
@@ -105,8 +101,7 @@ def _check_once(
 class _Check:
     """A check of a dataset, and the faults found so far."""
 
-    dataset: Path
-    manifest: Manifest
+    data: Dataset
     progress: Callable[[int, int], None] | None
     faults: list[Fault] = field(default_factory=list)
     _times: Counter[Fault] = field(default_factory=Counter)
@@ -116,7 +111,7 @@ class _Check:
         """Read a file; None if it has a fault."""
         found: list[str] = []
         try:
-            table = read_file(self.dataset, entry, manifest=self.manifest)
+            table = self.data.read_file(entry)
             if len(table) != entry.rows:
                 found.append(f"expected {entry.rows} rows, found {len(table)}")
             found += [
@@ -125,11 +120,11 @@ class _Check:
                 if not column.nullable and table[column.name].null_count
             ]
         except BSGError as error:
-            found.append(str(error).removeprefix(f"{self.dataset / entry.path}: "))
+            found.append(str(error).removeprefix(f"{self.data.path / entry.path}: "))
         self.faults += [Fault(entry.path, what) for what in found]
         self._done += 1
         if self.progress is not None:
-            self.progress(self._done, len(self.manifest.files))
+            self.progress(self._done, len(self.data.manifest.files))
         return None if found else table
 
     def add(self, where: str, faults: Iterator[tuple[str, str]]) -> None:
@@ -151,7 +146,7 @@ def _check_tables(check: _Check) -> pa.Table:
 
     Shards with a damaged file are skipped; that file is a fault already.
     """
-    manifest = check.manifest
+    manifest = check.data.manifest
     entries = {name: manifest.files_of(name) for name in TABLES}
     numbers = {name: len(some) for name, some in entries.items()}
     if len(set(numbers.values())) > 1:
@@ -159,7 +154,8 @@ def _check_tables(check: _Check) -> pa.Table:
         what = f"expected as many files of each table, found {found}"
         check.faults.append(Fault(MANIFEST, what))
     maps = _load_class_maps(check)
-    totals, scenes = [], [TABLES["scenes"].empty_table()]
+    totals: list[Totals] = []
+    scenes: list[pa.Table] = []
     for number, row in enumerate(zip_longest(*entries.values())):
         read = [None if entry is None else check.read(entry) for entry in row]
         pairs = zip(TABLES, read, strict=True)
@@ -169,7 +165,7 @@ def _check_tables(check: _Check) -> pa.Table:
             totals.append(_check_shard(check, f"shard {number}", tables, maps))
     every = pa.concat_tables(
         table.select(["scene_id", "building", "source", "source_split", "up_axis"])
-        for table in scenes
+        for table in scenes or [TABLES["scenes"].empty_table()]  # which imports pandas
     )
     check.add("scenes", _check_order(every))
     if not check.faults:
@@ -197,7 +193,7 @@ def _check_shard(
         for table, name, rule in find_faults(graph, maps.get(graph.class_map)):
             check.add(table, iter([(", ".join(filter(None, (graph.scene_id, name))), rule)]))
     if len(check.faults) == before:
-        for table, row, rule in _compare(graphs, tables, check.manifest.class_space.classes):
+        for table, row, rule in _compare(graphs, tables, check.data.manifest.class_space.classes):
             check.add(table, iter([(f"{shard}{row}", rule)]))
     return count_totals(graphs)
 
@@ -206,16 +202,17 @@ def _compare(
     graphs: Sequence[SceneGraph], tables: _Tables, classes: tuple[str, ...]
 ) -> Iterator[tuple[str, str, str]]:
     """Yield table, row and fault of rows that do not follow from the scene graphs."""
-    for name, expected in make_tables(graphs, classes).items():
-        found = tables[name]
-        if len(found) != len(expected):
+    for name, expected in collect_columns(graphs, classes).items():
+        found, rows = tables[name], len(expected["scene_id"])
+        if len(found) != rows:
             what = "has rows of other scenes, or not one row for each"
-            yield name, "", f"{what}: expected {len(expected)}, found {len(found)}"
+            yield name, "", f"{what}: expected {rows}, found {len(found)}"
             continue
         for column in found.column_names:
-            if not found[column].equals(expected[column]):
-                pairs = zip(expected[column].to_pylist(), found[column].to_pylist(), strict=True)
-                row, (a, b) = next((r, pair) for r, pair in enumerate(pairs) if pair[0] != pair[1])
+            values = read_column(found[column])
+            if values != expected[column]:
+                pairs = enumerate(zip(expected[column], values, strict=True))
+                row, (a, b) = next((row, pair) for row, pair in pairs if pair[0] != pair[1])
                 where = f", {found['scene_id'][row]}"
                 yield name, where, f"{column} in row {row}: expected {a!r}, found {b!r}"
                 break
@@ -262,14 +259,14 @@ def _load_class_maps(check: _Check) -> dict[str, ClassMap | None]:
 
     A version that two maps have stands for none.
     """
-    manifest, space = check.manifest, check.manifest.class_space
+    manifest, space = check.data.manifest, check.data.manifest.class_space
     if space.name in list_class_spaces() and space != load_class_space(space.name):
         what = f"class space {space.name} is not the published one"
         check.faults.append(Fault(MANIFEST, what))
     maps: dict[str, ClassMap | None] = {entry.version: None for entry in manifest.class_maps}
     for entry in manifest.class_maps:
         try:
-            found = entry.read(check.dataset)
+            found = entry.read(check.data.path)
         except ClassMapError as error:
             check.faults.append(Fault(KEPT, str(error)))
             continue

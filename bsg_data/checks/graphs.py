@@ -17,9 +17,11 @@ from bsg_data.scene.scene_graph import (
     SceneObject,
 )
 
+_COLOUR = re.compile("[0-9A-F]{6}")
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
 _ROUNDING = 2e-4  # metres: coordinates are rounded, and so are values derived from them
 _Fault = tuple[str, str, str]
+_Reading = tuple[str, str | None, int | None, str]  # name, category, class and role of an object
 
 
 def find_faults(graph: SceneGraph, class_map: ClassMap | None = None) -> Iterator[_Fault]:
@@ -38,10 +40,11 @@ def find_faults(graph: SceneGraph, class_map: ClassMap | None = None) -> Iterato
             yield "rooms", f"room {room.room_index}", rule
         before = room.region_id
     instance: int | None = None
+    misread = frozenset[_Reading]() if class_map is None else _find_misread(graph, class_map)
     for number, obj in enumerate(graph.objects, start=1):
         for rule in _find_object_faults(obj, number, instance, rooms=len(graph.rooms)):
             yield "objects", f"object {obj.object_index}", rule
-        if class_map is not None and not _is_classified(obj, class_map):
+        if misread and class_map is not None and _reading_of(obj) in misread:
             rule = f"category, class or role is not what {class_map.version} says"
             yield "objects", f"object {obj.object_index}", rule
         instance = obj.instance_id
@@ -80,12 +83,13 @@ def _find_object_faults(
         yield "instance_id does not rise"
     if not 0 <= obj.room_index <= rooms:
         yield "room_index is not 0..R"
-    if obj.colour is not None and not re.fullmatch("[0-9A-F]{6}", obj.colour):
+    if obj.colour is not None and not _COLOUR.fullmatch(obj.colour):
         yield "colour is not RRGGBB"
     if not _is_area(obj.area):
         yield "area is not above 0"
     box, part = obj.box, obj.part_box
-    if not (
+    is_placed = not (obj.centroid is None and box is None and part is None)
+    if is_placed and not (
         _are_finite(obj.centroid)
         and (box is None or (_is_box(box) and _is_inside(obj.centroid, box)))
         and (part is None or (_is_box(part) and _is_inside(part.minimum, box)))
@@ -110,10 +114,19 @@ def _find_edge_faults(edge: Edge, last: tuple[int, int], rooms: tuple[Room, ...]
         yield "an adjacent edge has an unknown method or distance"
 
 
-def _is_classified(obj: SceneObject, class_map: ClassMap) -> bool:
-    known = class_map.classify(obj.raw_category)
-    found = obj.category, obj.class_index, obj.role
-    return found == (known.category, known.class_index, known.role)
+def _find_misread(graph: SceneGraph, class_map: ClassMap) -> frozenset[_Reading]:
+    """Return how names are read whose category, class or role is not what a map says."""
+    read = {*map(_reading_of, graph.objects)}
+    return frozenset(one for one in read if _classify(one[0], class_map) != one)
+
+
+def _reading_of(obj: SceneObject) -> _Reading:
+    return obj.raw_category, obj.category, obj.class_index, obj.role
+
+
+def _classify(name: str, class_map: ClassMap) -> _Reading:
+    known = class_map.classify(name)
+    return name, known.category, known.class_index, known.role
 
 
 def _are_finite(*points: Point | tuple[float, float] | list[float] | None) -> bool:

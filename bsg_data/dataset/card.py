@@ -10,9 +10,8 @@ from typing import Any
 import pyarrow as pa
 import yaml
 
-from bsg_data.dataset.manifest import Manifest
+from bsg_data.dataset.manifest import LICENCE_REF, Manifest, Terms
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
-from bsg_data.dataset.terms import LICENCE_REF, Terms
 from bsg_data.files import encode_json
 from bsg_data.tables import escape_markdown, format_markdown, mark_code
 

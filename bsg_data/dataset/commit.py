@@ -18,11 +18,11 @@ from pathlib import Path
 
 from bsg_data.dataset.card import write_card, write_croissant
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.kept_maps import KEPT
 from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
     FILE_PATH,
+    KEPT,
     MANIFEST,
     STAGED,
     FileEntry,

@@ -8,7 +8,7 @@ then does not grow.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
@@ -21,13 +21,12 @@ from bsg_data.dataset.histograms import NO_CATEGORY, Unclassified, count_cells
 from bsg_data.dataset.manifest import (
     SPLIT_NAME,
     FileEntry,
-    Manifest,
     hash_manifest,
     read_hashed_manifest,
     read_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import Held, hold_files, read_file, read_table, refuse_replaced
+from bsg_data.dataset.shards import DatasetFiles, hold_files, refuse_replaced, take_adjacent
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import is_nameless
@@ -53,20 +52,17 @@ class Building:
 
 
 @dataclass(frozen=True, eq=False)
-class Dataset:
+class Dataset(DatasetFiles):
     """An opened dataset.
 
     Attributes:
         path: folder of the dataset.
         manifest: its manifest.
-        sha256: hash of the manifest, which identifies the whole dataset.
         held: its files in memory; none of a dataset larger than `HELD_FILES`.
+        sha256: hash of the manifest, which identifies the whole dataset.
     """
 
-    path: Path
-    manifest: Manifest
     sha256: str
-    held: Held = field(default_factory=dict, repr=False)
 
     @classmethod
     def open(cls, path: AnyPath, *, sha256: str | None = None) -> Dataset:
@@ -109,16 +105,34 @@ class Dataset:
     @cached_property
     def _scenes(self) -> pa.Table:
         columns = ["scene_id", "building", "num_rooms", *SCENE_COLUMNS]
-        return read_table(
-            self.path, "scenes", columns=columns, manifest=self.manifest, held=self.held
-        )
+        return self.read_table("scenes", columns=columns)
 
     @cached_property
     def splits(self) -> dict[str, tuple[str, ...]]:
-        """Split or fold → ids of its scenes; empty before `bsg-data split`."""
+        """Split or fold → ids of its scenes, train, val and test first; empty before a split."""
         if self.manifest.split is None:
             return {}
-        return read_splits(self.path, manifest=self.manifest, held=self.held)
+        table = self.read_table("splits").to_pydict()
+        splits: dict[str, list[str]] = {}
+        for scene, split in zip(table["scene_id"], table["split"], strict=True):
+            if not SPLIT_NAME.fullmatch(split):  # names of files have it in them
+                raise DatasetError(
+                    f"{self.path}: {scene} is in split {split!r}; expected train, val, test or "
+                    "fold-N. Split again with --force",
+                    code="split-name",
+                    where=self.manifest.files_of("splits")[0].path,
+                )
+            splits.setdefault(split, []).append(scene)
+        order = [name for name in NAMES if name in splits]
+        order += sorted(splits.keys() - {*NAMES}, key=lambda name: (len(name), name))  # 2, then 10
+        return {name: tuple(splits[name]) for name in order}
+
+    def require_splits(self) -> dict[str, tuple[str, ...]]:
+        """Return the splits; refuse a dataset that has none."""
+        if self.manifest.split is None:
+            message = f"{self.path}: is not split yet; run `bsg-data split {self.path}` first"
+            raise DatasetError(message, code="split-missing", where=self.path)
+        return self.splits
 
     def __contains__(self, scene_id: object) -> bool:
         """Say whether the dataset has a scene."""
@@ -241,9 +255,7 @@ class Dataset:
             for files in self._files
         )
         return lru_cache(maxsize=max(2, HELD_BYTES // max(weights, default=1)))(
-            lambda number: _Shard(
-                self.path, self.manifest, self.held, self._files[number], self._scenes_of(number)
-            )
+            lambda number: _Shard(self, self._files[number], self._scenes_of(number))
         )
 
     def _scenes_of(self, number: int) -> pa.Table:
@@ -257,36 +269,16 @@ def _open_once(path: Path, sha256: str) -> Dataset:
     held = hold_files(path, manifest.files)
     if not found == sha256 == hash_manifest(path):
         refuse_replaced(path)
-    return Dataset(path, manifest, sha256, held)
+    return Dataset(path, manifest, held, sha256)
 
 
-def read_splits(
-    dataset: AnyPath, *, manifest: Manifest | None = None, held: Held | None = None
-) -> dict[str, tuple[str, ...]]:
+def read_splits(dataset: AnyPath) -> dict[str, tuple[str, ...]]:
     """Return split → scene ids, with train, val and test first.
 
     Raises:
         DatasetError: if the dataset has no split yet, or a split has an impossible name.
     """
-    dataset = Path(dataset)
-    manifest = manifest or read_manifest(dataset)
-    if manifest.split is None:
-        message = f"{dataset}: is not split yet; run `bsg-data split {dataset}` first"
-        raise DatasetError(message, code="split-missing", where=dataset)
-    table = read_table(dataset, "splits", manifest=manifest, held=held).to_pydict()
-    splits: dict[str, list[str]] = {}
-    for scene, split in zip(table["scene_id"], table["split"], strict=True):
-        if not SPLIT_NAME.fullmatch(split):  # names of files have it in them
-            raise DatasetError(
-                f"{dataset}: {scene} is in split {split!r}; expected train, val, test or fold-N. "
-                "Split again with --force",
-                code="split-name",
-                where=manifest.files_of("splits")[0].path,
-            )
-        splits.setdefault(split, []).append(scene)
-    order = [name for name in NAMES if name in splits]
-    order += sorted(splits.keys() - {*NAMES}, key=lambda name: (len(name), name))  # fold-2, fold-10
-    return {name: tuple(splits[name]) for name in order}
+    return Dataset.open(dataset).require_splits()
 
 
 def read_cells(dataset: AnyPath) -> dict[str, Counts]:
@@ -302,9 +294,7 @@ class _Shard:
     Each table is read on first use, as one array for all buildings with an offset for each.
     """
 
-    dataset: Path  # folder of the dataset
-    manifest: Manifest  # its manifest
-    held: Held  # its files in memory, as of `Dataset`
+    data: DatasetFiles
     files: Mapping[str, FileEntry]  # table → file of this shard
     scenes: pa.Table  # its rows of the table of scenes
 
@@ -316,7 +306,7 @@ class _Shard:
     def cells(self) -> Counts:
         """The cells of all scenes in order, `[N, C]`."""
         nodes, classes, _ = self._objects
-        shape = int(self._starts[-1]), len(self.manifest.class_space.classes)
+        shape = int(self._starts[-1]), len(self.data.manifest.class_space.classes)
         classified = classes.is_valid().to_numpy()
         cells = count_cells(nodes[classified], classes.drop_null().to_numpy(), shape=shape)
         cells.setflags(write=False)  # all readers of this dataset share it
@@ -338,13 +328,12 @@ class _Shard:
     def connections(self) -> tuple[Ints, Connections]:
         """Offsets of the scenes `[B + 1]`, and the connections of all of them."""
         columns = ["scene_id", "source_index", "target_index", "kind", "method", "distance_m"]
-        table = self._read("edges", columns)
-        table = table.filter(pc.equal(table["kind"], "adjacent"))
+        table = take_adjacent(self._read("edges", columns))
         pairs = np.stack([table[f"{end}_index"].to_numpy() for end in ("source", "target")], axis=1)
         every = Connections(
             pairs.astype(np.int64),
             np.array(table["method"].to_pylist(), dtype=str),
-            pc.fill_null(table["distance_m"], np.nan).to_numpy(),
+            table["distance_m"].to_numpy(),  # NaN for null
         )
         numbers = np.arange(len(self.scenes) + 1)
         return np.searchsorted(self._number_scenes(table), numbers), every
@@ -357,14 +346,8 @@ class _Shard:
         return Surroundings.of_tables(self.scenes, rooms, rows=self._find_nodes(rooms), nodes=nodes)
 
     def _read(self, table: str, columns: list[str]) -> pa.Table:
-        return read_file(
-            self.dataset,
-            self.files[table],
-            manifest=self.manifest,
-            held=self.held,
-            columns=columns,
-            dictionaries=[name for name in columns if name in _WORDS],
-        )
+        words = [name for name in columns if name in _WORDS]
+        return self.data.read_file(self.files[table], columns=columns, dictionaries=words)
 
     @cached_property
     def sources(self) -> list[str]:

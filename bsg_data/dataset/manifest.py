@@ -2,6 +2,10 @@
 
 It is written last and replaced as a whole, so a folder with a manifest is a finished dataset. It
 holds no date, path or machine name: the same inputs give the same bytes.
+
+It names the class map of each source with its hash. Published maps come with the package; of a
+user's own map the dataset keeps a copy, `class_maps/<sha256[:12]>/<version>.csv`: two maps with one
+name can coexist.
 """
 
 from __future__ import annotations
@@ -9,26 +13,117 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
 from pydantic import Field, ValidationError
 
-from bsg_data.dataset.kept_maps import ClassMapEntry
-from bsg_data.dataset.terms import Terms
-from bsg_data.errors import DatasetError, MismatchError, RecipeError
+from bsg_data.errors import ClassMapError, DatasetError, MismatchError, RecipeError, SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_ROWS, MAX_SHARDS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.results import name_staged
-from bsg_data.scene.class_map import ClassMap
+from bsg_data.scene.class_map import (
+    CLASSES,
+    STRUCTURE,
+    SUFFIX,
+    ClassMap,
+    OwnMap,
+    parse_own_map,
+    published_maps,
+    read_own_map,
+    write_own_map,
+)
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.name_rules import Rule
 from bsg_data.scene.scene_graph import MeshCoverage
+
+LICENCE_REF = "LicenseRef-"  # SPDX's prefix for a licence that is not on its list
+_ADDRESS = r"https?://[^\s<>()\[\]|\"]+"
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Licence and citation of data derived from a source, for the cards of datasets."""
+
+    # its SPDX identifier, e.g. `Apache-2.0`; `LicenseRef-NAME` for one that SPDX does not list
+    licence: str
+    licence_url: str  # address of the text of the licence
+    homepage: str  # address of the source
+    citation: str  # how to cite the source, on one line
+    sentence: str  # what a user must know about the terms, in one sentence
+
+    def __post_init__(self) -> None:
+        line = r".*\S.*", "one line"
+        address = _ADDRESS, "an address"
+        spdx = r"[A-Za-z0-9.+-]+", f"an SPDX identifier such as MIT, or {LICENCE_REF}NAME"
+        rules = (spdx, address, address, line, line)
+        for one, (pattern, expected) in zip(fields(self), rules, strict=True):
+            value = getattr(self, one.name)
+            if not re.fullmatch(pattern, value):
+                message = f"{one.name}: expected {expected}, found {value!r}"
+                raise SourceError(message, code="terms-malformed", where=one.name)
+
+
+def is_address(text: str) -> bool:
+    """Say whether a text is a web address without characters that could end a link."""
+    return re.fullmatch(_ADDRESS, text) is not None
+
+
+KEPT = "class_maps"
+
+
+class ClassMapEntry(Record):
+    """The class map that the names of a source were read with."""
+
+    version: str = Field(pattern=r"^[^/\\\x00-\x1f]+$", max_length=250)  # the stem of a file
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+
+    @classmethod
+    def of(cls, class_map: ClassMap) -> ClassMapEntry:
+        """Describe a loaded map."""
+        return cls(version=class_map.version, sha256=class_map.sha256)
+
+    @property
+    def folder(self) -> str:
+        """The folder, below the dataset, that keeps its copy."""
+        return f"{KEPT}/{self.sha256[:12]}"
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The paths of the copy below the dataset, first that of `NAME.csv`."""
+        suffixes = (SUFFIX, CLASSES, STRUCTURE)
+        return tuple(f"{self.folder}/{self.version}{suffix}" for suffix in suffixes)
+
+    def read(self, dataset: Path) -> str | OwnMap:
+        """Return the name of a published map, or the copy that a dataset keeps."""
+        if self.version in published_maps():
+            return self.version
+        path = dataset / self.paths[0]
+        own = read_own_map(path)
+        found = parse_own_map(own).with_hash(self.sha256).sha256
+        if found != self.sha256:
+            raise ClassMapError(
+                f"{path}: differs from the class map that the dataset was built with: expected "
+                f"sha256 {self.sha256[:12]}…, found {found[:12]}…; put the map back, or build again"
+            )
+        return own
+
+    def copy_map(self, source: Path, dataset: Path) -> None:
+        """Copy what one dataset keeps into another one."""
+        own = self.read(source)
+        if isinstance(own, OwnMap):
+            write_own_map(own, dataset / self.folder)
+
+    def name_in(self, dataset: Path) -> str:
+        """Return how `load_class_map` finds it: by path if the dataset keeps it."""
+        path = dataset / self.paths[0]
+        return str(path) if path.is_file() else self.version
+
 
 FORMAT_VERSION: Final = 1
 # The name of a split is part of the names of files, so no other is read from a file or written.

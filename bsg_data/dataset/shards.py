@@ -10,7 +10,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from itertools import chain
 from operator import attrgetter
 from pathlib import Path
@@ -67,27 +67,16 @@ def write_shards(
 
 def make_tables(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, pa.Table]:
     """Return the tables of one shard, of some scenes in the order given."""
-    columns = _collect_columns(graphs, classes)
+    columns = collect_columns(graphs, classes)
     return {name: pa.table(columns[name], schema=schema) for name, schema in TABLES.items()}
 
 
-def read_scene_graphs(
-    dataset: AnyPath, *, manifest: Manifest | None = None, held: Held | None = None
-) -> Iterator[SceneGraph]:
-    """Yield the scene graphs of a dataset, with one shard in memory at a time.
-
-    Args:
-        dataset: folder of the dataset.
-        manifest: its manifest, if it was read already.
-        held: its files, if they are in memory (`Dataset.held`).
-    """
+def read_scene_graphs(dataset: AnyPath) -> Iterator[SceneGraph]:
+    """Yield the scene graphs of a dataset, with one shard in memory at a time."""
     dataset = Path(dataset)
-    manifest = manifest or read_manifest(dataset)
-    parts = [*zip(*(manifest.files_of(name) for name in TABLES), strict=True)]
-    held = held or hold_files(dataset, [*chain.from_iterable(parts)])
-    for files in parts:
-        tables = (read_file(dataset, file, manifest=manifest, held=held) for file in files)
-        yield from assemble_graphs(*tables)
+    manifest = read_manifest(dataset)
+    entries = [entry for name in TABLES for entry in manifest.files_of(name)]
+    return DatasetFiles(dataset, manifest, hold_files(dataset, entries)).read_graphs()
 
 
 def _own_columns(schema: pa.Schema, names: Iterable[str]) -> list[str]:
@@ -95,13 +84,13 @@ def _own_columns(schema: pa.Schema, names: Iterable[str]) -> list[str]:
     return [name for name in names if name in schema.names]
 
 
-_SCENE = _own_columns(SCENES, [field.name for field in fields(SceneGraph)])
-_ROOM = _own_columns(ROOMS, [field.name for field in fields(Room)])
+_SCENE = _own_columns(SCENES, [one.name for one in fields(SceneGraph)])
+_ROOM = _own_columns(ROOMS, [one.name for one in fields(Room)])
 _OBJECT = _own_columns(OBJECTS, SceneObject._fields)
-_EDGE = _own_columns(EDGES, [field.name for field in fields(Edge)])
+_EDGE = _own_columns(EDGES, [one.name for one in fields(Edge)])
 
 
-def _collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, _Columns]:
+def collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, _Columns]:
     """Return table → column → values, scenes in the order given."""
     rooms = [room for graph in graphs for room in graph.rooms]
     held = _turn([obj for graph in graphs for obj in graph.objects])
@@ -178,7 +167,7 @@ def _take(names: Iterable[str], records: Sequence[object]) -> _Columns:
 def _spread_points(name: str, points: Sequence[Point | None]) -> _Columns:
     axes = [f"{name}_{axis}" for axis in "xyz"]
     if not any(points):  # as in a text without a mesh
-        return dict.fromkeys(axes, pa.nulls(len(points), pa.float64()))
+        return dict.fromkeys(axes, [None] * len(points))
     return {axis: [point and point[number] for point in points] for number, axis in enumerate(axes)}
 
 
@@ -192,7 +181,7 @@ def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
     """Assemble scene graphs from the tables of one shard: the inverse of `make_tables`."""
     scenes, rooms, objects, edges = tables
     room_of, object_of = _group(rooms, _read_rooms(rooms)), _group(objects, _read_objects(objects))
-    edges = edges.filter(pc.equal(edges["kind"], "adjacent"))
+    edges = take_adjacent(edges)
     edge_of = _group(edges, _read_edges(edges))
     for row in scenes.to_pylist():
         scene = row["scene_id"]
@@ -202,6 +191,13 @@ def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
             objects=tuple(object_of.get(scene, ())),
             adjacency=tuple(edge_of.get(scene, ())),
         )
+
+
+def take_adjacent(edges: pa.Table) -> pa.Table:
+    """Return the edges between rooms."""
+    # Not `pc.equal`: a scalar imports pandas, if it is there, which takes as long as all the rest.
+    kinds = edges["kind"].cast(pa.string())
+    return edges.filter(pc.match_substring_regex(kinds, "^adjacent$"))
 
 
 def _group(table: pa.Table, records: Iterable[_Record]) -> dict[str, list[_Record]]:
@@ -242,15 +238,16 @@ def _make(record: type[_Record], columns: _Columns) -> Iterator[_Record]:
 
 
 def _read_columns(table: pa.Table, names: Iterable[str]) -> _Columns:
-    return {name: _read_column(table[name]) for name in names}
+    return {name: read_column(table[name]) for name in names}
 
 
-def _read_column(column: pa.ChunkedArray) -> list[Any]:
+def read_column(column: pa.ChunkedArray) -> list[Any]:
+    """Return the values of a column."""
     return [None] * len(column) if column.null_count == len(column) else column.to_pylist()
 
 
 def _read_points(table: pa.Table, name: str) -> list[Point | None]:
-    axes = (_read_column(table[f"{name}_{axis}"]) for axis in "xyz")
+    axes = (read_column(table[f"{name}_{axis}"]) for axis in "xyz")
     return [None if point[0] is None else point for point in zip(*axes, strict=True)]
 
 
@@ -288,7 +285,7 @@ def write_parquet(
         "bsg.classes": encode_json(class_space.classes, ensure_ascii=False),
         **{f"bsg.{key}": value for key, value in extra.items()},
     }
-    schema, sink, rows = schema_of(table, class_space), pa.BufferOutputStream(), 0
+    schema, sink, rows = _schema_of(table, class_space), pa.BufferOutputStream(), 0
     with pq.ParquetWriter(
         sink, schema.with_metadata(metadata), compression="zstd", compression_level=3
     ) as writer:
@@ -309,77 +306,115 @@ def write_parquet(
     return FileEntry(path=path, rows=rows, bytes=len(data), sha256=sha256)
 
 
-def read_table(
-    dataset: AnyPath,
-    name: str,
-    *,
-    columns: list[str] | None = None,
-    manifest: Manifest | None = None,
-    held: Held | None = None,
-) -> pa.Table:
-    """Read a whole table of a dataset, with rows in order.
+@dataclass(frozen=True, eq=False)
+class DatasetFiles:
+    """The files of a dataset, as its manifest lists them.
 
-    Args:
-        dataset: folder of the dataset.
-        name: `scenes`, `rooms`, `objects`, `edges` or `splits`.
-        columns: names of the columns to read, in this order; None: all.
-        manifest: its manifest, if it was read already.
-        held: its files, if they are in memory.
+    Attributes:
+        path: folder of the dataset.
+        manifest: its manifest.
+        held: its files in memory; none of a dataset larger than `HELD_FILES`.
     """
-    dataset = Path(dataset)
-    tables = stream_table(dataset, name, columns=columns, manifest=manifest, held=held)
-    return pa.concat_tables(tables)
 
+    path: Path
+    manifest: Manifest
+    held: Held = field(repr=False)
 
-def stream_table(
-    dataset: Path,
-    name: str,
-    *,
-    columns: list[str] | None = None,
-    manifest: Manifest | None = None,
-    held: Held | None = None,
-) -> Iterator[pa.Table]:
-    """Yield a table of a dataset file by file; see `read_table`."""
-    manifest = manifest or read_manifest(dataset)
-    entries = manifest.files_of(name)
-    if not entries:
-        message = f"{dataset}: has no {name}; run `bsg-data info` to see what it holds"
-        raise DatasetError(message, code="table-missing", where=name)
-    held = held or hold_files(dataset, entries)
-    return (
-        read_file(dataset, entry, manifest=manifest, held=held, columns=columns)
-        for entry in entries
-    )
+    def read_graphs(self) -> Iterator[SceneGraph]:
+        """Yield the scene graphs, with one shard in memory at a time."""
+        for files in zip(*map(self.manifest.files_of, TABLES), strict=True):
+            yield from assemble_graphs(*map(self.read_file, files))
 
+    def read_table(self, name: str, *, columns: list[str] | None = None) -> pa.Table:
+        """Read a whole table, with rows in order.
 
-def read_file(
-    dataset: Path,
-    entry: FileEntry,
-    *,
-    manifest: Manifest,
-    held: Held | None = None,
-    columns: list[str] | None = None,
-    dictionaries: Sequence[str] = (),
-) -> pa.Table:
-    """Read one parquet file of a dataset; see `open_listed`."""
-    # No threads: files are small, and Arrow may abort a process that ends while it starts one.
-    with open_listed(
-        dataset, entry, manifest=manifest, held=held, dictionaries=dictionaries
-    ) as file:
-        table = file.read(columns=columns, use_threads=False)
-        expected = schema_of(_table_of(entry), manifest.class_space)
-        absent = _list_absent(file.schema_arrow, expected)
-    for field in absent:
-        kind = pa.dictionary(pa.int32(), field.type) if field.name in dictionaries else field.type
-        table = table.append_column(field.with_type(kind), pa.nulls(len(table), kind))
-    if absent:
-        table = table.select(expected.names if columns is None else columns)
-    if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
-        for scene in table["scene_id"].to_pylist():
-            if not is_scene_id(scene):  # names of files have it in them
-                message = f"{dataset / entry.path}: {scene!r} cannot be part of a file name"
-                raise DatasetError(message, code="scene-id", where=entry.path)
-    return table
+        Args:
+            name: `scenes`, `rooms`, `objects`, `edges` or `splits`.
+            columns: names of the columns to read, in this order; None: all.
+        """
+        return pa.concat_tables(self.stream_table(name, columns=columns))
+
+    def stream_table(self, name: str, *, columns: list[str] | None = None) -> Iterator[pa.Table]:
+        """Yield a table file by file; see `read_table`."""
+        entries = self.manifest.files_of(name)
+        if not entries:
+            message = f"{self.path}: has no {name}; run `bsg-data info` to see what it holds"
+            raise DatasetError(message, code="table-missing", where=name)
+        return (self.read_file(entry, columns=columns) for entry in entries)
+
+    def read_file(
+        self,
+        entry: FileEntry,
+        *,
+        columns: list[str] | None = None,
+        dictionaries: Sequence[str] = (),
+    ) -> pa.Table:
+        """Read one parquet file; see `open_file`."""
+        # No threads: files are small, and Arrow may abort a process that ends while it starts one.
+        with self.open_file(entry, dictionaries=dictionaries) as file:
+            table = file.read(columns=columns, use_threads=False)
+            expected = _schema_of(_table_of(entry), self.manifest.class_space)
+            absent = _list_absent(file.schema_arrow, expected)
+        for one in absent:
+            kind = pa.dictionary(pa.int32(), one.type) if one.name in dictionaries else one.type
+            table = table.append_column(one.with_type(kind), pa.nulls(len(table), kind))
+        if absent:
+            table = table.select(expected.names if columns is None else columns)
+        if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
+            for scene in table["scene_id"].to_pylist():
+                if not is_scene_id(scene):  # names of files have it in them
+                    message = f"{self.path / entry.path}: {scene!r} cannot be part of a file name"
+                    raise DatasetError(message, code="scene-id", where=entry.path)
+        return table
+
+    @contextmanager
+    def open_file(
+        self, entry: FileEntry, *, dictionaries: Sequence[str] = ()
+    ) -> Iterator[pq.ParquetFile]:
+        """Open one parquet file; its bytes are read once, hashed, and then trusted.
+
+        Columns of words that repeat may be read as dictionaries.
+        """
+        path = self.path / entry.path
+        data = self.held.get(entry.path) or _read_whole(path, entry)
+        if data is None:
+            self._refuse(entry)
+        with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
+            expected = _schema_of(_table_of(entry), self.manifest.class_space)
+            for one in _list_absent(file.schema_arrow, expected):
+                expected = expected.remove(expected.get_field_index(one.name))
+            for name in {*dictionaries} & {*expected.names}:
+                one = expected.field(name)
+                words = one.with_type(pa.dictionary(pa.int32(), one.type))
+                expected = expected.set(expected.get_field_index(name), words)
+            if not file.schema_arrow.equals(expected, check_metadata=False):
+                both = (file.schema_arrow, expected)
+                plain = [{*map(pa.Field.remove_metadata, some)} for some in both]
+                names = ", ".join(sorted({one.name for one in plain[0] ^ plain[1]}))
+                message = f"{path}: other columns than the format has ({names or 'their order'})"
+                raise DatasetError(message, code="columns", where=entry.path)
+            yield file
+
+    def _refuse(self, entry: FileEntry) -> NoReturn:
+        """Say why a file cannot be read."""
+        if read_manifest(self.path) != self.manifest:
+            refuse_replaced(self.path)
+        path = self.path / entry.path
+        try:
+            found = path.stat().st_size
+        except OSError as error:
+            raise DatasetError(
+                f"{path}: is in the manifest but cannot be read ({error.strerror or error}); build "
+                "the dataset again",
+                code="file-missing",
+                where=entry.path,
+            ) from error
+        raise DatasetError(
+            f"{path}: was changed: expected {entry.bytes:,} bytes, sha256 {entry.sha256[:12]}…, "
+            f"found {found:,} bytes; take another copy, or build the dataset again",
+            code="file-changed",
+            where=entry.path,
+        )
 
 
 def refuse_replaced(dataset: Path) -> NoReturn:
@@ -412,62 +447,6 @@ def _read_whole(path: Path, entry: FileEntry) -> bytes | None:
     return data if hashlib.sha256(data).hexdigest() == entry.sha256 else None
 
 
-def _refuse_file(dataset: Path, entry: FileEntry, manifest: Manifest) -> NoReturn:
-    """Say why a file cannot be read."""
-    if read_manifest(dataset) != manifest:
-        refuse_replaced(dataset)
-    path = dataset / entry.path
-    try:
-        with path.open("rb") as file:
-            found = os.fstat(file.fileno()).st_size
-    except OSError as error:
-        raise DatasetError(
-            f"{path}: is in the manifest but cannot be read ({error.strerror or error}); build the "
-            "dataset again",
-            code="file-missing",
-            where=entry.path,
-        ) from error
-    raise DatasetError(
-        f"{path}: was changed: expected {entry.bytes:,} bytes, sha256 {entry.sha256[:12]}…, "
-        f"found {found:,} bytes; take another copy, or build the dataset again",
-        code="file-changed",
-        where=entry.path,
-    )
-
-
-@contextmanager
-def open_listed(
-    dataset: Path,
-    entry: FileEntry,
-    *,
-    manifest: Manifest,
-    held: Held | None = None,
-    dictionaries: Sequence[str] = (),
-) -> Iterator[pq.ParquetFile]:
-    """Open one parquet file of a dataset; its bytes are read once, hashed, and then trusted.
-
-    Columns of words that repeat may be read as dictionaries.
-    """
-    path = dataset / entry.path
-    data = (held or {}).get(entry.path) or _read_whole(path, entry)
-    if data is None:
-        _refuse_file(dataset, entry, manifest)
-    with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
-        expected = schema_of(_table_of(entry), manifest.class_space)
-        for field in _list_absent(file.schema_arrow, expected):
-            expected = expected.remove(expected.get_field_index(field.name))
-        for name in {*dictionaries} & {*expected.names}:
-            field = expected.field(name)
-            words = field.with_type(pa.dictionary(pa.int32(), field.type))
-            expected = expected.set(expected.get_field_index(name), words)
-        if not file.schema_arrow.equals(expected, check_metadata=False):
-            plain = [{*map(pa.Field.remove_metadata, one)} for one in (file.schema_arrow, expected)]
-            names = ", ".join(sorted({field.name for field in plain[0] ^ plain[1]}))
-            message = f"{path}: other columns than the format has ({names or 'their order'})"
-            raise DatasetError(message, code="columns", where=entry.path)
-        yield file
-
-
 def _list_absent(found: pa.Schema, expected: pa.Schema) -> list[pa.Field]:
     """Return the fields that a file of an earlier version lacks: they are null."""
     return [field for field in expected if field.nullable and field.name not in found.names]
@@ -477,7 +456,7 @@ def _table_of(entry: FileEntry) -> str:
     return entry.path.partition("/")[0]
 
 
-def schema_of(table: str, class_space: ClassSpace) -> pa.Schema:
+def _schema_of(table: str, class_space: ClassSpace) -> pa.Schema:
     """Return the schema of the files of a table."""
     if table == "pairs":
         return pairs_schema(len(class_space.classes))

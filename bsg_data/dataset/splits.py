@@ -13,7 +13,7 @@ from bsg_data.dataset.commit import name_by_content, update_manifest
 from bsg_data.dataset.dataset import NAMES, Dataset
 from bsg_data.dataset.manifest import STAGED, Manifest
 from bsg_data.dataset.schema import SPLITS
-from bsg_data.dataset.shards import read_table, write_parquet
+from bsg_data.dataset.shards import write_parquet
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.recipes import SplitRecipe
@@ -76,8 +76,7 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
                 where=dataset,
             )
         columns = ["scene_id", "source_split", "source"]
-        table = read_table(dataset, "scenes", columns=columns, manifest=manifest, held=data.held)
-        scenes = table.to_pydict()
+        scenes = data.read_table("scenes", columns=columns).to_pydict()
         own, sources = (
             dict(zip(scenes["scene_id"], scenes[name], strict=True)) for name in columns[1:]
         )
@@ -117,20 +116,15 @@ def _deal(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     The strata follow one another, so the sizes differ by at most one within each of them, too.
     """
     scenes = [scene for stratum in strata for scene in stratum]
-    if recipe.folds is None or not 2 <= recipe.folds <= len(scenes):
-        raise RecipeError(
-            f"folds: expected 2 to the number of scenes, {len(scenes)}; found {recipe.folds}"
-        )
-    return {scene: f"fold-{i % recipe.folds}" for i, scene in enumerate(scenes)}
+    folds = recipe.folds or 1
+    if folds > len(scenes):
+        raise RecipeError(f"folds: expected at most one a scene, {len(scenes)}; found {folds}")
+    return {scene: f"fold-{i % folds}" for i, scene in enumerate(scenes)}
 
 
 def _cut(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:
     """Cut the shuffled scenes of each stratum by the ratios, apportioned by largest remainder."""
-    ratios = np.array(recipe.ratios or ())
-    if not ((ratios >= 0) & (ratios <= 1)).all() or abs(ratios.sum() - 1) > 1e-9:
-        raise RecipeError(
-            f"ratios: expected three numbers of 0 or more that add up to 1; found {recipe.ratios}"
-        )
+    ratios = np.array(recipe.ratios)
     chosen: dict[str, str] = {}
     for scenes in strata:
         quotas = ratios * len(scenes)

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import stream_table
+from bsg_data.dataset.shards import take_adjacent
 from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.files import PLAIN_TEXT, AnyPath, write_figure
 from bsg_data.scene.class_map import ClassMap, Role
@@ -27,16 +27,12 @@ _SHOWN = 20  # left-out names
 _TITLE = 100  # characters of a line above the bars
 
 
-def _stream(data: Dataset, name: str, columns: list[str]) -> Iterator[pa.Table]:
-    return stream_table(data.path, name, columns=columns, manifest=data.manifest, held=data.held)
-
-
 def _stream_objects(
     data: Dataset, columns: list[str], class_map: ClassMap | None
 ) -> Iterator[pa.Table]:
     """Yield the objects file by file; with a map, `columns` are what it says of their names."""
     read = ["scene_id", "room_index", *(columns if class_map is None else ["raw_category"])]
-    for table in _stream(data, "objects", read):
+    for table in data.stream_table("objects", columns=read):
         if class_map is not None:
             names = pc.dictionary_encode(table["raw_category"].combine_chunks())
             known = [class_map.classify(name) for name in names.dictionary.to_pylist()]
@@ -141,7 +137,7 @@ def count_sources(data: Dataset) -> list[Row]:
     - `share`: objects with a class, divided by all objects that are not structure
     """
     columns = ["scene_id", "source", "num_rooms", "num_objects", "has_geometry"]
-    scenes = pa.concat_tables(_stream(data, "scenes", columns))
+    scenes = pa.concat_tables(data.stream_table("scenes", columns=columns))
     ids, names = scenes["scene_id"].combine_chunks(), scenes["source"].combine_chunks()
     found: dict[str, Counter[str]] = {}
     for scene in scenes.to_pylist():
@@ -159,8 +155,8 @@ def count_sources(data: Dataset) -> list[Row]:
         for source, role, index, times in _count(objects, ["source", "role", "class_index"]):
             found[source][role] += times
             classes[source] |= {index} - {None}
-    for table in _stream(data, "edges", ["scene_id", "kind"]):
-        adjacent = table.filter(pc.equal(table["kind"], "adjacent"))["scene_id"].combine_chunks()
+    for table in data.stream_table("edges", columns=["scene_id", "kind"]):
+        adjacent = take_adjacent(table)["scene_id"].combine_chunks()
         for source in names.take(pc.index_in(adjacent, value_set=ids)).to_pylist():
             found[source]["connections"] += 1
     rows = [

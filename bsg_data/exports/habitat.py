@@ -4,7 +4,7 @@ habitat-sim reads these numbers in the axes of its world: metres, Y up, -Z to th
 in a region if it lies within the bounds, its y is between `floor_height` and `floor_height` +
 `extrusion_height`, and (x, z) is inside `poly_loop` (habitat-sim 0.3, SemanticScene.cpp). Datasets
 are Z up: their (x, y, z) becomes (x, z, -y). This holds for meshes with any up axis, if the stage
-has the right `up` and `front`; see `find_orientation`. `bsg_data.sources.layout_files` reads these
+has the right `up` and `front`; see `_find_orientation`. `bsg_data.sources.layout_files` reads these
 files.
 """
 
@@ -21,17 +21,17 @@ from bsg_data.sources.layout_files import CONFIG_SUFFIX, NO_LABEL
 _POINT = re.compile(r"\[\n *([^\n]+),\n *([^\n]+),\n *([^\n{}\[\]]+)\n *\]")  # as JSON, over lines
 
 
-def find_orientation(up_axis: str) -> tuple[Point, Point]:
+def _find_orientation(up_axis: str) -> tuple[Point, Point]:
     """Return the `up` and `front` that place a stage upright in habitat-sim.
 
-    >>> find_orientation("y"), find_orientation("z")
+    >>> _find_orientation("y"), _find_orientation("z")
     (((0, 1, 0), (0, 0, -1)), ((0, 0, 1), (0, 1, 0)))
     """
     _, front, up = UPRIGHT[up_axis]
     return up, front
 
 
-def encode_regions(graph: SceneGraph) -> EncodedScene:
+def _encode_regions(graph: SceneGraph) -> EncodedScene:
     """Encode the rooms that have a box as regions, in their order."""
     regions = [_region(room, room.box) for room in graph.rooms if room.box is not None]
     if not regions:
@@ -40,7 +40,7 @@ def encode_regions(graph: SceneGraph) -> EncodedScene:
     data = (_POINT.sub(r"[\1, \2, \3]", text) + "\n").encode()
     note = None
     if graph.up_axis is not None:
-        up, front = (list(axis) for axis in find_orientation(graph.up_axis))
+        up, front = (list(axis) for axis in _find_orientation(graph.up_axis))
         note = f'stages whose mesh has {graph.up_axis} up need "up": {up}, "front": {front}'
     return EncodedScene({f"{graph.scene_id}{CONFIG_SUFFIX}": data}, len(regions), note)
 
@@ -68,5 +68,5 @@ def _turn(point: Point) -> Point:
 
 ROW = ExportRow(
     summary="rooms with a box as habitat-sim's region_annotations, <scene>.semantic_config.json",
-    encode=lambda graph, _: encode_regions(graph),
+    encode=lambda graph, _: _encode_regions(graph),
 )

@@ -55,7 +55,7 @@ def score_pairs(boxes: Floats) -> tuple[Ints, Floats]:
     if not len(pairs):
         return pairs, np.zeros(0)
     log_weight = _BIAS + sum(weight * features[name] for name, weight in _WEIGHTS.items())
-    share = share_of_forests(pairs, np.asarray(log_weight), rooms=len(boxes))
+    share = _share_of_forests(pairs, np.asarray(log_weight), rooms=len(boxes))
     return pairs, _to_probability(share, SLOPE, SHIFT)
 
 
@@ -112,7 +112,7 @@ def _describe_parents(
     }
 
 
-def share_of_forests(pairs: Ints, log_weight: Floats, *, rooms: int) -> Floats:
+def _share_of_forests(pairs: Ints, log_weight: Floats, *, rooms: int) -> Floats:
     """Return the share `[P]` of all rooted spanning forests that has each pair, either way round.
 
     A forest weighs the product of the weights of its edges; every root weighs 1. The weights

@@ -40,7 +40,7 @@ UPRIGHT: dict[str, tuple[Point, Point, Point]] = {
 
 def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
     """Return the scene graph with boxes and storeys, from the survey of its mesh."""
-    up_axis = find_up_axis(graph, survey)
+    up_axis = _find_up_axis(graph, survey)
     upright = np.array(UPRIGHT[up_axis])
     boxes, parts = _turn_boxes(survey.box, upright), _turn_boxes(survey.part_box, upright)
     centroids = survey.centroid @ upright.T
@@ -76,7 +76,7 @@ def _holder(obj: SceneObject) -> int:
     return BUILDING if obj.category in STAIRS else obj.room_index
 
 
-def find_up_axis(graph: SceneGraph, survey: MeshSurvey) -> str:
+def _find_up_axis(graph: SceneGraph, survey: MeshSurvey) -> str:
     """Return the axis of the file from floors to ceilings: `x`, `y`, `z`, or one with a minus.
 
     The median over the rooms that show both decides, or the whole building if no room does. Where

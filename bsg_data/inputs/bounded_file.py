@@ -25,10 +25,6 @@ ZIP_DAMAGE = (*_DAMAGE, zipfile.BadZipFile, struct.error, RuntimeError, ValueErr
 UNSUSPICIOUS = 16 * MIB  # unpacked, before a ratio is judged
 
 
-class TooLargeError(OSError):
-    """Report a file that is not hashed because it is larger than its bound."""
-
-
 def read_bytes(path: Path, bound: int, *, error: Refusal = SourceError) -> bytes:
     """Read a file whole, also a pipe or a device; unpacked if its name ends in `.gz`."""
     with open_stream(path, bound, error=error) as file:
@@ -77,7 +73,7 @@ def hash_file(path: Path, bound: int = DATASET_TABLE) -> str:
     """
     with path.open("rb") as file:
         if path.stat().st_size > bound:
-            raise TooLargeError(f"{path}: expected at most {bound:,} bytes, found more")
+            raise OSError(f"{path}: expected at most {bound:,} bytes, found more")
         digest = hashlib.sha256()
         while block := file.read(MIB):
             digest.update(block)

@@ -11,7 +11,7 @@ import json
 import re
 import sys
 from collections import Counter
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -49,10 +49,17 @@ def read_json(path: Path, bound: int, *, error: Refusal = SourceError) -> Any:
         raise error(
             f"{path}: expected JSON, found an empty file", code="json-malformed", where=path
         )
+    return require_json(data, path, error=error)
+
+
+def require_json(
+    data: bytes, where: Path | str, *, once: bool = True, error: Refusal = SourceError
+) -> Any:
+    """Parse the JSON of a file, or of a place in one, which an error names; see `parse_json`."""
     try:
-        return parse_json(data)
+        return parse_json(data, once=once)
     except ValueError as fault:
-        raise error(f"{path}: no JSON ({fault})", code="json-malformed", where=path) from fault
+        raise error(f"{where}: no JSON ({fault})", code="json-malformed", where=where) from fault
 
 
 def parse_json(data: bytes | str, *, once: bool = True) -> Any:
@@ -144,32 +151,33 @@ def parse_toml(text: bytes | str) -> dict[str, Any]:
     return parsed
 
 
-def parse_csv(
-    data: bytes, *, most_rows: int, separator: str = ","
-) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows of a table of text, each with the number of its last line."""
-    reader = csv.reader(_read_lines(decode(data)), strict=True, delimiter=separator)
+def parse_csv(data: bytes, *, most_rows: int, separator: str = ",") -> list[tuple[int, list[str]]]:
+    """Return the rows of a table of text, each with the number of its last line."""
+    reader = csv.reader(_split_lines(decode(data)), strict=True, delimiter=separator)
+    rows: list[tuple[int, list[str]]] = []
     try:
-        for number, row in enumerate(reader):
-            if number == most_rows:
+        for row in reader:
+            if len(rows) == most_rows:
                 raise ValueError(f"line {reader.line_num}: expected at most {most_rows:,} rows")
             if len(row) > MAX_LABEL_COLUMNS:
                 raise ValueError(
                     f"line {reader.line_num}: expected at most {MAX_LABEL_COLUMNS:,} columns, "
                     f"found {len(row):,}"
                 )
-            yield reader.line_num, row
+            rows.append((reader.line_num, row))
     except csv.Error as error:
         why = "a quote is not closed" if "end of data" in str(error) else error
         raise ValueError(f"line {reader.line_num}: {why}") from error
+    return rows
 
 
-def _read_lines(text: str) -> Iterator[str]:
-    lines = io.StringIO(text, newline="")
-    for number, line in enumerate(iter(lambda: lines.readline(MAX_LINE + 1), ""), start=1):
-        if len(line) > MAX_LINE:
-            raise ValueError(f"line {number}: expected at most {MAX_LINE:,} characters")
-        yield line
+def _split_lines(text: str) -> list[str]:
+    lines = io.StringIO(text, newline="").readlines()
+    sizes = [*map(len, lines)]
+    if max(sizes, default=0) > MAX_LINE:
+        number = next(number for number, size in enumerate(sizes, start=1) if size > MAX_LINE)
+        raise ValueError(f"line {number}: expected at most {MAX_LINE:,} characters")
+    return lines
 
 
 def decode(data: bytes | str) -> str:

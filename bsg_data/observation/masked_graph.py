@@ -9,7 +9,6 @@ import numpy as np
 from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import Unclassified, count_cells, to_histograms
-from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.files import AnyPath
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import Layout, sample_views, sample_withheld
@@ -52,7 +51,7 @@ def mask_dataset(
     """
     data = Dataset.open(dataset)
     space = data.manifest.class_space
-    for graph in read_scene_graphs(data.path, manifest=data.manifest, held=data.held):
+    for graph in data.read_graphs():
         if graph.scene_id in scenes:
             nameable = data.nameable(graph.scene_id)
             yield _mask(graph, recipe, draw=draw, class_space=space, nameable=nameable)

@@ -14,11 +14,11 @@ import pyarrow as pa
 
 from bsg_data.arrays import Bools, Counts
 from bsg_data.dataset.commit import name_by_content, update_manifest
-from bsg_data.dataset.dataset import Dataset, read_splits
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.dataset.manifest import STAGED, FileEntry, Manifest
 from bsg_data.dataset.schema import pairs_schema
-from bsg_data.dataset.shards import open_listed, write_parquet
+from bsg_data.dataset.shards import write_parquet
 from bsg_data.errors import DatasetError
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath
@@ -102,7 +102,7 @@ def write_pairs(
         if manifest.pairs is not None and not force:
             message = f"{dataset}: has pairs already; --force replaces them"
             raise DatasetError(message, code="pairs-exist", where=dataset)
-        splits = read_splits(dataset, manifest=manifest, held=data.held)
+        splits = data.require_splits()
         # Sort the files of all splits by their scenes: files of the same shards become neighbours.
         plan = sorted(
             (
@@ -147,7 +147,7 @@ def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:
 
 def _read_groups(data: Dataset, entry: FileEntry) -> Iterator[pa.Table]:
     """Yield the row groups of a file, each with what of its first building the last one held."""
-    with open_listed(data.path, entry, manifest=data.manifest, held=data.held) as file:
+    with data.open_file(entry) as file:
         rest: pa.Table | None = None
         for number in range(file.num_row_groups):
             table = file.read_row_group(number, use_threads=False)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import replace
 
 from bsg_data.errors import RecipeError
@@ -21,42 +20,6 @@ from bsg_data.scene.class_map import normalise_name
 
 LOOK_CHANCE = 0.8  # P(a look finds a thing that is there), if the robot does not say
 _ALMOST = 1 - 1e-12  # the chance of any number of looks that may miss
-
-
-def observe(graph: PartialGraph, room_index: int, objects: Iterable[SeenObject]) -> PartialGraph:
-    """Return the partial graph after the robot has searched a room.
-
-    The hidden share of the building falls in proportion to the sum of its rooms' shares.
-
-    Args:
-        graph: the partial graph before.
-        room_index: the room, 1..R.
-        objects: all objects in the room, seen before or not; they replace the known objects.
-
-    Raises:
-        RecipeError: if the room does not exist, or an object is in another room or occurs twice.
-    """
-    if not 1 <= room_index <= len(graph.rooms):
-        raise RecipeError(
-            f"{graph.scene_id}: expected a room of 1..{len(graph.rooms)}, found room {room_index}",
-            code="room-unknown",
-            where=room_index,
-        )
-    inside = tuple(objects)
-    strays = [obj.name for obj in inside if obj.room_index != room_index]
-    if strays:
-        raise RecipeError(
-            f"{graph.scene_id}: object {strays[0]} is not in room {room_index}",
-            code="object-elsewhere",
-            where=strays[0],
-        )
-    every = (*(obj for obj in graph.objects if obj.room_index != room_index), *inside)
-    twice = [name for name, times in Counter(obj.name for obj in every).items() if times > 1]
-    if twice:
-        raise RecipeError(
-            f"{graph.scene_id}: {twice[0]} is there twice", code="object-twice", where=twice[0]
-        )
-    return enter(replace(graph, objects=every), room_index, hidden_share=ShareBelief(0.0))
 
 
 def hide_of_room(

@@ -11,11 +11,11 @@ import hashlib
 import os
 import unicodedata
 from collections import ChainMap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from bsg_data.errors import ClassMapError
 from bsg_data.files import AnyPath, write_bytes
@@ -70,6 +70,20 @@ class Classified:
 _UNMAPPED = Classified(None, None, "unmapped")
 
 
+class _Synonyms:
+    """Other words for what a map lists; they are read when a name is not listed."""
+
+    def __init__(
+        self, read: Callable[..., tuple[dict[str, str], frozenset[str]]], *what: Any
+    ) -> None:
+        self._read, self._what = read, what
+
+    @cached_property
+    def listed(self) -> tuple[dict[str, str], frozenset[str]]:
+        """Normalised name → listed name; and those of them that a vocabulary has."""
+        return self._read(*self._what)
+
+
 @dataclass(frozen=True, slots=True)
 class ClassMap:
     """A class map, ready to look names up."""
@@ -83,10 +97,7 @@ class ClassMap:
     structure: frozenset[str]  # categories that are parts of the building, not objects in it
     entries: Mapping[str, Classified]  # by spelling, as published
     normalised: Mapping[str, Classified]  # by normalised spelling (`normalise_name`)
-    # normalised name → listed name, or the empty name if the last word misleads; None for a map
-    # without rules
-    synonyms: Mapping[str, str] | None = None
-    vocabulary: frozenset[str] = frozenset()  # those of the synonyms that a vocabulary has
+    rules: _Synonyms | None = field(default=None, repr=False, compare=False)
     # the same map with the rules of earlier datasets; None for itself, and without rules
     former: ClassMap | None = field(default=None, repr=False)
     _resolved: dict[str, Classified] = field(
@@ -104,6 +115,14 @@ class ClassMap:
         """The classes that some name of the map leads to; its source has no word for the others."""
         known = {entry.class_index for entry in self.entries.values()}
         return tuple(name for index, name in enumerate(self.classes) if index in known)
+
+    @property
+    def synonyms(self) -> Mapping[str, str] | None:
+        """Listed names by other words for them, normalised; None for a map without rules.
+
+        The name is empty where the last word of the other one misleads.
+        """
+        return None if self.rules is None else self.rules.listed[0]
 
     def lookup(self, name: str) -> Classified | None:
         """Look up a listed name, exact first, then normalised; None if it is not listed."""
@@ -133,29 +152,29 @@ class ClassMap:
 
     def _resolve(self, name: str) -> Classified:
         """Resolve a name that is not listed by the rules."""
-        if self.synonyms is None:
+        if self.rules is None:
             return _UNMAPPED
         if self.former is None:  # it has the rules of earlier datasets
-            return self._follow([normalise_name(name)], self.synonyms) or _UNMAPPED
+            return self._follow([normalise_name(name)], self.rules) or _UNMAPPED
         readings = dict.fromkeys(map(normalise_name, (name, take_apart(name))))
-        found = self._follow([*readings], self.synonyms)
-        return found or self._mend(readings, self.synonyms) or _UNMAPPED
+        found = self._follow([*readings], self.rules)
+        return found or self._mend(readings, self.rules) or _UNMAPPED
 
-    def _follow(self, readings: Sequence[str], synonyms: Mapping[str, str]) -> Classified | None:
+    def _follow(self, readings: Sequence[str], rules: _Synonyms) -> Classified | None:
         """Return what the rules make of a name, by its readings."""
-        known = self.normalised.__contains__
-        for other, rule in resolve(readings, synonyms, known=known, vocabulary=self.vocabulary):
+        known, (synonyms, vocabulary) = self.normalised.__contains__, rules.listed
+        for other, rule in resolve(readings, synonyms, known=known, vocabulary=vocabulary):
             entry = self.normalised[normalise_name(other)]
             if rule != "head noun" or entry.class_index is not None:
                 return replace(entry, rule=rule)
         return None
 
-    def _mend(self, readings: Iterable[str], synonyms: Mapping[str, str]) -> Classified | None:
+    def _mend(self, readings: Iterable[str], rules: _Synonyms) -> Classified | None:
         """Return what a name with one typo stands for; None if that is not one class."""
         if not self._near:
-            self._near.update(index_words([*self.normalised, *synonyms]))
+            self._near.update(index_words([*self.normalised, *rules.listed[0]]))
         near = {one for name in readings for one in mend(name, self._near, real=read_real_words())}
-        entries = [self.lookup(one) or self._follow([one], synonyms) for one in sorted(near)]
+        entries = [self.lookup(one) or self._follow([one], rules) for one in sorted(near)]
         found = [entry for entry in entries if entry is not None]
         if len({entry.class_index for entry in found}) != 1 or found[0].class_index is None:
             return None
@@ -187,12 +206,23 @@ class OwnMap(Record):
 @lru_cache(maxsize=64)  # every rule normalises a name again
 def normalise_name(name: str) -> str:
     """Return `name` as NFC, casefolded, trimmed, runs of white space as one space."""
-    return " ".join(unicodedata.normalize("NFC", name).casefold().split())
+    return normalise_names((name,))[0]
+
+
+def normalise_names(names: Iterable[str]) -> list[str]:
+    """Return what `normalise_name` makes of each name; a table has thousands."""
+    composed = unicodedata.normalize
+    return [" ".join(composed("NFC", name).casefold().split()) for name in names]
 
 
 def is_nameless(name: str) -> bool:
     """Say whether a name is blank, `unknown` or `unknown/...`."""
-    return normalise_name(name).split("/")[0].strip() in ("", UNKNOWN)
+    return bool(_find_nameless((name,)))
+
+
+def _find_nameless(names: Collection[str]) -> set[str]:
+    said = zip(names, normalise_names(names), strict=True)
+    return {name for name, one in said if one.partition("/")[0].strip() in ("", UNKNOWN)}
 
 
 @cache
@@ -315,7 +345,6 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
             )
     maps = (first, *others)
     normalised = ChainMap(*(dict(one.normalised) for one in maps))
-    synonyms, vocabulary = _list_synonyms(normalised, first.classes)
     return replace(
         first,
         version=" + ".join(one.version for one in maps),
@@ -323,8 +352,7 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
         structure=frozenset().union(*(one.structure for one in maps)),
         entries=ChainMap(*(dict(one.entries) for one in maps)),
         normalised=normalised,
-        synonyms=synonyms,
-        vocabulary=vocabulary,
+        rules=_Synonyms(_list_synonyms, normalised, first.classes),
     )
 
 
@@ -338,9 +366,8 @@ def _parse_map(
     rules: bool = True,
 ) -> ClassMap:
     space, definitions = parse_class_space(space_name, classes)
-    building_parts = frozenset(
-        row[0] for _, row in read_rows(f"{version}.structure.csv", structure, ("category",))
-    )
+    rows = read_rows(f"{version}.structure.csv", structure, ("category",))
+    building_parts = frozenset([row[0] for _, row in rows])
     entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, building_parts)
     plain = ClassMap(
         version=version,
@@ -355,20 +382,14 @@ def _parse_map(
         return plain
     files_ = (spellings, classes, structure)
     former = read_published(_FORMER_SYNONYMS)
-    synonyms, vocabulary = _list_synonyms(normalised, space.classes)
     return replace(
         plain,
         sha256=_hash(*files_, *map(read_published, _RULES), RULES_VERSION),
-        synonyms=synonyms,
-        vocabulary=vocabulary,
+        rules=_Synonyms(_list_synonyms, normalised, space.classes),
         former=replace(
             plain,
             sha256=_hash(*files_, former, _FORMER_VERSION),
-            synonyms={
-                name: other
-                for name, other in _parse_synonyms(_FORMER_SYNONYMS).items()
-                if not other or other in normalised
-            },
+            rules=_Synonyms(_list_former, normalised),
         ),
     )
 
@@ -402,6 +423,12 @@ def _list_synonyms(
     return found, frozenset(vocabulary) & found.keys()
 
 
+def _list_former(listed: Mapping[str, Classified]) -> tuple[dict[str, str], frozenset[str]]:
+    """Return the other words of earlier datasets."""
+    words = _parse_synonyms(_FORMER_SYNONYMS).items()
+    return {name: other for name, other in words if not other or other in listed}, frozenset()
+
+
 def _list_wider(word: str, category: str) -> Iterator[str]:
     """Yield plurals and last words of a word and of HM3D's, those of the same class there."""
     of_hm3d = _read_classes()
@@ -417,40 +444,35 @@ def _read_classes() -> Mapping[str, str]:
     """Return the class of each name that the default map lists; empty without one."""
     file = f"{DEFAULT_CLASS_MAP}{SUFFIX}"
     rows = read_rows(file, read_published(file), ("raw_category", "category", "class"))
-    return {normalise_name(raw): name for _, (raw, _, name) in rows}
+    names = normalise_names([row[0] for _, row in rows])
+    return {name: row[2] for name, (_, row) in zip(names, rows, strict=True)}
 
 
 def _name_meanings(listed: Mapping[str, Classified], classes: Sequence[str]) -> dict[str, str]:
     """Return a listed name for each category, class and synonym that is not listed itself."""
-    synonyms = _parse_synonyms(_SYNONYMS)
-    rows = [
-        *((entry.category, name) for name, entry in listed.items()),
-        *((_name_class(entry, classes), name) for name, entry in listed.items()),
-        *((synonyms.get(name), name) for name in listed),
-    ]
+    synonyms, entries = _parse_synonyms(_SYNONYMS), listed.values()
+    meanings = [one.category or "" for one in entries]
+    meanings += ["" if one.class_index is None else classes[one.class_index] for one in entries]
+    meanings += [synonyms.get(name, "") for name in listed]
     found: dict[str, str] = {}
-    for meaning, name in rows:
-        said = normalise_name(meaning or "")
+    for said, name in zip(normalise_names(meanings), [*listed] * 3, strict=True):
         if said and said != UNKNOWN and said not in listed:
             found.setdefault(said, name)
     return found
 
 
-def _name_class(entry: Classified, classes: Sequence[str]) -> str | None:
-    return None if entry.class_index is None else classes[entry.class_index]
-
-
 @cache
 def _parse_synonyms(file: str) -> Mapping[str, str]:
     rows = read_rows(file, read_published(file), ("name", "category"))
-    return {normalise_name(name): normalise_name(category) for _, (name, category) in rows}
+    columns = zip(*(row for _, row in rows), strict=True)
+    return dict(zip(*map(normalise_names, columns), strict=True))
 
 
 @cache
 def _read_vocabulary() -> Mapping[str, str]:
     """Return HM3D's words by the words of all vocabularies, normalised, with spaces alone."""
-    words = ((separate(normalise_name(word)), category) for word, category in list_meanings())
-    return {word: normalise_name(category) for word, category in words}
+    words, categories = map(normalise_names, zip(*list_meanings(), strict=True))
+    return dict(zip(map(separate, words), categories, strict=True))
 
 
 @cache
@@ -465,7 +487,10 @@ def _parse_spellings(
 ) -> tuple[dict[str, Classified], dict[str, Classified]]:
     entries: dict[str, Classified] = {}
     normalised: dict[str, Classified] = {}
-    for line, (raw, category, name) in read_rows(file, data, ("raw_category", "category", "class")):
+    rows = read_rows(file, data, ("raw_category", "category", "class"))
+    said = normalise_names([row[0] for _, row in rows])
+    nameless = _find_nameless({row[1] for _, row in rows})
+    for (line, (raw, category, name)), spoken in zip(rows, said, strict=True):
         if name and name not in space.classes:
             raise ClassMapError(
                 f"{file}, line {line}: {show_value(name)} is no class of {space.name}"
@@ -473,18 +498,12 @@ def _parse_spellings(
         if raw in entries:
             raise ClassMapError(f"{file}, line {line}: {show_value(raw)} is listed twice")
         index = space.classes.index(name) if name else None
-        entries[raw] = Classified(category, index, _find_role(category, index, structure))
-        if normalised.setdefault(normalise_name(raw), entries[raw]).class_index != index:
+        role: Role = "structure" if category in structure else "left-out"
+        role = "nameless" if category in nameless else role
+        entries[raw] = Classified(category, index, role if index is None else "classified")
+        if normalised.setdefault(spoken, entries[raw]).class_index != index:
             raise ClassMapError(
                 f"{file}, line {line}: {show_value(raw)} differs from an earlier row only in case "
                 "or spaces but has another class"
             )
     return entries, normalised
-
-
-def _find_role(category: str, class_index: int | None, structure: frozenset[str]) -> Role:
-    if class_index is not None:
-        return "classified"
-    if is_nameless(category):
-        return "nameless"
-    return "structure" if category in structure else "left-out"

@@ -87,10 +87,8 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
 
 def read_published(file: str) -> bytes:
     """Read a file of `mappings/` that SHA256SUMS lists; `ClassMapError` if it was changed."""
-    folder = files("bsg_mappings")
-    data = folder.joinpath(file).read_bytes()
-    published = folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines()
-    if f"{hashlib.sha256(data).hexdigest()}  {file}" not in published:
+    data = files("bsg_mappings").joinpath(file).read_bytes()
+    if f"{hashlib.sha256(data).hexdigest()}  {file}" not in _list_published():
         raise ClassMapError(
             f"mappings/{file} is not the published file (sha256 differs from SHA256SUMS): "
             "published files never change; reinstall the package, or give your version a new name",
@@ -98,6 +96,13 @@ def read_published(file: str) -> bytes:
             where=file,
         )
     return data
+
+
+@cache
+def _list_published() -> frozenset[str]:
+    """Return the hashes of all published files, with their names."""
+    sums = files("bsg_mappings").joinpath("SHA256SUMS").read_text("utf-8")
+    return frozenset(sums.splitlines())
 
 
 def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ...]]:
@@ -119,7 +124,7 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Read a CSV file of `mappings/` as numbered rows; `ClassMapError` names the line at fault."""
     try:
-        first, *rows = [*parse_csv(data, most_rows=MAX_MAP_ROWS)] or [(1, [])]
+        first, *rows = parse_csv(data, most_rows=MAX_MAP_ROWS) or [(1, [])]
     except ValueError as error:
         raise ClassMapError(f"{file}: not a readable CSV file ({error})") from error
     if tuple(first[1]) != header:

@@ -13,7 +13,7 @@ import math
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import chain
@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import read_number
-from bsg_data.scene.class_map import load_class_map, normalise_name
+from bsg_data.scene.class_map import load_class_map, normalise_names
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.spelling import nearest_names, show_value
 
@@ -140,7 +140,7 @@ def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
 
 def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
     """Yield the words of a name, without what says which room it is, and of each of its pieces."""
-    plain = _MARKS.sub("", unicodedata.normalize("NFKD", _HUMP.sub(" ", name))).casefold()
+    plain = _make_plain(name)
     for piece in dict.fromkeys((plain, *_BETWEEN.split(plain))):
         said = [word for word in _WORDS.findall(piece) if not word[0].isdecimal()]
         words = tuple(map(_singular, said))
@@ -152,6 +152,12 @@ def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
         yield words
 
 
+def _make_plain(name: str) -> str:
+    """Return a name in small letters, without accents."""
+    return _MARKS.sub("", unicodedata.normalize("NFKD", _HUMP.sub(" ", name))).casefold()
+
+
+@lru_cache(maxsize=1024)  # the words of names of rooms are few
 def _singular(word: str) -> str:
     if word.endswith("ies"):
         return f"{word[:-3]}y"
@@ -248,7 +254,12 @@ def normalise_room(name: str) -> str:
     >>> normalise_room("Walk-in_Closet_2")
     'walk in closet'
     """
-    return _NUMBER.sub("", normalise_name(re.sub(r"[_-]", " ", name)))
+    return _normalise_rooms([name])[0]
+
+
+def _normalise_rooms(names: Sequence[str]) -> list[str]:
+    spaced = [name.replace("_", " ").replace("-", " ") for name in names]
+    return [_NUMBER.sub("", name) for name in normalise_names(spaced)]
 
 
 def check_room_type(said: RoomType | None) -> RoomType | None:
@@ -369,8 +380,11 @@ def _read_labels() -> Mapping[tuple[str, str], str | None]:
     """Read the published rows, each exact and normalised."""
     header = ("source", "source_label", "label")
     rows = [row for _, row in read_rows(_FILE, read_published(_FILE), header)]
-    spoken = {(source, normalise_room(word)): label or None for source, word, label in rows}
-    return {**spoken, **{(source, word): label or None for source, word, label in rows}}
+    sources, words, labels = zip(*rows, strict=True)
+    said: dict[tuple[str, str], str] = {}
+    for names in (_normalise_rooms(words), words):
+        said |= dict(zip(zip(sources, names, strict=True), labels, strict=True))
+    return {key: label or None for key, label in said.items()}
 
 
 @cache
@@ -380,7 +394,9 @@ def _list_keys() -> Mapping[str, str]:
     Of two words with the same letters, the singular counts: a store is a shop, stores are not.
     """
     words = [word for source, word in _read_labels() if source == _ANY_SOURCE]
-    keyed = {word: "".join(next(iter(_list_forms(word)))) for word in words}
+    lines = _make_plain("\n".join(words)).split("\n")
+    said = ([one for one in _WORDS.findall(line) if not one[0].isdecimal()] for line in lines)
+    keyed = {word: "".join(map(_singular, one)) for word, one in zip(words, said, strict=True)}
     plain_last = sorted(words, key=lambda word: keyed[word] == word.replace(" ", ""))
     return {keyed[word]: word for word in plain_last}
 

@@ -141,7 +141,7 @@ def is_floor_area(area: float | None) -> bool:
     return area is not None and 0 < area <= MAX_FLOOR_AREA
 
 
-def find_floor_area(
+def _find_floor_area(
     said: float | None, *, footprint: Sequence[tuple[float, float]] | None, box: Box | None
 ) -> float | None:
     """Return the floor area of a room in square metres; None if nothing says one.
@@ -159,8 +159,8 @@ def find_floor_area(
 
 
 def area_of(room: Any) -> float | None:
-    """Return the floor area of a `KnownRoom`, square metres; see `find_floor_area`."""
-    return find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
+    """Return the floor area of a `KnownRoom`, square metres; see `_find_floor_area`."""
+    return _find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
 
 
 def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
@@ -233,7 +233,7 @@ def _measure_rooms(rooms: pa.Table) -> Floats:
         ends = [room[name] for name in _BOX]
         box = None if None in ends else Box(tuple(ends[:3]), tuple(ends[3:]))
         pairs = tuple(zip(corners[::2], corners[1::2], strict=False))
-        area = find_floor_area(None, footprint=pairs, box=box)
+        area = _find_floor_area(None, footprint=pairs, box=box)
         areas[row] = np.nan if area is None else area
     return areas
 

@@ -1,30 +1,41 @@
-"""Everyday things: in which rooms a person would search for them, and whether a home has one.
+"""Everyday things: in which rooms and on which furniture a person would search for them.
 
-`mappings/things-v1.csv` has `thing,spellings,wider,rooms,home`, written by hand
-(`mappings/things-v1.md`). It knows names exactly, and the plural of each: it guesses nothing.
+Four tables of `mappings/` say it, written by hand but for the shares of people
+(`mappings/things-v1.md`, `mappings/README.md`):
+
+    things-v1.csv             a thing, its names, its class, the rooms where people look for it, and
+                              P(a home has one)
+    receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
+                              it is opened, and whether it holds what keeping-v1 names alone
+    receptacle-shares-v1.csv  share of people to whom things belong there, of all things together
+    keeping-v1.csv            a kind of thing → the pieces where a person would look
+
+Things are known by their exact names, and the plural of each: nothing is guessed. The pieces that
+people were asked about are the columns of everything here, in the order of `list_receptacles`.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 
-from bsg_data.errors import ClassMapError
-from bsg_data.scene.class_map import normalise_name
-from bsg_data.scene.class_space import load_class_space, read_published, read_rows
-from bsg_data.scene.name_rules import LONGEST, separate, singulars, take_apart
-from bsg_data.scene.room_label import known_label, label_of
-from bsg_data.spelling import show_value
+import numpy as np
 
-_FILE = "things-v1.csv"
+from bsg_data.arrays import Floats
+from bsg_data.scene.class_map import normalise_names
+from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.name_rules import LONGEST, singulars, take_apart
+from bsg_data.scene.room_label import known_label
+
+_FILE, _PIECES = "things-v1.csv", "receptacles-v1.csv"
+_SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
 _HEADER = ("thing", "spellings", "wider", "rooms", "home")
-_SPACES = ("hm3d45-v2", "hm3d-wide-v1")  # whose classes `wider` names
 _SEPARATOR = "|"
+_OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
 _NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
-_NUMBER = re.compile(r"[0-9]{1,3}(\.[0-9]+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +82,7 @@ def find_thing(word: str) -> Thing | None:
         return None
     listed = _read_things()[1]
     apart = take_apart(word)
-    keys = dict.fromkeys((_spell(word), _spell(apart), _spell(_NUMBERED.sub("", apart))))
-    for key in keys:
+    for key in dict.fromkeys(_spell((word, apart, _NUMBERED.sub("", apart)))):
         forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
         for form in (*forms, *(form.replace(" ", "") for form in forms)):
             if form in listed:
@@ -82,53 +92,138 @@ def find_thing(word: str) -> Thing | None:
 
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
-    things = parse_things(read_published(_FILE))
-    listed = {_spell(one): thing for thing in things for one in (thing.name, *thing.spellings)}
+    things = []
+    for _, (name, said, wider, rooms, home) in read_rows(_FILE, read_published(_FILE), _HEADER):
+        parts = [room.partition(":") for room in rooms.split(_SEPARATOR)]
+        weights = {room: float(weight) for room, _, weight in parts}
+        total = math.fsum(weights.values())
+        shares = tuple([(room, weight / total) for room, weight in weights.items()])
+        spellings = tuple(said.split(_SEPARATOR)) if said else ()
+        things.append(Thing(name, spellings, wider or None, shares, float(home) / 100))
+    names = [(one, thing) for thing in things for one in (thing.name, *thing.spellings)]
+    spelled = _spell([one for one, _ in names])
+    listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
-    return things, joined | listed
+    return tuple(things), joined | listed
 
 
-def parse_things(data: bytes) -> tuple[Thing, ...]:
-    """Parse the table; `ClassMapError` names the line at fault."""
-    classes = {name for space in _SPACES for name in load_class_space(space).classes}
-    things: list[Thing] = []
-    seen: set[str] = set()
-    for line, (name, spellings, wider, rooms, home) in read_rows(_FILE, data, _HEADER):
-        where = f"{_FILE}, line {line}"
-        names = (name, *(spellings.split(_SEPARATOR) if spellings else ()))
-        for one in names:
-            if one != normalise_name(one) or not one or _spell(one) in seen:
-                raise ClassMapError(
-                    f"{where}: expected a new name in lower case, found {show_value(one)}"
-                )
-            seen.add(_spell(one))
-        if wider and wider not in classes:
-            raise ClassMapError(
-                f"{where}: expected a class of {' or '.join(_SPACES)}, found {show_value(wider)}"
-            )
-        if not _NUMBER.fullmatch(home) or float(home) > 100:
-            raise ClassMapError(f"{where}: expected a percentage, found {show_value(home)}")
-        things.append(
-            Thing(name, names[1:], wider or None, _parse_rooms(where, rooms), float(home) / 100)
-        )
-    return tuple(things)
+def _spell(words: Iterable[str]) -> list[str]:
+    """Return the forms in which names are compared: normalised, spaces for `-` and `_`."""
+    said = normalise_names(words)
+    return [" ".join(one.replace("-", " ").replace("_", " ").split()) for one in said]
 
 
-def _parse_rooms(where: str, rooms: str) -> tuple[tuple[str, float], ...]:
-    weights: dict[str, float] = {}
-    for room in rooms.split(_SEPARATOR):
-        label, _, weight = room.partition(":")
-        known = label_of("any", label) == label and label not in weights
-        if not known or not _NUMBER.fullmatch(weight) or not float(weight):
-            raise ClassMapError(
-                f"{where}: expected a room label, a colon and a weight above 0, such as "
-                f"kitchen:80, each label once; found {show_value(room)}"
-            )
-        weights[label] = float(weight)
-    total = math.fsum(weights.values())
-    return tuple((label, weight / total) for label, weight in weights.items())
+@dataclass(frozen=True, slots=True)
+class Receptacle:
+    """A piece of furniture on or in which things lie."""
+
+    name: str
+    like: tuple[int, ...]  # the listed pieces that it is like, numbers of `list_receptacles`
+    closed: float  # share of what it holds that is not seen until it is opened
+    only: bool  # whether it holds only what the table of keeping names
 
 
-def _spell(word: str) -> str:
-    """Return the form in which names are compared: normalised, spaces for `-` and `_`."""
-    return separate(normalise_name(word))
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """Where a person would look for a kind of thing."""
+
+    weights: Mapping[str, float]  # of pieces by name, per cent; none for what stands by itself
+
+    def weigh(self, piece: Receptacle) -> float | None:
+        """Return the weight of a piece; None if those that it is like say it."""
+        if piece.name in self.weights or piece.only:
+            return self.weights.get(piece.name, 0.0)
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """Shares of people, for K rooms and P listed pieces.
+
+    Attributes:
+        rooms: room labels.
+        belongs: `[K, P]` to whom things belong there, all things together.
+        untidy: `[K, P]` who say that they lie there when the home is untidy.
+    """
+
+    rooms: tuple[str, ...]
+    belongs: Floats
+    untidy: Floats
+
+
+def list_receptacles() -> tuple[str, ...]:
+    """Return the listed pieces, of which people were asked."""
+    return _read_shares()[0]
+
+
+def read_shares() -> Shares:
+    """Return the shares of people."""
+    return _read_shares()[1]
+
+
+@lru_cache(maxsize=4096)  # the objects of a room are asked again and again
+def find_receptacle(word: str) -> Receptacle | None:
+    """Return the piece of furniture that a word names; None if things do not lie there.
+
+    >>> [one.name for word in ("Night_Stand", "worktops") if (one := find_receptacle(word))]
+    ['nightstand', 'counter']
+    >>> find_receptacle("banana") is None
+    True
+    """
+    if len(word) > LONGEST:
+        return None
+    listed = _read_receptacles()
+    for key in dict.fromkeys(_spell((word, take_apart(word)))):
+        for form in (key, *singulars(key)):
+            if form in listed:
+                return listed[form]
+    return None
+
+
+@lru_cache(maxsize=256)
+def find_keeping(word: str) -> Keeping | None:
+    """Return where a person would look for a thing; None if the table does not say."""
+    listed, words = _read_keeping(), _spell((word,))[0].split(" ")
+    for start in range(len(words)):  # running shoes lie where shoes do
+        said = " ".join(words[start:])
+        thing = find_thing(said)
+        for name in (said, thing.name if thing else ""):
+            if name in listed:
+                return listed[name]
+    return Keeping({}) if find_receptacle(word) else None
+
+
+@cache
+def _read_shares() -> tuple[tuple[str, ...], Shares]:
+    rows = read_rows(
+        _SHARES, read_published(_SHARES), ("room", "receptacle", "belongs", "untidy", "asked")
+    )
+    said = {(room, piece): (float(a), float(b)) for _, (room, piece, a, b, _) in rows}
+    rooms, pieces = (tuple(dict.fromkeys(names)) for names in zip(*said, strict=True))
+    both = np.array([[said[room, piece] for piece in pieces] for room in rooms])
+    return pieces, Shares(rooms, both[..., 0], both[..., 1])
+
+
+@cache
+def _read_receptacles() -> Mapping[str, Receptacle]:
+    header = ("receptacle", "spellings", "like", "opened", "only", "source")
+    number = {piece: index for index, piece in enumerate(list_receptacles())}
+    found: dict[str, Receptacle] = {}
+    for _, (name, spellings, like, opened, only, _) in read_rows(
+        _PIECES, read_published(_PIECES), header
+    ):
+        alike = tuple(number[one] for one in like.split(_SEPARATOR))
+        piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
+        found |= dict.fromkeys(_spell((name, *spellings.split(_SEPARATOR))), piece)
+    return found
+
+
+@cache
+def _read_keeping() -> Mapping[str, Keeping]:
+    rows = read_rows(_KEEPING, read_published(_KEEPING), ("kind", "things", "receptacles"))
+    found: dict[str, Keeping] = {}
+    for _, (_, things, where) in rows:
+        parts = [part.partition(":") for part in filter(None, where.split(_SEPARATOR))]
+        kept = Keeping({piece: float(weight) for piece, _, weight in parts})
+        found |= dict.fromkeys(things.split(_SEPARATOR), kept)
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -43,7 +43,9 @@ def find_files(path: Path, suffix: str, *, expected: str, is_path: bool = False)
         name = file.name.removesuffix(PACKED).removesuffix(suffix) or file.name
         scene_id = "-".join((*location.parts[:-1], name)) if is_path else name
         refs.append(SceneRef(scene_id, location.as_posix(), fingerprint(file)))
-    found = keep_one_copy(refs, digest=lambda ref: hash_file(root / ref.location))
+    found = keep_one_copy(
+        refs, path=path, expected=expected, digest=lambda ref: hash_file(root / ref.location)
+    )
     return replace(found, unreadable=unreadable)
 
 
@@ -127,12 +129,19 @@ def require_lasting(error: BSGError | OSError, path: object) -> None:
 
 
 def keep_one_copy(
-    refs: Iterable[SceneRef], *, digest: Callable[[SceneRef], str] = attrgetter("fingerprint")
+    refs: Sequence[SceneRef],
+    *,
+    path: Path,
+    expected: str,
+    digest: Callable[[SceneRef], str] = attrgetter("fingerprint"),
 ) -> FoundScenes:
     """Keep one scene of every building: numbered first, newest version, then split, then path.
 
     Scenes with the same digest are duplicates; other scenes of the same building are conflicts.
+    Where there is none, the error names the source's path, and says what was expected there.
     """
+    if not refs:
+        raise SourceError(f"{path}: {expected}", code="source-empty", where=path)
     kept: dict[str, SceneRef] = {}
     duplicates: list[SkippedScene] = []
     conflicts: list[SkippedScene] = []

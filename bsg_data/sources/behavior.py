@@ -21,17 +21,15 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Keyed
+from bsg_data.first_fault import ForeignRecord, Keyed
 from bsg_data.inputs.bounds import BEHAVIOR, MAX_LISTED, MAX_LISTED_SCENES
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.foreign_record import ForeignRecord
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import show_value
 
@@ -106,7 +104,7 @@ def _find_building_kind(scene: str) -> str | None:
 
 
 @dataclass(frozen=True)
-class BehaviorRooms:
+class _BehaviorRooms:
     """BEHAVIOR-1K's list of rooms and their objects."""
 
     path: Path  # the JSON file
@@ -185,12 +183,6 @@ class BehaviorRooms:
 @lru_cache(maxsize=2)
 def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomLists]:
     """Read the list, once for each state of the file."""
-    if path.is_dir():
-        raise SourceError(
-            f"{path}: is a folder; expected the file {_FILE} of the package bddl",
-            code="source-folder",
-            where=path,
-        )
     expected = f"scenes → room → category-model → number, as in {_FILE} of the package bddl"
     document = read_json(path, BEHAVIOR)
     code = "listing-malformed"
@@ -238,7 +230,7 @@ def _digest(content: object) -> str:
 
 ROW = SourceRow(
     summary="BEHAVIOR-1K's list of rooms and their objects, a JSON file of the package bddl",
-    open=BehaviorRooms,
+    open=_BehaviorRooms,
     terms=Terms(
         licence="MIT",
         licence_url="https://opensource.org/license/mit",

@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
 from bsg_data.registry import Registry
@@ -57,9 +57,13 @@ def open_source(name: str, path: AnyPath, **options: object) -> Source:
     try:
         inspect.signature(row.open).bind(path, **options)
     except TypeError as error:
-        names = list(inspect.signature(row.open).parameters)[1:]
+        known = _list_options(row)
+        unknown = next((option for option in options if option not in known), "")
+        said = f" has no option {unknown!r}" if unknown else f": {error}"
+        asked = ask_if_meant(unknown, known)
+        listed = f"its options are {', '.join(known) or 'none'}"
         raise SourceError(
-            f"source {name!r}: {error}; its options are {', '.join(names) or 'none'}",
+            f"source {name!r}{said}; {asked or listed}",
             code="option-unknown",
             where=name,
         ) from error
@@ -90,17 +94,8 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
     kinds = _list_options(SOURCES[name])
     options: dict[str, object] = {}
     for option, word in words.items():
-        if option not in kinds:
-            asked = ask_if_meant(option, kinds)
-            hint = f"; {asked}" if asked else "."
-            known = ", ".join(kinds) or "none"
-            raise SourceError(
-                f"source {name!r} has no option {option!r}{hint} Its options: {known}",
-                code="option-unknown",
-                where=option,
-            )
-        try:
-            options[option] = TypeAdapter(kinds[option]).validate_python(word)
+        try:  # `open_source` refuses one that the source does not have
+            options[option] = TypeAdapter(kinds.get(option, str)).validate_python(word)
         except ValidationError as error:
             raise SourceError(
                 f"option {option}: {error.errors()[0]['msg']}; found {word!r}",

@@ -68,7 +68,7 @@ _FACILITIES = {
 
 
 @dataclass(frozen=True)
-class CobieSheets:
+class _CobieSheets:
     """A folder with COBie spreadsheets (`.xlsx`) anywhere below it, or one of them.
 
     A spreadsheet is a building, a space a room, and a component an object, which has the first name
@@ -306,7 +306,7 @@ def _find_noun(text: str) -> str:
 
 ROW = SourceRow(
     summary="COBie spreadsheets of buildings: spaces, their kinds and areas, and equipment",
-    open=CobieSheets,
+    open=_CobieSheets,
     terms=None,  # a spreadsheet belongs to the owner of its building
     class_map="cobie45-v1",
 )

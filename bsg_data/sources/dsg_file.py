@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -21,11 +21,10 @@ import numpy.typing as npt
 from pydantic import Field
 
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Keyed, Listed
+from bsg_data.first_fault import ForeignRecord, Keyed, Listed
 from bsg_data.inputs.bounds import MAX_GRAPH_EDGES, MAX_GRAPH_LABELS, MAX_GRAPH_NODES
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import validate
-from bsg_data.sources.foreign_record import ForeignRecord
 
 _FURTHEST = 1_000_000.0  # a map may be in the metres of a country's grid
 _LAYERS = {"OBJECTS": 2, "ROOMS": 4}
@@ -153,22 +152,11 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     """Parse the JSON document of a Spark-DSG file; the path is named in errors."""
     expected = "a Spark-DSG graph"
     graph = validate(_Graph, document, where=path, expected=expected, code="dsg-malformed")
-    if not (graph.nodes or graph.layer_names or graph.layer_ids or graph.layer_keys):
-        raise SourceError(
-            f"{path}: expected a robot's graph, found neither nodes nor layers: a Spark-DSG graph "
-            "lists its layers, also one without nodes; our JSON has `rooms`",
-            code="dsg-empty",
-            where=path,
-        )
-    if len({node.id for node in graph.nodes}) < len(graph.nodes):
-        raise SourceError(
-            f"{path}: expected nodes with an id each, found an id twice",
-            code="node-twice",
-            where=path,
-        )
+    for fault in _find_faults(graph):
+        raise SourceError(f"{path}: {fault}", code="dsg-malformed", where=path)
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
     number_of = {node.id: number for number, node in enumerate(rooms)}
-    room_of = _find_rooms(graph, _find_parents(graph, path), number_of)
+    room_of = _find_rooms(graph, _find_parents(graph), number_of)
     ends = [(number_of.get(edge.source), number_of.get(edge.target)) for edge in graph.edges]
     things = {node.id for node in objects}
     joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
@@ -179,6 +167,20 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
         links=sum(edge.source in things and edge.target in things for edge in graph.edges),
         said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
     )
+
+
+def _find_faults(graph: _Graph) -> Iterator[str]:
+    if not (graph.nodes or graph.layer_names or graph.layer_ids or graph.layer_keys):
+        yield (
+            "expected a robot's graph, found neither nodes nor layers: a Spark-DSG graph lists its "
+            "layers, also one without nodes; our JSON has `rooms`"
+        )
+    known = {node.id for node in graph.nodes}
+    if len(known) < len(graph.nodes):
+        yield "expected nodes with an id each, found an id twice"
+    for number, edge in enumerate(graph.edges):
+        if not {edge.source, edge.target} <= known:
+            yield f"edges.{number}: expected two nodes that are there"
 
 
 def _what_is_said(entries: Any) -> dict[str, Any]:
@@ -197,17 +199,11 @@ def _nodes_of(graph: _Graph, name: str) -> list[_Node]:
     return sorted(found, key=lambda node: node.id)
 
 
-def _find_parents(graph: _Graph, path: Path) -> dict[int, int]:
+def _find_parents(graph: _Graph) -> dict[int, int]:
     """Return the parent of every node that has one: the node of a higher layer, by an edge."""
     layer = {node.id: node.layer for node in graph.nodes}
     parents: dict[int, int] = {}
-    for number, edge in enumerate(graph.edges):
-        if edge.source not in layer or edge.target not in layer:
-            raise SourceError(
-                f"{path}: edges.{number}: expected two nodes that are there",
-                code="edge-dangling",
-                where=path,
-            )
+    for edge in graph.edges:
         child, parent = sorted((edge.source, edge.target), key=layer.__getitem__)
         if layer[child] < layer[parent]:
             parents[child] = min(parent, parents.get(child, parent))

@@ -15,8 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
@@ -126,8 +125,12 @@ class HM3DFolder:
             "the meshes"
         )
         files, unreadable = list_files(self.path, _SUFFIXES, expected=expected)
-        refs = map(self._refer, files)
-        found = keep_one_copy(refs, digest=lambda ref: hash_file(self.path / ref.location))
+        found = keep_one_copy(
+            [*map(self._refer, files)],
+            path=self.path,
+            expected=expected,
+            digest=lambda ref: hash_file(self.path / ref.location),
+        )
         return replace(found, unreadable=unreadable)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
@@ -192,7 +195,7 @@ class HM3DFolder:
             scene_id=scene_id,
             location=relative.as_posix(),
             fingerprint=fingerprint(path),
-            source_split=_last(map(split_of_folder, folders)) or split_by_number(scene_id),
+            source_split=_last(map(_split_of_folder, folders)) or split_by_number(scene_id),
             source_version=_last(map(version_of, folders)),
             geometry=_state_of(self._find_mesh(path)),
             building=split_scene_id(building)[1],
@@ -254,10 +257,10 @@ def split_scene_id(scene_id: str) -> tuple[int | None, str]:
     return (int(match[1]), match[2]) if match else (None, scene_id)
 
 
-def split_of_folder(folder: str) -> str | None:
+def _split_of_folder(folder: str) -> str | None:
     """Read the split from a folder's name: `train`, or `hm3d-minival-semantic-annots-v0.2`.
 
-    >>> split_of_folder("hm3d-minival-semantic-annots-v0.2")
+    >>> _split_of_folder("hm3d-minival-semantic-annots-v0.2")
     'minival'
     """
     name = folder.split("-")[1] if folder.startswith("hm3d-") else folder

@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
-from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.errors import AnnotationError
 from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.bounds import STATISTICS
 from bsg_data.scene.class_map import ClassMap
@@ -66,13 +66,7 @@ class HM3DStatistics:
             )
             for name, lines in self._lines.items()
         ]
-        if not refs:
-            raise SourceError(
-                f"{self.path}: the table of regions has no row",
-                code="source-empty",
-                where=self.path,
-            )
-        return keep_one_copy(refs)
+        return keep_one_copy(refs, path=self.path, expected="the table of regions has no row")
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
@@ -87,11 +81,11 @@ class HM3DStatistics:
 
     @property
     def _lines(self) -> dict[str, list[tuple[int, str]]]:
-        return read_scene_lines(self.path, *state_of(self.path))
+        return _read_scene_lines(self.path, *state_of(self.path))
 
 
 @lru_cache(maxsize=2)
-def read_scene_lines(
+def _read_scene_lines(
     path: Path, size: int = 0, changed: int = 0
 ) -> dict[str, list[tuple[int, str]]]:
     """Read the numbered lines of every scene, sorted by id, once for each state of the zip."""

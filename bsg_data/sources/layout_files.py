@@ -22,14 +22,13 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Keyed, Listed
+from bsg_data.first_fault import MAX_METRES, ForeignRecord, Keyed, Listed, Metres, Position
 from bsg_data.geometry.placement import measure_area, surround
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LAYOUT
 from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.scene_graph import Box, Point
-from bsg_data.sources.foreign_record import MAX_METRES, ForeignRecord, Metres, Position
 from bsg_data.sources.label_table import LabelTable, read_label_table
 from bsg_data.spelling import show_value
 
@@ -185,11 +184,7 @@ def _read_yaml(path: Path) -> RoomLayout:
         return RoomLayout(rooms, by_region=False)
     for one, other in parsed.connections:
         if one == other or not {one, other} <= set(rooms):
-            raise LayoutError(
-                f"{path}: connections: expected two of its rooms, found {one} and {other}",
-                code="room-unknown",
-                where=path,
-            )
+            raise ValueError(f"connections: expected two of its rooms, found {one} and {other}")
     pairs = {(min(pair), max(pair)) for pair in parsed.connections}
     return RoomLayout(rooms, by_region=False, connections=tuple(sorted(pairs)))
 

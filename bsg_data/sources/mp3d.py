@@ -23,8 +23,8 @@ from typing import ClassVar
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import SkippedScene, Terms
+from bsg_data.first_fault import MAX_METRES
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounds import (
@@ -39,7 +39,6 @@ from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect, place_room
-from bsg_data.sources.foreign_record import MAX_METRES
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import SHOWN
 
@@ -93,7 +92,7 @@ _OPTIONAL = {"V": _FLOORS, "S": _FLOORS, "portal": "doors and boxes tell what el
 
 
 @dataclass(frozen=True)
-class MatterportHouses:
+class _MatterportHouses:
     """A folder with `.house` files anywhere below it, packed or not, or one such file."""
 
     path: Path
@@ -116,7 +115,7 @@ class MatterportHouses:
         """
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, HOUSE, expected=ref.fingerprint)
-        house = parse_house(data, path=path)
+        house = _parse_house(data, path=path)
         rooms = [_room(r, n) for n, r in enumerate(house.regions) if r.label != _JUNK]
         graph = assemble(
             _list_objects(house),
@@ -199,7 +198,7 @@ class House:
         self.counted[kind] += 1
 
 
-def parse_house(data: bytes, *, path: Path) -> House:
+def _parse_house(data: bytes, *, path: Path) -> House:
     """Parse a `.house` file; the error names the first malformed line."""
     lines = _read_lines(data, path)
     first = found = next(lines, (1, ""))[1]
@@ -350,7 +349,7 @@ def _set_levels(rooms: Sequence[Room], house: House) -> Sequence[Room]:
 
 ROW = SourceRow(
     summary="Matterport3D's .house files: levels, labelled rooms, objects with boxes",
-    open=MatterportHouses,
+    open=_MatterportHouses,
     terms=Terms(
         licence="LicenseRef-matterport3d",
         licence_url="http://kaldir.vc.in.tum.de/matterport/MP_TOS.pdf",

@@ -24,11 +24,11 @@ from pathlib import Path
 from typing import Annotated, Any, BinaryIO, ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field, field_validator
 
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Listed
+from bsg_data.first_fault import ForeignRecord, Listed, Position
 from bsg_data.geometry.placement import find_storeys, measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import (
@@ -39,12 +39,11 @@ from bsg_data.inputs.bounds import (
     PROCTHOR,
     PROCTHOR_LINES,
 )
-from bsg_data.inputs.documents import parse_json
+from bsg_data.inputs.documents import require_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.foreign_record import ForeignRecord, Position
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import show_value
 
@@ -91,11 +90,34 @@ class _Thing(ForeignRecord):
     children: Listed[_Thing] = ()
 
 
+def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
+    """Yield things, each before its children."""
+    for thing in things:
+        yield thing
+        yield from _unpack(thing.children)
+
+
+def _require_few(things: tuple[_Thing, ...]) -> tuple[_Thing, ...]:
+    if (found := sum(1 for _ in _unpack(things))) > MAX_HOUSE_THINGS:
+        raise ValueError(f"expected at most {MAX_HOUSE_THINGS:,} with children, found {found:,}")
+    return things
+
+
 class _House(ForeignRecord):
     rooms: Annotated[Listed[_Room], Field(min_length=1, max_length=MAX_HOUSE_ROOMS)]
     doors: Annotated[Listed[_Door], Field(max_length=MAX_HOUSE_THINGS)] = ()
     walls: Annotated[Listed[_Wall], Field(max_length=MAX_HOUSE_THINGS)] = ()
-    objects: Annotated[Listed[_Thing], Field(max_length=MAX_HOUSE_THINGS)] = ()
+    objects: Annotated[
+        Listed[_Thing], Field(max_length=MAX_HOUSE_THINGS), AfterValidator(_require_few)
+    ] = ()
+
+    @field_validator("rooms")
+    @classmethod
+    def _are_there_once(cls, rooms: tuple[_Room, ...]) -> tuple[_Room, ...]:
+        (twice, times), *_ = Counter(room.id for room in rooms).most_common(1)
+        if times > 1:
+            raise ValueError(f"{show_value(twice)} is there twice")
+        return rooms
 
 
 class _Streams(threading.local):
@@ -110,7 +132,7 @@ _streams = _Streams()
 
 
 @dataclass(frozen=True)
-class ProcTHORHouses:
+class _ProcTHORHouses:
     """A file of ProcTHOR's houses, or a folder with such files.
 
     A scene id is the number of the house in its file, from 0 as Python counts them, and a hash of
@@ -129,14 +151,11 @@ class ProcTHORHouses:
             for file in self._files()
             for index, house in enumerate(_stream(file))
         ]
-        if not refs:
-            raise SourceError(
-                f"{self.path}: holds no house; expected a JSON object a line or an array, in files "
-                f"that end in {', '.join(_SUFFIXES)}",
-                code="source-empty",
-                where=self.path,
-            )
-        return keep_one_copy(refs)
+        expected = (
+            "holds no house; expected a JSON object a line or an array, in files that end in "
+            f"{', '.join(_SUFFIXES)}"
+        )
+        return keep_one_copy(refs, path=self.path, expected=expected)
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one house."""
@@ -269,26 +288,8 @@ def _fetch(file: Path, number: int) -> bytes:
 
 
 def _parse(text: bytes, where: str) -> _House:
-    expected = "a house of ProcTHOR"
-    try:
-        document = parse_json(text)
-    except ValueError as error:
-        message = f"{where}: expected {expected}; no JSON ({error})"
-        raise SourceError(message, code="json-malformed", where=where) from error
-    house = validate(_House, document, where=where, expected=expected, code="house-malformed")
-    (twice, times), *_ = Counter(room.id for room in house.rooms).most_common(1)
-    if times > 1:
-        raise SourceError(
-            f"{where}: rooms: {show_value(twice)} is there twice", code="room-twice", where=where
-        )
-    if (number := sum(1 for _ in _unpack(house.objects))) > MAX_HOUSE_THINGS:
-        raise SourceError(
-            f"{where}: objects: expected at most {MAX_HOUSE_THINGS:,} with their children, found "
-            f"{number:,}",
-            code="house-too-large",
-            where=where,
-        )
-    return house
+    document, expected = require_json(text, where), "a house of ProcTHOR"
+    return validate(_House, document, where=where, expected=expected, code="house-malformed")
 
 
 def _list_objects(house: _House) -> Iterator[AnnotatedObject]:
@@ -304,12 +305,6 @@ def _list_objects(house: _House) -> Iterator[AnnotatedObject]:
     for number, (thing, region) in enumerate(zip(things, regions, strict=True), start=1):
         name, position = name_asset(thing.asset), _upright(thing.position)
         yield AnnotatedObject(number, region, name, centroid=position)
-
-
-def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
-    for thing in things:
-        yield thing
-        yield from _unpack(thing.children)
 
 
 def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[int]:
@@ -369,7 +364,7 @@ def _upright(position: Position) -> tuple[float, float, float]:
 
 ROW = SourceRow(
     summary="ProcTHOR's houses, JSON lines or an array, gzip or not",
-    open=ProcTHORHouses,
+    open=_ProcTHORHouses,
     terms=Terms(
         licence="Apache-2.0",
         licence_url="https://www.apache.org/licenses/LICENSE-2.0",

@@ -33,8 +33,7 @@ from bsg_data.sources.layout_files import (
     read_layout,
     read_layout_table,
 )
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
-from bsg_data.sources.wrapper import Wrapper
+from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source, Wrapper
 
 _SHOWN = 10  # region ids, or columns, in a message
 _Named = tuple[str, Path]  # how a layout names its scene, and the file where it is
@@ -44,7 +43,7 @@ _EXPECTED = (
 )
 
 
-def lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
+def _lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     """Return the scene graph with the labels and connections of a layout.
 
     Boxes come from the layout only if there is no mesh, because the origins may differ. Between
@@ -167,7 +166,7 @@ class WithLayouts(Wrapper):
         graph = reading.graph
         try:
             layout, reason = _without_null_region(_read(name, path))
-            graph = lay_out(graph, layout)
+            graph = _lay_out(graph, layout)
         except LayoutError as error:
             require_lasting(error, path)
             reason = str(error).replace(f"{self._root}/", "")

@@ -13,8 +13,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of, list_room_labels, normalise_room
 from bsg_data.scene.scene_graph import Room
 from bsg_data.sources.label_table import read_label_table
-from bsg_data.sources.source import Reading, SceneRef, Source
-from bsg_data.sources.wrapper import Wrapper
+from bsg_data.sources.source import Reading, SceneRef, Source, Wrapper
 from bsg_data.spelling import ask_if_meant, show_value
 
 _ANY_SOURCE = "any"
@@ -39,7 +38,7 @@ class WithRoomLabels(Wrapper):
     def __init__(self, source: Source, file: AnyPath) -> None:
         path = Path(file)
         object.__setattr__(self, "source", source)
-        object.__setattr__(self, "words", read_room_words(path))
+        object.__setattr__(self, "words", _read_room_words(path))
         object.__setattr__(self, "file", path.name)
         object.__setattr__(self, "sha256", hash_file(path))
 
@@ -75,7 +74,7 @@ class WithRoomLabels(Wrapper):
         return {**clear, **dict(self.words)}
 
 
-def read_room_words(path: Path) -> tuple[tuple[str, str | None], ...]:
+def _read_room_words(path: Path) -> tuple[tuple[str, str | None], ...]:
     """Read a table `source_label,label`: words, each with its label; None if it names no kind."""
     table = read_label_table(path, {"source_label": (), "label": ()}, _read_key)
     for word, (label, where) in table.labels.items():

@@ -14,9 +14,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from pydantic import Field, RootModel
+from pydantic import AfterValidator, Field, RootModel
 
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import MAX_LISTED, MAX_LISTED_SCENES, S3DIS
@@ -29,11 +29,21 @@ from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _INSTANCE = re.compile(r"([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)")
 _UNLABELLED = "<UNK>_0_<UNK>_0_0"  # the first of the list, for pixels without a label
+
+
+def _require_instance(name: str) -> str:
+    if not _INSTANCE.fullmatch(name):
+        raise ValueError(f"found {name[:80]!r}")
+    return name
+
+
+_Instance = Annotated[str, AfterValidator(_require_instance)]
+_Listing = RootModel[Annotated[Listed[_Instance], Field(max_length=MAX_LISTED)]]
 _Area = tuple[tuple[str, str], ...]  # (room, category) of every instance, sorted
 
 
 @dataclass(frozen=True)
-class S3DISAreas:
+class _S3DISAreas:
     """The list of labels of S3DIS; a scene is an area, a part of a building."""
 
     path: Path  # semantic_labels.json
@@ -72,31 +82,14 @@ class S3DISAreas:
 def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
     """Read the list, once for each state of the file."""
     expected = "a list of category_number_room_number_area, such as chair_1_office_3_1"
-    names = validate(
-        RootModel[Annotated[Listed[str], Field(max_length=MAX_LISTED)]],
-        read_json(path, S3DIS),
-        where=path,
-        expected=expected,
-        code="listing-malformed",
-    ).root
+    document, code = read_json(path, S3DIS), "listing-malformed"
     areas: dict[str, list[tuple[str, str]]] = {}
-    for name in names:
-        if name == _UNLABELLED:
-            continue
-        match = _INSTANCE.fullmatch(name)
-        if match is None:
-            raise SourceError(
-                f"{path}: expected {expected}; found {name[:80]!r}",
-                code="listing-malformed",
-                where=path,
-            )
-        areas.setdefault(f"area_{match[5]}", []).append((f"{match[3]}_{match[4]}", match[1]))
+    for name in validate(_Listing, document, where=path, expected=expected, code=code).root:
+        if name != _UNLABELLED and (match := _INSTANCE.fullmatch(name)):
+            areas.setdefault(f"area_{match[5]}", []).append((f"{match[3]}_{match[4]}", match[1]))
     if len(areas) > MAX_LISTED_SCENES:
-        raise SourceError(
-            f"{path}: expected at most {MAX_LISTED_SCENES:,} areas, found {len(areas):,}",
-            code="listing-malformed",
-            where=path,
-        )
+        said = f"expected at most {MAX_LISTED_SCENES:,} areas, found {len(areas):,}"
+        raise SourceError(f"{path}: {said}", code=code, where=path)
     return {area: tuple(sorted(content)) for area, content in areas.items()}
 
 
@@ -106,7 +99,7 @@ def _digest(area: _Area) -> str:
 
 ROW = SourceRow(
     summary="the list of labels of S3DIS and 2D-3D-S, a JSON file: rooms of campus offices",
-    open=S3DISAreas,
+    open=_S3DISAreas,
     terms=Terms(
         licence="LicenseRef-2D-3D-S",
         licence_url="http://buildingparser.stanford.edu/dataset.html",

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph
 
@@ -105,3 +104,43 @@ class SourceRow:
     class_map: str = DEFAULT_CLASS_MAP  # the published map of its names; the default of a build
     # whether a building is all there; not if it is what a robot saw: no ground truth
     is_complete: bool = True
+
+
+@dataclass(frozen=True)
+class Wrapper:
+    """Forward everything to a source."""
+
+    source: Source
+
+    @property
+    def kind(self) -> str:
+        """The kind of the source itself."""
+        return self.source.kind
+
+    @property
+    def path(self) -> Path:
+        """The path of the source itself."""
+        return self.source.path
+
+    @property
+    def options(self) -> dict[str, int | str]:
+        """The options of the source itself."""
+        return self.source.options
+
+    @property
+    def terms(self) -> Terms | None:
+        """The terms that the source itself states; None if it states none."""
+        terms: Terms | None = getattr(self.source, "terms", None)
+        return terms
+
+    def lists(self, word: str) -> bool:
+        """Say whether the source itself has a list of words for rooms, with this one."""
+        return bool(getattr(self.source, "lists", lambda _: False)(word))
+
+    def find(self) -> FoundScenes:
+        """Find the scenes of the source itself."""
+        return self.source.find()
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        """Read a scene of the source itself."""
+        return self.source.read(ref, class_map)

@@ -26,11 +26,11 @@ from pydantic import Field, ValidationError
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.first_fault import Listed
+from bsg_data.first_fault import ForeignRecord, Listed
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS, SPARK_DSG
-from bsg_data.inputs.documents import parse_csv, parse_json, parse_yaml
+from bsg_data.inputs.documents import parse_csv, parse_yaml, require_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import read_published
@@ -38,7 +38,6 @@ from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
-from bsg_data.sources.foreign_record import ForeignRecord
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 
 _PREFIX, _SUFFIX = "labels-", ".csv"
@@ -72,7 +71,7 @@ class LabelSpace:
         return self.categories.get(name, name)
 
 
-def list_label_spaces() -> tuple[str, ...]:
+def _list_label_spaces() -> tuple[str, ...]:
     """Return the names of the published label spaces, sorted."""
     names = sorted(item.name for item in files("bsg_mappings").iterdir())
     return tuple(n[len(_PREFIX) : -len(_SUFFIX)] for n in names if n.startswith(_PREFIX))
@@ -80,9 +79,9 @@ def list_label_spaces() -> tuple[str, ...]:
 
 @cache
 def _read_published(name: str) -> LabelSpace:
-    if name not in list_label_spaces():
+    if name not in _list_label_spaces():
         raise ClassMapError(
-            f"no label space {name!r}: there are {', '.join(list_label_spaces())}, and yours as "
+            f"no label space {name!r}: there are {', '.join(_list_label_spaces())}, and yours as "
             "the path of a .yaml, .yml or .csv",
             code="label-space-unknown",
             where=name,
@@ -112,6 +111,10 @@ def load_label_space(name: AnyPath) -> LabelSpace:
         is_csv = path.suffix.casefold() == _SUFFIX
         document = {"label_names": _parse_csv(data)} if is_csv else parse_yaml(data)
         labels = _HydraFile.model_validate(document).label_names
+        names: dict[int, str] = {}
+        for label in labels:
+            if names.setdefault(label.label, label.name) != label.name:
+                raise ValueError(f"label {label.label} has two names")
     except ValueError as error:
         said = name_fault(error) if isinstance(error, ValidationError) else error
         raise SourceError(
@@ -120,14 +123,6 @@ def load_label_space(name: AnyPath) -> LabelSpace:
             code="label-space-malformed",
             where=path,
         ) from error
-    names: dict[int, str] = {}
-    for label in labels:
-        if names.setdefault(label.label, label.name) != label.name:
-            raise SourceError(
-                f"{path}: label {label.label} has two names, expected one",
-                code="label-twice",
-                where=path,
-            )
     categories = {label.name: label.category for label in labels if label.category}
     return LabelSpace(path.stem, hashlib.sha256(data).hexdigest(), names, categories)
 
@@ -145,7 +140,7 @@ def _parse_csv(data: bytes) -> list[dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class RobotGraphs:
+class _RobotGraphs:
     """A folder of Spark-DSG graphs, packed or not, or one such file."""
 
     path: Path  # the folder or the file
@@ -183,11 +178,7 @@ class RobotGraphs:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, SPARK_DSG, expected=ref.fingerprint)
-        try:
-            document = parse_json(data, once=False)  # Hydra's own parser takes the last value
-        except ValueError as error:
-            message = f"{path}: expected a Spark-DSG graph, found no JSON ({str(error)[:200]})"
-            raise SourceError(message, code="json-malformed", where=path) from error
+        document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
         graph = assemble(
             _list_objects(file, self._space()),
@@ -248,7 +239,7 @@ def name_object(node: DSGNode, space: LabelSpace | None) -> str:
 
 ROW = SourceRow(
     summary="a folder of Spark-DSG graphs, as Hydra records them: what robots saw",
-    open=RobotGraphs,
+    open=_RobotGraphs,
     terms=None,  # a recording belongs to whoever made it
     class_map="hm3d45-v2",
     is_complete=False,

@@ -37,9 +37,9 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.dataset.terms import LICENCE_REF, Terms
+from bsg_data.dataset.manifest import LICENCE_REF, SkippedScene, Terms
 from bsg_data.errors import SourceError
+from bsg_data.first_fault import Metres
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_CELL, MAX_LINE, MAX_OBJECT_ROWS, TABLE
@@ -49,7 +49,6 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Point, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
 from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.foreign_record import Metres
 from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import ask_if_meant, list_some, meant_names
@@ -129,38 +128,42 @@ class _TableRow:
 
     @model_validator(mode="after")
     def _fits_together(self) -> _TableRow:
+        for fault in self._find_faults():
+            raise ValueError(fault)
+        return self
+
+    def _find_faults(self) -> Iterator[str]:
         if not self.scene:
-            raise ValueError("scene: expected the name of a building, found none")
+            yield "scene: expected the name of a building, found none"
         if not is_scene_id(self.scene):
-            raise ValueError(f"scene: expected a name that a file can have, found {self.scene!r}")
+            yield f"scene: expected a name that a file can have, found {self.scene!r}"
         if not self.room and not self.category:
-            raise ValueError("category: expected an object, or a room in the column room")
+            yield "category: expected an object, or a room in the column room"
         facts = (self.connected or None, self.room_label, self.floor, self.floor_area)
         if not self.room and any(fact is not None for fact in facts):
-            raise ValueError("room: expected the room that the row describes, found none")
+            yield "room: expected the room that the row describes, found none"
         if self.count and not self.category:
-            raise ValueError(f"count: expected none without a category, found {self.count}")
+            yield f"count: expected none without a category, found {self.count}"
         for group in (_CENTROID, _BOX):
-            self._check_place(group)
+            yield from self._find_place_faults(group)
         box = self.box or Box((-math.inf,) * 3, (math.inf,) * 3)
         for axis, low, high in zip(_CENTROID, box.minimum, box.maximum, strict=True):
             if low > high:
-                raise ValueError(f"box_max_{axis}: expected {low} or more, found {high}")
+                yield f"box_max_{axis}: expected {low} or more, found {high}"
             value = getattr(self, axis)
             if value is not None and not low - _SLACK <= value <= high + _SLACK:
-                raise ValueError(f"{axis}: expected {low} to {high}, its box; found {value}")
-        return self
+                yield f"{axis}: expected {low} to {high}, its box; found {value}"
 
-    def _check_place(self, group: tuple[str, ...]) -> None:
+    def _find_place_faults(self, group: tuple[str, ...]) -> Iterator[str]:
         absent = [name for name in group if getattr(self, name) is None]
         if len(absent) == len(group):
             return
         if absent:
-            raise ValueError(f"{absent[0]}: expected a number, as in the rest of {group}")
+            yield f"{absent[0]}: expected a number, as in the rest of {group}"
         if not self.category:
-            raise ValueError(f"category: expected the object that is at {group[0]}")
+            yield f"category: expected the object that is at {group[0]}"
         if self.count not in (None, 1):
-            raise ValueError(f"count: expected 1, as the object has a place; found {self.count}")
+            yield f"count: expected 1, as the object has a place; found {self.count}"
 
     @property
     def centroid(self) -> Point | None:
@@ -196,7 +199,7 @@ _Listed = tuple[_TableRow, str]  # a row and its line
 
 
 @dataclass(frozen=True)
-class ObjectTable:
+class _ObjectTable:
     """A table of objects, CSV (`.csv`, `.tsv`, gzip too) or parquet."""
 
     path: Path
@@ -258,7 +261,8 @@ class ObjectTable:
     def find(self) -> FoundScenes:
         """Find the scenes of the table; what is not read as it stands is listed as left out."""
         scenes, notes = self._read()
-        found = keep_one_copy(SceneRef(name, name, _digest(one)) for name, one in scenes.items())
+        refs = [SceneRef(name, name, _digest(one)) for name, one in scenes.items()]
+        found = keep_one_copy(refs, path=self.path, expected="no row; expected an object a row")
         return replace(
             found, unused=tuple(SkippedScene("all", self.path.name, note) for note in notes)
         )
@@ -266,7 +270,7 @@ class ObjectTable:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
         rows, facts = fetch_listed(ref, self.path, lambda: self._read()[0][ref.scene_id], _digest)
-        regions = number_rooms(facts)
+        regions = _number_rooms(facts)
         listed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         listed.sort(key=lambda pair: (pair[0], pair[1].key))
         each = (pair for pair in listed for _ in range(pair[1].count or 1))
@@ -509,9 +513,6 @@ def _read_rows(
         if row.count == 0:
             row = replace(row, category="", count=None)
         spelt.setdefault(row.scene, []).append((row, line))
-    if not spelt:
-        message = f"{path}: no row; expected an object a row"
-        raise SourceError(message, code="source-empty", where=path)
     return spelt
 
 
@@ -640,10 +641,10 @@ def _gather_facts(rows: Sequence[_Listed], where: str) -> _Facts:
     return facts
 
 
-def number_rooms(names: Iterable[str]) -> dict[str, int]:
+def _number_rooms(names: Iterable[str]) -> dict[str, int]:
     """Return the region id of every room: its name where all are numbers, else its number by name.
 
-    >>> number_rooms(["7", "3"]), number_rooms(["room 10", "room 9"])
+    >>> _number_rooms(["7", "3"]), _number_rooms(["room 10", "room 9"])
     ({'3': 3, '7': 7}, {'room 9': 0, 'room 10': 1})
     """
     ordered = sorted(names, key=_by_digits)
@@ -699,4 +700,6 @@ def _digest(scene: _Scene) -> str:
     return digest.hexdigest()
 
 
-ROW = SourceRow(summary="a table of your own objects, CSV or parquet", open=ObjectTable, terms=None)
+ROW = SourceRow(
+    summary="a table of your own objects, CSV or parquet", open=_ObjectTable, terms=None
+)

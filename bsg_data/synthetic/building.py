@@ -23,7 +23,6 @@ from bsg_data.recipes import Record
 from bsg_data.scene.scene_graph import AnnotatedObject
 
 MAX_SCENES = 10_000_000  # the digits of a scene id number no more
-MAX_ROOMS, MAX_OBJECTS = 100_000, 4_000_000  # each object has one of 16.7 million colours
 NULL_REGION = -1
 _HM3D_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scenes from 00800
 _VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
@@ -82,39 +81,6 @@ def load_rates() -> SyntheticRates:
 
 
 @dataclass(frozen=True, slots=True)
-class BuildingSize:
-    """The size of buildings; None means the usual random size.
-
-    Attributes:
-        rooms: number of rooms, 1 to 100,000.
-        objects: number of objects in the rooms, at least the number of rooms, at most 4,000,000.
-    """
-
-    rooms: int | None = None
-    objects: int | None = None
-
-    @property
-    def name(self) -> str:
-        """A name for this size."""
-        return f"{self.rooms or 'any'}-rooms-{self.objects or 'any'}-objects"
-
-    def require_possible(self, rates: SyntheticRates) -> None:
-        """Refuse an impossible size."""
-        rooms = len(rates.rooms) - 1 if self.rooms is None else self.rooms
-        objects = max(rooms, 1) if self.objects is None else self.objects  # no room is empty
-        if not (1 <= rooms <= MAX_ROOMS and rooms <= objects <= MAX_OBJECTS):
-            raise SyntheticError(
-                f"buildings of {self.name}: expected 1 to {MAX_ROOMS:,} rooms, and one object a "
-                f"room ({rooms:,}) to {MAX_OBJECTS:,}",
-                code="size-range",
-                where=self.name,
-            )
-
-
-USUAL = BuildingSize()  # as the rates say
-
-
-@dataclass(frozen=True, slots=True)
 class SyntheticBuilding:
     """One synthetic building; its room types are (region id, index of the latent type)."""
 
@@ -125,10 +91,8 @@ class SyntheticBuilding:
     room_types: tuple[tuple[int, int], ...] = field(repr=False)
 
 
-def synthesise(
-    rates: SyntheticRates, *, seed: int, number: int, size: BuildingSize = USUAL
-) -> SyntheticBuilding:
-    """Sample one building; it depends only on rates, seed, number and size.
+def synthesise(rates: SyntheticRates, *, seed: int, number: int) -> SyntheticBuilding:
+    """Sample one building; it depends only on rates, seed and number.
 
     The first 900 numbers have the ids of HM3D, whose val buildings follow its train buildings; the
     id of a later one is its number.
@@ -140,45 +104,27 @@ def synthesise(
             code="number-range",
             where=number,
         )
-    size.require_possible(rates)
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
-    types = draw_room_types(rates, rng, rooms=size.rooms)
+    types = _draw_room_types(rates, rng)
     regions = _draw_regions(rates, len(types), rng)
     counts = _draw_counts(rates, types, rng)
-    if size.objects is not None:
-        counts = _apportion(counts, size.objects, rng)
     rows = _number_rows(rates, _draw_names(rates, types, regions, counts, rng), rng)
-    split, scene_id, name = name_building(seed, number, size)
+    split, scene_id, name = name_building(seed, number)
     return SyntheticBuilding(scene_id, name, split, rows, tuple(zip(regions, types, strict=True)))
 
 
-def name_building(seed: int, number: int, size: BuildingSize) -> tuple[str, str, str]:
+def name_building(seed: int, number: int) -> tuple[str, str, str]:
     """Return split, scene id and hash of a building."""
-    said = f"synthetic/{seed}/{number}" + ("" if size == USUAL else f"/{size.name}")
-    value = int.from_bytes(hashlib.sha256(said.encode()).digest(), "big")
+    value = int.from_bytes(hashlib.sha256(f"synthetic/{seed}/{number}".encode()).digest(), "big")
     name = "".join(_ALPHABET[value // 62**turn % 62] for turn in range(11))
     nines, turn = divmod(number, _VAL_EVERY)
     split, scene = ("val", 800 + nines) if turn == _VAL_EVERY - 1 else ("train", number - nines)
     return split, f"{number if number >= _HM3D_SCENES else scene:05d}-{name}", name
 
 
-def draw_room_types(
-    rates: SyntheticRates, rng: np.random.Generator, *, rooms: int | None = None
-) -> tuple[int, ...]:
-    """Sample how many rooms are of each type given their sum, which is sampled if None; shuffled.
-
-    Of more rooms than any fitted building has each is sampled by itself.
-    """
-    total = _pick(np.array(rates.rooms), rng) if rooms is None else rooms
-    if total >= len(rates.rooms):
-        types = _draw_many_types(rates, total, rng)
-    else:
-        types = _draw_fitted_types(rates, total, rng)
-    return tuple(int(kind) for kind in rng.permutation(types))
-
-
-def _draw_fitted_types(rates: SyntheticRates, total: int, rng: np.random.Generator) -> list[int]:
-    """Sample the types of a number of rooms that fitted buildings have, in order of types."""
+def _draw_room_types(rates: SyntheticRates, rng: np.random.Generator) -> tuple[int, ...]:
+    """Sample a number of rooms, then how many of them are of each type; shuffled."""
+    total = _pick(np.array(rates.rooms), rng)
     counts = next(counts for most, counts in rates.bins if total <= most)
     rest = [np.eye(1, total + 1)[0]]  # rest[k][n]: weight of n rooms in the types from k on
     for weights in reversed(counts):
@@ -189,7 +135,7 @@ def _draw_fitted_types(rates: SyntheticRates, total: int, rng: np.random.Generat
         left = total - len(types)
         some = np.array(weights[: left + 1])
         types += [kind] * _pick(some * rest[kind + 1][left - np.arange(len(some))], rng)
-    return types
+    return tuple(int(kind) for kind in rng.permutation(types))
 
 
 def _pick(weights: Floats, rng: np.random.Generator) -> int:
@@ -274,25 +220,3 @@ def _number_rows(
     if rng.random() < rates.shuffled:
         rows = [rows[int(i)] for i in rng.permutation(len(rows))]
     return tuple(rows)
-
-
-def _draw_many_types(rates: SyntheticRates, rooms: int, rng: np.random.Generator) -> list[int]:
-    """Sample the types of more rooms than any fitted building has, in order of types.
-
-    Types are as frequent as in the largest buildings that were fitted; each room is by itself.
-    """
-    _, counts = rates.bins[-1]
-    means = np.array([np.average(np.arange(len(some)), weights=some) for some in counts])
-    numbers = rng.multinomial(rooms, means / means.sum())
-    return [int(kind) for kind in np.repeat(np.arange(len(means)), numbers)]
-
-
-def _apportion(counts: Counts, objects: int, rng: np.random.Generator) -> Counts:
-    """Return counts per room and category `[R, C]` of a stated sum, in proportion to others.
-
-    Every room has at least one object.
-    """
-    some = np.array([rng.multinomial(1, room / room.sum()) for room in counts])
-    return some + rng.multinomial(objects - len(counts), counts.ravel() / counts.sum()).reshape(
-        counts.shape
-    )

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json, name_finished, resolve_links, write_bytes
@@ -16,8 +14,6 @@ from bsg_data.results import BUILD, PLAN, FolderKind, write_folder
 from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
 from bsg_data.synthetic.building import (
     MAX_SCENES,
-    USUAL,
-    BuildingSize,
     SyntheticBuilding,
     SyntheticError,
     SyntheticRates,
@@ -25,7 +21,7 @@ from bsg_data.synthetic.building import (
     name_building,
     synthesise,
 )
-from bsg_data.synthetic.room_layout import MOST_ROOMS, draw_layout
+from bsg_data.synthetic.floor_plan import draw_layout
 
 LAYOUTS = "layouts"  # the folder of the layouts
 
@@ -35,12 +31,11 @@ def write_synthetic(
     *,
     scenes: int,
     seed: int,
-    size: BuildingSize = USUAL,
     force: bool = False,
 ) -> Iterator[Path]:
     """Write buildings 0 to `scenes` - 1 of a seed, and yield the paths of their annotations.
 
-    `layouts/<scene_id>.yaml` has the layout of a building of at most 100 rooms, for `WithLayouts`.
+    `layouts/<scene_id>.yaml` has the layout of a building, for `WithLayouts`.
     A `synthetic.json` in the folder marks all as synthetic. The folder is there when the last path
     was taken.
 
@@ -48,7 +43,6 @@ def write_synthetic(
         out: the folder above `train`, `val` and `layouts`.
         scenes: 1 to 10,000,000.
         seed: 0 or more; another seed gives other buildings.
-        size: size of every building.
         force: replace existing synthetic buildings.
 
     Raises:
@@ -62,18 +56,14 @@ def write_synthetic(
             code="number-range",
             where=scenes,
         )
-    size.require_possible(rates)
-    mark: dict[str, Any] = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes}
-    mark["seed"] = seed
-    if size != USUAL:
-        mark["size"] = asdict(size)
+    mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
     text = (encode_json(mark) + "\n").encode()
     out = resolve_links(out)
     with write_folder(out, SYNTHETIC, plan=text, force=force) as (folder, done):
         if not done:
             write_bytes(folder / SYNTHETIC_MARK, text)
         for number in range(scenes):
-            building = synthesise(rates, seed=seed, number=number, size=size)
+            building = synthesise(rates, seed=seed, number=number)
             if not done:
                 _write_one(building, folder, rates, seed=seed, number=number)
             yield out / _name_annotation(building.split, building.scene_id, building.hash)
@@ -82,9 +72,8 @@ def write_synthetic(
 def _write_one(
     building: SyntheticBuilding, folder: Path, rates: SyntheticRates, *, seed: int, number: int
 ) -> None:
-    if len(building.room_types) <= MOST_ROOMS:
-        layout = draw_layout(rates, building, seed=seed, number=number)
-        write_bytes(folder / _name_layout(building.scene_id), layout.encode())
+    layout = draw_layout(rates, building, seed=seed, number=number)
+    write_bytes(folder / _name_layout(building.scene_id), layout.encode())
     rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
     path = folder / _name_annotation(building.split, building.scene_id, building.hash)
     write_bytes(path, "\n".join([HEADER, *rows, ""]).encode())
@@ -105,9 +94,7 @@ def _own(folder: Path) -> Callable[[str], bool]:
         return lambda path: False
     try:
         mark = parse_json(read_bytes(paths[0], MARK_FILE, error=DatasetError))
-        names = set(
-            _list_names(int(mark["seed"]), mark["scenes"], BuildingSize(**mark.get("size", {})))
-        )
+        names = {*_list_names(int(mark["seed"]), mark["scenes"])}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise DatasetError(
             f"{paths[0]}: does not say which buildings are synthetic; move {folder} away",
@@ -117,10 +104,10 @@ def _own(folder: Path) -> Callable[[str], bool]:
     return lambda path: path.startswith(f"{BUILD}/") or name_finished(path) in names
 
 
-def _list_names(seed: int, scenes: int, size: BuildingSize) -> Iterator[str]:
+def _list_names(seed: int, scenes: int) -> Iterator[str]:
     yield SYNTHETIC_MARK
     for number in range(scenes):
-        split, scene_id, building = name_building(seed, number, size)
+        split, scene_id, building = name_building(seed, number)
         yield _name_annotation(split, scene_id, building)
         yield _name_layout(scene_id)
 

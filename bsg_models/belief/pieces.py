@@ -5,7 +5,7 @@ A piece of kind k in a room of kind r holds a thing at the rate
     (t · belongs + (1 − t) · untidy) · (w + e)^0.8 · (1 − (1 − c) · (1 − h) / 2)
 
     belongs, untidy   shares of people who say that things belong there, or lie there in an untidy
-                      home (`bsg_data.scene.receptacles`); t is `tidy`
+                      home (`bsg_data.scene.things`); t is `tidy`
     w                 where a person would look for such a thing, by hand, per cent; e is 3, and 0.3
                       for a piece that holds one kind of things, such as a shoe rack
     c                 share of the piece that is not seen until it is opened
@@ -30,7 +30,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
-from bsg_data.scene.receptacles import (
+from bsg_data.scene.things import (
     Receptacle,
     find_keeping,
     find_receptacle,
@@ -188,8 +188,8 @@ def furnish(
     times = Counter(seen.kinds)
     each = {k: _rate(k, thing, said, tidy, room.hidden_share) / n for k, n in times.items()}
     more = [
-        float(unseen[row]) * _rate(kind, thing, said, tidy, 1.0) / (1 + times[kind])
-        for row, kind in _furniture_of(classes)
+        float(unseen[row]) * rate / (1 + times[kind])
+        for row, kind, rate in _furniture_of(classes, thing, said, tidy)
     ]
     left = _OVERLOOKED if room.visited and seen.pieces else 1.0
     rates = [each[kind] for kind in seen.kinds]
@@ -237,8 +237,10 @@ def _weigh_labels(room: _Labels) -> Floats:
     return weights / total if total else np.full(len(labels), 1 / len(labels))
 
 
-@lru_cache(maxsize=16)
-def _furniture_of(classes: tuple[str, ...]) -> tuple[tuple[int, Receptacle], ...]:
-    """Return the classes that are furniture, by their numbers."""
+@lru_cache(maxsize=1024)
+def _furniture_of(
+    classes: tuple[str, ...], thing: str, room: _Labels, tidy: float
+) -> tuple[tuple[int, Receptacle, float], ...]:
+    """Return the classes that are furniture, by their numbers, with their rates if not seen yet."""
     found = ((row, find_receptacle(name)) for row, name in enumerate(classes))
-    return tuple((row, kind) for row, kind in found if kind)
+    return tuple((n, kind, _rate(kind, thing, room, tidy, 1.0)) for n, kind in found if kind)

@@ -7,6 +7,7 @@ the piece's share of the room (`bsg_models.belief.pieces`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -98,7 +99,7 @@ def list_spots(
 
 def is_there(objects: Iterable[SeenObject]) -> float:
     """Return P(any of some objects is there)."""
-    return 1 - float(np.prod([1 - obj.probability for obj in objects]))
+    return 1 - math.prod([1 - obj.probability for obj in objects])
 
 
 def leave_rest(spots: list[Spot]) -> list[Spot]:

@@ -12,8 +12,10 @@ pieces (`bsg_models.belief.pieces`).
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -113,20 +115,18 @@ def doubt_objects(
         looks: that missed.
         names: meaning → whether a robot's word for an object names such a thing.
     """
-    looked: dict[int, list[MissedLook]] = {}
+    looked, inside = defaultdict(list), defaultdict(list)
     for one in looks:
-        looked.setdefault(one.look.room_index, []).append(one)
-    inside: dict[int, list[SeenObject]] = {node: [] for node in looked}
+        looked[one.look.room_index].append(one)
     for obj in graph.objects:
-        if obj.room_index in inside:
-            inside[obj.room_index].append(obj)
-    rooms = {
-        node: _Searched(graph.rooms[node - 1], inside[node], some, names)
+        inside[obj.room_index].append(obj)
+    miss = {
+        node: _doubt_room(graph.rooms[node - 1], inside[node], some, names=names)
         for node, some in looked.items()
     }
     objects = []
     for obj in graph.objects:
-        missed = rooms[obj.room_index].miss(obj) if obj.room_index in rooms else 1.0
+        missed = miss[obj.room_index](obj) if obj.room_index in miss else 1.0
         if missed < 1:
             before = _TRUSTED if obj.probability == 1 else obj.probability
             obj = replace(obj, score=before * missed / (1 - before + before * missed))
@@ -135,62 +135,49 @@ def doubt_objects(
     return replace(graph, objects=tuple(objects))
 
 
-class _Searched:
-    """A room in which looks have missed. Of each word that was seen there, it decides once."""
+def _doubt_room(
+    room: KnownRoom,
+    objects: Iterable[SeenObject],
+    looks: Iterable[MissedLook],
+    *,
+    names: Callable[[Meaning], Callable[[str], bool]],
+) -> Callable[[SeenObject], float]:
+    """Return P(all looks into a room miss an object that is there), a function of the object.
 
-    def __init__(
-        self,
-        room: KnownRoom,
-        objects: Iterable[SeenObject],
-        looks: Iterable[MissedLook],
-        names: Callable[[Meaning], Callable[[str], bool]],
-    ) -> None:
-        self._room, self._seen = room, find_pieces(objects)
-        sought: dict[str, list[MissedLook]] = {}
-        for one in looks:
-            sought.setdefault(one.meaning.word, []).append(one)
-        self._sought = [
-            (names(some[0].meaning), _Missed(some[0].meaning, _multiply(o.look for o in some)))
-            for some in sought.values()
-        ]
-        self._named: dict[str, list[_Missed]] = {}  # word of an object → what sought such things
-        self._missed: dict[tuple[str, str | None], float] = {}  # word and piece → see `miss`
+    Of each word that was seen there, it decides once.
+    """
+    seen, words = find_pieces(objects), defaultdict(list)
+    for one in looks:
+        words[one.meaning.word].append(one)
+    sought = [
+        (some[0].meaning, names(some[0].meaning), _multiply(one.look for one in some))
+        for some in words.values()
+    ]
 
-    def miss(self, obj: SeenObject) -> float:
-        """Return P(all looks miss an object that is there)."""
-        word, piece = obj.raw_category, self._seen.on.get(obj.name)
-        if word not in self._named:
-            self._named[word] = [one for is_sought, one in self._sought if is_sought(word)]
-        if (word, piece) not in self._missed:
-            missed = 1.0
-            for one in self._named[word]:
-                missed *= one.looks.get(None, 1.0) * self._miss_at_pieces(one, piece)
-            self._missed[word, piece] = missed
-        return self._missed[word, piece]
-
-    def _miss_at_pieces(self, one: _Missed, piece: str | None) -> float:
-        """Return P(looks at pieces miss what is on one; None: nobody knows on which)."""
-        if piece is not None:
-            return one.looks.get(piece, 1.0)
-        if one.somewhere is None:
-            one.somewhere = self._miss_somewhere(one)
-        return one.somewhere
-
-    def _miss_somewhere(self, one: _Missed) -> float:
-        if one.looks.keys() <= {None}:
+    @cache
+    def miss_somewhere(number: int) -> float:
+        """Return P(looks for a word miss what is on any piece)."""
+        meaning, _, missed = sought[number]
+        if missed.keys() <= {None}:
             return 1.0
         none: Floats = np.zeros(0)  # it is on a piece that was seen
-        known = furnish(one.meaning.said, self._room, self._seen, classes=(), unseen=none)
-        return 1.0 if known is None else known.overlooked(one.looks)
+        known = furnish(meaning.said, room, seen, classes=(), unseen=none)
+        return 1.0 if known is None else known.overlooked(missed)
 
+    @cache
+    def find_sought(word: str) -> list[int]:
+        return [number for number, (_, is_sought, _) in enumerate(sought) if is_sought(word)]
 
-@dataclass(eq=False, slots=True)
-class _Missed:
-    """What looks for one word have missed in a room."""
+    @cache
+    def miss(word: str, piece: str | None) -> float:
+        left = 1.0
+        for number in find_sought(word):
+            missed = sought[number][2]
+            at_piece = miss_somewhere(number) if piece is None else missed.get(piece, 1.0)
+            left *= missed.get(None, 1.0) * at_piece
+        return left
 
-    meaning: Meaning
-    looks: Mapping[str | None, float]  # see `_multiply`
-    somewhere: float | None = None  # P(they miss what is on any piece); None until it is asked
+    return lambda obj: miss(obj.raw_category, seen.on.get(obj.name))
 
 
 def _multiply(looks: Iterable[Look]) -> dict[str | None, float]:

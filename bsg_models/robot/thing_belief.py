@@ -15,7 +15,7 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObje
 from bsg_data.scene.things import Thing
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.nouns import Noun, NounTable
+from bsg_models.robot.nouns import Noun, NounTable
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
@@ -195,7 +195,7 @@ def _log_odds(probability: Floats) -> Floats:
 
 def _miss(objects: Sequence[SeenObject], chance: float) -> float:
     """Return P(a look finds none of the objects)."""
-    return float(np.prod([1 - chance * obj.probability for obj in objects]))
+    return math.prod([1 - chance * obj.probability for obj in objects])
 
 
 def believe_class(belief: Expectation, column: int) -> tuple[CountDistribution, float]:
@@ -292,8 +292,3 @@ def believe_kind(
 def _none_of_rooms(counts: CountDistribution) -> float:
     none = 1 - counts.presence[:, 0]
     return float(none[1:].prod() if len(none) > 1 else none[0])
-
-
-def list_searched(graph: PartialGraph) -> Bools:
-    """Return the nodes where a look finds nothing more, `[1 + R]`; the building is one."""
-    return np.array([True, *(room.hidden_share == 0 for room in graph.rooms)])

@@ -1,24 +1,30 @@
-"""Measure the ways between the rooms of a robot's graph."""
+"""Measure the ways between the rooms of a robot's graph, and what looks into them cost."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from pydantic import Field, PlainValidator, WithJsonSchema
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
+from bsg_data.observation.partial_graph import KnownRoom, Number, PartialGraph
 from bsg_data.recipes import read_number
+from bsg_data.scene.surroundings import area_of
+from bsg_data.spelling import SHOWN
+from bsg_models.robot.answers import EXPLORE
 from bsg_models.robot.words import find_room
 from bsg_models.search.knowledge import find_costs
-from bsg_models.search.looks import USUAL_WAY
+from bsg_models.search.looks import USUAL_WAY, metres_of_look
 
 MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
 Costs = Mapping[tuple[str, str], float]
+AnyLook: TypeAlias = float | Mapping[str, float]  # cost of a look, into every room or some
+_MOST = 1e9
 Unit = Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
 
 
@@ -133,6 +139,8 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
     A part of which no place is known is joined to the first room.
     """
     there, known = np.isfinite(edges), np.isfinite(lines)
+    if _is_whole(there[1:, 1:]):
+        return
     last = np.max(lines, where=known, initial=0) + np.arange(1.0, lines.size + 1)
     weights = np.where(known, lines, last.reshape(lines.shape)) + 1
     weights[there] = 0.5  # an edge that is there comes first
@@ -148,3 +156,70 @@ def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
         closer = (weights[b] < near) & np.isfinite(near)
         near[closer], nearest[closer] = weights[b, closer], b
         near[b] = np.inf
+
+
+def _is_whole(joined: Bools) -> bool:
+    """Return whether all rooms `[R, R]` connect."""
+    reached = np.zeros(len(joined), dtype=bool)
+    new = np.arange(min(1, len(joined)))
+    while len(new):
+        reached[new] = True
+        new = np.flatnonzero(joined[new].any(axis=0) & ~reached)
+    return bool(reached.all())
+
+
+def check_look(said: Any) -> AnyLook | None:
+    """Return what a robot says of the cost of its looks: a number, or room → number.
+
+    Raises:
+        RecipeError: for a cost that is no number of 0 or more.
+    """
+    if said is None:
+        return None
+    if not isinstance(said, Mapping):
+        return read_number("look", said, most=_MOST)
+    return {
+        str(name): read_number(f"look: {str(name)[:SHOWN]!r}", cost, most=_MOST)
+        for name, cost in said.items()
+    }
+
+
+SaidCost = Annotated[float, Number, Field(ge=0, le=_MOST)]  # of a look at a piece of furniture
+SaidLook = Annotated[  # as a field of what people and programs ask
+    AnyLook | None,
+    PlainValidator(check_look),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "minimum": 0},
+                {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
+                {"type": "null"},
+            ]
+        }
+    ),
+]
+
+
+def cost_looks(graph: PartialGraph, ways: Ways, look: AnyLook | None = None) -> Floats:
+    """Return the cost of a look in each room, and in one not found yet, `[1 + R + 1]`.
+
+    The usual cost is that of `metres_of_look`, for the share of the room that was not seen. Where
+    ways are not in metres, one between rooms that connect counts as long as in HM3D.
+
+    Args:
+        graph: what is known of the rooms.
+        ways: between them.
+        look: of every room; or by room id or label, and `explore` for rooms not found yet, where
+            the others keep their usual cost; None for the usual costs.
+
+    Raises:
+        RecipeError: if a cost is not a number of 0 or more, or a name means no room.
+    """
+    look = check_look(look)
+    if look is not None and not isinstance(look, Mapping):
+        return np.full(2 + len(graph.rooms), look)
+    metres = [metres_of_look(area_of(room), share=room.hidden_share) for room in graph.rooms]
+    costs = np.array([0.0, *metres, metres_of_look(None)]) * ways.metre
+    for name, cost in (look or {}).items():
+        costs[-1 if name == EXPLORE else find_room(graph, name)] = cost
+    return costs

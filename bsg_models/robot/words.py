@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from functools import cache, lru_cache
 from itertools import islice
 from types import MappingProxyType
@@ -25,7 +26,7 @@ from bsg_data.scene.name_rules import LONGEST, SHORT, index_words, is_typo, mend
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
-from bsg_models.belief.nouns import Noun, NounTable, looks_of, split_head
+from bsg_models.robot.nouns import Noun, NounTable, looks_of, split_head
 
 MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
@@ -39,6 +40,14 @@ _MARKS = " ?!.,;:…\"'`“”„‘’«»‹›()[]*¿¡？"  # around a name 
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
+class Asked(IntEnum):
+    """The models that may answer for a word."""
+
+    OWN = 0  # the building's
+    WIDE = 1
+    DEFAULT = 2  # by whose classes nouns are judged, where the building's model has others
+
+
 @dataclass(frozen=True, slots=True)
 class Meaning:
     """What a word is taken for: a class, or a noun that no model counts.
@@ -47,7 +56,7 @@ class Meaning:
         word: as it was asked.
         class_name: None if no model has a class for it.
         class_index: in its class space; None without a class.
-        model: index of the model that has this class, among the models offered; 0 without a class.
+        model: which model has this class; the building's own without a class.
         how: why, in words; empty if the word is the name of the class.
         is_exact: whether the class holds only such things; False for a teapot in `tableware`.
         noun: what the word means, if it is known and no class holds only such things.
@@ -60,7 +69,7 @@ class Meaning:
     word: str
     class_name: str | None
     class_index: int | None
-    model: int
+    model: Asked
     how: str
     is_exact: bool
     noun: Noun | None = None
@@ -99,16 +108,16 @@ def find_meaning(
     word without a class is looked up among the `nouns`, unless it is a part of the building, a
     room, or no thing at all: a person, an animal, a colour, an action or an event.
 
-    `class_maps` has one per model that can be asked, the preferred one first; later ones are only
-    loaded if they are needed. `prefer_exact=False` takes the first map that has a class for the
-    word, however wide the class is: for a map that is the user's own.
+    `class_maps` has that of the building's own model, and of the wide one if it may be asked, which
+    is only loaded if it is needed. `prefer_exact=False` takes the first map that has a class for
+    the word, however wide the class is: for a map that is the user's own.
     """
     require_word(word)
     said = _name_only(word)
     asked: list[ClassMap] = []
     wider: Meaning | None = None
-    for class_map in class_maps:
-        found = _look_up(word, said, class_map, len(asked))
+    for model, class_map in zip(Asked, class_maps, strict=False):
+        found = _look_up(word, said, class_map, model)
         if found and (found.is_exact or not (prefer_exact or found.is_mended)):
             return found
         asked.append(class_map)
@@ -120,7 +129,7 @@ def find_meaning(
     kind = find_kind(said) if roles <= {"unmapped", "nameless"} else None
     is_thing = kind is None and "structure" not in roles and not _is_room(said)
     if noun is not None and is_thing:
-        return Meaning(word, None, None, 0, _explain(noun), is_exact=False, noun=noun)
+        return Meaning(word, None, None, Asked.OWN, _explain(noun), is_exact=False, noun=noun)
     near = [] if kind else _spelled_alike(said, asked)
     if not near and kind is None and nouns is not None and roles == {"unmapped"}:
         near = _mended(said, nouns.known)
@@ -279,7 +288,7 @@ def _explain(noun: Noun) -> str:
     )
 
 
-def _look_up(word: str, thing: str, class_map: ClassMap, model: int) -> Meaning | None:
+def _look_up(word: str, thing: str, class_map: ClassMap, model: Asked) -> Meaning | None:
     """Return the class of a thing by the map of a model; None if it has none."""
     said = normalise_name(thing)
     named = [normalise_name(name) for name in class_map.classes]

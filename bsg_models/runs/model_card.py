@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from pydantic import Field, ValidationError
 
-from bsg_data.dataset.terms import LICENCE_REF, is_address
+from bsg_data.dataset.manifest import LICENCE_REF, is_address
 from bsg_data.inputs.documents import parse_yaml
 from bsg_data.recipes import Record, name_fault
 from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code

@@ -90,7 +90,7 @@ class Predictor:
         """Whether the model reads the kinds of rooms."""
         return self._model.reads_labels
 
-    @property
+    @cached_property
     def class_map(self) -> ClassMap:
         """The class map from a robot's words to the classes of the model.
 
@@ -164,6 +164,8 @@ class Predictor:
 
     def _update_shares(self, graph: PartialGraph, seen: Observation) -> PartialGraph:
         """Return a graph whose shares are updated by the classes that the model was taught."""
+        if all(room.share.is_certain for room in graph.rooms):
+            return graph
         never = np.isin(self.classes, self.untaught)
         taught = replace(seen, withheld=seen.withheld | never)
         apart = self._model.with_independent_rooms()

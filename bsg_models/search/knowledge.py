@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -46,20 +46,9 @@ class Knowledge:
 
     def take(self, which: Ints | Bools) -> Knowledge:
         """Return what some of the robots know."""
-        arrays = {
-            name: value[which]
-            for name in (
-                "here",
-                "rows",
-                "unexplored",
-                "wanted",
-                "presence",
-                "share",
-                "tour",
-                "look",
-            )
-            if (value := getattr(self, name)) is not None
-        }
+        known = {one.name: getattr(self, one.name) for one in fields(self)}
+        shared = ("task", "ways")  # by all searches of the building
+        arrays = {n: v[which] for n, v in known.items() if v is not None and n not in shared}
         return replace(self, **arrays)
 
     @property

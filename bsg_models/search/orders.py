@@ -258,42 +258,34 @@ def _put(order: Ints, room: Ints | int, place: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class _Orders:
-    """What B orders of S searches cost; W = n + 1 places, as rows for sums without broadcasting."""
+    """What B orders cost: each is of one of S searches, and of rooms among its W = n + 1 places."""
 
-    ways: Floats  # `[S · W · W]` from a place to others
-    back: Floats  # `[S · W · W]` from others to a place: what is read together lies together
-    miss: Floats  # `[S · W, A]`
-    every: Floats  # `[W, B, A]` product of q over all rooms
-    given: Floats  # `[W, B, A]` 1 / P(it is somewhere); 0 if it is nowhere
-    first: Ints  # `[W, B]` number of the search's first place
+    ways: Floats  # `[S, W, W]` from a place to others
+    miss: Floats  # `[S, W, A]` q of places; 1 at the robot's
+    first: Ints  # `[B]` number of the first place of the order's search, among all S · W
+    every: Floats  # `[B, A]` product of q over all rooms
+    given: Floats  # `[B, A]` 1 / P(it is somewhere); 0 if it is nowhere
     single: bool
 
     @classmethod
     def of(cls, ways: Floats, miss: Floats, *, single: bool, copies: int = 1) -> _Orders:
         """Return what some orders of each search cost; arguments as in `order_rooms`."""
-        every, places = np.tile(miss.prod(axis=1), (copies, 1)), miss.shape[1] + 1
+        every = np.tile(miss.prod(axis=1), (copies, 1))
         given = np.divide(1, 1 - every, out=np.zeros_like(every), where=every < 1)
-        first = np.tile(np.arange(len(miss)) * places, copies)
-        q = np.concatenate([miss, np.ones_like(miss[:, :1])], axis=1)
-        return cls(
-            ways=ways.ravel(),
-            back=ways.transpose(0, 2, 1).ravel(),
-            miss=q.reshape(-1, miss.shape[2]),
-            every=np.repeat(every[None], places, axis=0),
-            given=np.repeat(given[None], places, axis=0),
-            first=np.repeat(first[None], places, axis=0),
-            single=single,
-        )
+        places = np.concatenate([miss, np.ones_like(miss[:, :1])], axis=1)
+        first = np.tile(np.arange(len(miss)) * places.shape[1], copies)
+        return cls(np.ascontiguousarray(ways), places, first, every, given, single)
 
     def take(self, some: Ints) -> _Orders:
         """Return what some of the orders cost."""
-        every, given = (part[:, some] for part in (self.every, self.given))
-        return replace(self, every=every, given=given, first=self.first[:, some])
+        every, given = self.every[some], self.given[some]
+        return replace(self, first=self.first[some], every=every, given=given)
 
     def expect(self, order: Ints) -> Floats:
         """Return the expected costs of orders `[n, B]`, `[B]`."""
-        legs, products = self._walk(self._begin(order))
-        return np.asarray((legs * self._goes_on(products)[:-1]).sum(axis=0))
+        path = self._begin(order)
+        legs = self.ways.take(self._rows(path[:-1]) + path[1:])
+        return np.asarray((legs * self._goes_on(self._multiply(path))[:-1]).sum(axis=0))
 
     def find_place(self, order: Ints, room: Ints | int) -> Ints:
         """Return where a room costs least in orders `[m, B]` of others, `[B]`.
@@ -301,45 +293,43 @@ class _Orders:
         Legs before it are walked as if it were unvisited, later ones as if it were visited. Costs
         are compared with those of visiting it first, by a way that costs nothing.
         """
-        path, there = self._begin(order), self.first[0] + room
-        (legs, products), q = self._walk(path), self.miss[there]
+        path = self._begin(order)
+        products, q = self._multiply(path), self._miss(room)
         parts = (products, products * q) if self.single else (products * q, products)
         unvisited, visited = (self._goes_on(part) for part in parts)
-        path += there * len(self.first)
-        costs = self.back.take(path)
-        costs *= unvisited
-        onwards = self.ways.take(path[1:])
-        onwards -= legs
-        onwards *= visited[:-1]
-        costs[:-1] += onwards
-        unvisited -= visited
-        legs *= unvisited[:-1]
-        costs[1:] += accumulate(np.add, legs)
+        rows, after = self._rows(path), path[1:]
+        legs, onwards = self.ways.take(rows[:-1] + after), self.ways.take(self._rows(room) + after)
+        costs = self.ways.take(rows + room) * unvisited
+        costs[:-1] += (onwards - legs) * visited[:-1]
+        costs[1:] += accumulate(np.add, legs * (unvisited - visited)[:-1])
         return np.asarray(costs.argmin(axis=0))
 
     def _begin(self, order: Ints) -> Ints:
         """Return orders `[m, B]` with the robot's place before them."""
-        start = np.full_like(order, len(self.first) - 1, shape=(1, order.shape[1]))
+        start = np.full_like(order, self.ways.shape[1] - 1, shape=(1, order.shape[1]))
         return np.concatenate([start, order])
 
-    def _walk(self, path: Ints) -> tuple[Floats, Floats]:
-        """Return the legs of paths `[m + 1, B]`, and the products of q at their places.
+    def _rows(self, places: Ints | int) -> Ints:
+        """Return where the costs from places `[m, B]` begin among all `ways`."""
+        return np.asarray((self.first + places) * self.ways.shape[1])
 
-        These are over the rooms before each leg or, for `all`, from it on, `[m + 1, B, A]`.
+    def _miss(self, places: Ints | int) -> Floats:
+        """Return q of places `[m, B]`, `[m, B, A]`."""
+        return self.miss.reshape(-1, self.miss.shape[2]).take(self.first + places, axis=0)
+
+    def _multiply(self, path: Ints) -> Floats:
+        """Return the products of q over the rooms before each leg of paths `[m + 1, B]`.
+
+        For `all`, over those from it on; `[m + 1, B, A]`, with all rooms at the end.
         """
-        places = path + self.first[: len(path)]
-        rooms = places[1:] if self.single else places[:0:-1]
-        one = np.ones((1, path.shape[1], self.miss.shape[1]))
-        products = np.concatenate([one, self.miss.take(rooms, axis=0)])
-        accumulate(np.multiply, products)
-        places *= len(self.first)
-        legs = self.ways.take(places[:-1] + path[1:])
-        return legs, products if self.single else products[::-1]
+        rooms = path[1:] if self.single else path[:0:-1]
+        one = np.ones((1, path.shape[1], self.miss.shape[2]))
+        products = accumulate(np.multiply, np.concatenate([one, self._miss(rooms)]))
+        return products if self.single else products[::-1]
 
     def _goes_on(self, products: Floats) -> Floats:
         """Return w of products, `[m + 1, B]`."""
         if not self.single:
             return np.asarray(1 - products[..., 0])
-        left = products - self.every[: len(products)]
-        left *= self.given[: len(products)]
+        left = (products - self.every) * self.given
         return left[..., 0] if left.shape[2] == 1 else np.asarray(1 - (1 - left).prod(axis=2))

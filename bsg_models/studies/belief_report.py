@@ -28,8 +28,9 @@ from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
 from bsg_models.belief.graph_file import GraphFile
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import ShownBelief, write_explorer
+from bsg_models.robot.answers import ExpectedClass
 from bsg_models.robot.notes import note_graph
-from bsg_models.robot.seen_building import ExpectedClass, SeenBuilding
+from bsg_models.robot.seen_building import SeenBuilding
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import refuse_run

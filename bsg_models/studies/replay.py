@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import read_scene_graphs
 from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room
 from bsg_models.rendering.replay import Replay, Walk
 from bsg_models.search.room_graphs import MEASURED
@@ -45,7 +44,7 @@ def replay_search(
     result = next(one for one in results if (one.world, one.task) == (world, there[0].task))
     typical = result.savings[there[0].planner].saved.value
     kept = there[0] if named else choose_shown(there, typical)
-    graphs = read_scene_graphs(data.path, manifest=data.manifest, held=data.held)
+    graphs = data.read_graphs()
     graph = next(one for one in graphs if one.scene_id == kept.scene_id)
     walks = []
     for planner, stops in kept.walks.items():

@@ -53,8 +53,8 @@ def split(
     elif folds is not None:
         chosen = {"method": "folds", "ratios": None, "folds": folds}
     recipe = bsg_data.SplitRecipe(seed=seed, **chosen)
-    manifest = bsg_data.split_dataset(dataset, recipe, force=force)
-    splits = bsg_data.read_splits(dataset, manifest=manifest)
+    bsg_data.split_dataset(dataset, recipe, force=force)
+    splits = bsg_data.read_splits(dataset)
     sizes = {name: len(ids) for name, ids in splits.items()}
     print_text(", ".join(f"{name} {size}" for name, size in sizes.items()) + " buildings")
     print_text(f"next: bsg-data pairs {dataset}")

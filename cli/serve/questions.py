@@ -17,7 +17,7 @@ from bsg_data.observation.partial_graph import Id, Score, Text, reclassify
 from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.recipes import Record, SaidRecord
 from bsg_models.belief.graph_file import parse_graph
-from bsg_models.robot.looks import SaidCost, SaidLook
+from bsg_models.robot.ways import SaidCost, SaidLook
 from bsg_models.search.knowledge import Task
 
 MOST_ROOMS = 500  # of a map

@@ -25,7 +25,7 @@ from bsg_data.dataset.commit import publish
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import Totals
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import read_table, write_parquet
+from bsg_data.dataset.shards import write_parquet
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
@@ -86,7 +86,7 @@ def time_call(run: Callable[[Path], object], path: Path) -> float:
 def repeat(made: Path, out: Path, *, times: int) -> Path:
     """Write a dataset that holds every building of another so often, and split it; return it."""
     data, size = Dataset.open(made), 16
-    tables = {name: read_table(made, name, manifest=data.manifest) for name in TABLES}
+    tables = {name: data.read_table(name) for name in TABLES}
     parts = [
         {name: take(table, data.scene_ids[first : first + size]) for name, table in tables.items()}
         for first in range(0, MADE, size)

@@ -31,7 +31,7 @@ from bsg_data import (
     read_scene_graphs,
     write_synthetic,
 )
-from bsg_data.extend import BuildingSize, ClassSpace, ShareBelief, WithLayouts
+from bsg_data.extend import ClassSpace, ShareBelief, WithLayouts
 from bsg_data.observation.reports import hide_of_room
 from bsg_models import Predictor, SeenBuilding, open_graph
 
@@ -194,12 +194,13 @@ def _search(seen: SeenBuilding, planner: str) -> tuple[list[str], float]:
 
 
 def _make_building() -> tuple[SceneGraph, ClassSpace]:
-    """Return a synthetic building with places, and its class space."""
+    """Return a synthetic building of six rooms with places, and its class space."""
     with tempfile.TemporaryDirectory() as name:
         folder, dataset = Path(name, "buildings"), Path(name, "dataset")
-        list(write_synthetic(folder, scenes=1, seed=4, size=BuildingSize(rooms=6)))
+        list(write_synthetic(folder, scenes=6, seed=7))
         build_dataset(WithLayouts(open_source("hm3d", folder), folder / "layouts"), dataset)
-        return next(read_scene_graphs(dataset)), read_manifest(dataset).class_space
+        graphs = (graph for graph in read_scene_graphs(dataset) if len(graph.rooms) == 6)
+        return next(graphs), read_manifest(dataset).class_space
 
 
 def _point(

@@ -29,7 +29,7 @@ from results import ResultsTable, format_estimate, write_figures
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
-from bsg_data.scene.receptacles import find_receptacle, read_shares
+from bsg_data.scene.things import find_receptacle, read_shares
 from bsg_models.belief.pieces import TIDY, find_pieces, furnish
 from bsg_models.evaluation.bootstrap import Estimate, estimate_value, weigh_buildings
 from bsg_models.robot.seen_building import SeenBuilding, open_graph

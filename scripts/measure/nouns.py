@@ -5,7 +5,7 @@
 
 GloVe 6B (public domain) says which words are alike, WordNet 3.0 which are physical things. The rate
 of a noun in a room is a bilinear function of its features and of what `universal` believes of the
-room (`bsg_models.belief.nouns`). It is learned by Poisson regression from the categories of HM3D
+room (`bsg_models.robot.nouns`). It is learned by Poisson regression from the categories of HM3D
 and BEHAVIOR in masked rooms, and by logistic regression from Housekeep's train and val objects.
 The same inputs give the same bytes.
 """
@@ -34,7 +34,7 @@ from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless, load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
-from bsg_models.belief.nouns import (
+from bsg_models.robot.nouns import (
     HEAD,
     NounTable,
     describe_state,

@@ -26,7 +26,6 @@ import numpy as np
 from folds import open_dataset, open_folds
 from results import ResultsTable, format_estimate, write_figures
 
-from bsg_data.dataset.shards import read_table
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import ROOM_SPECIFIC, SearchRequest
@@ -96,7 +95,7 @@ def _list_artifacts(board: Path, one: Search) -> list[str]:
         return [*ROOM_SPECIFIC]
     data = open_dataset(board, one.model)
     classes = data.manifest.class_space.classes
-    column = read_table(data.path, "objects", columns=["class_index"], manifest=data.manifest)
+    column = data.read_table("objects", columns=["class_index"])
     indices = column["class_index"].drop_null().to_numpy()
     counts = np.bincount(indices, minlength=len(classes))
     return [classes[c] for c in np.argsort(-counts, kind="stable")[:FREQUENT]]

@@ -22,7 +22,6 @@ from shapely.geometry.base import BaseGeometry
 from shapely.ops import nearest_points
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import read_table
 
 LEAST_ROOMS = 5  # of a storey
 RADIUS = 0.1  # metres, of the robot
@@ -58,7 +57,7 @@ def open_storeys(data: Dataset, scenes: Iterable[str]) -> Iterator[tuple[str, St
     }
     rows: dict[str, dict[str, list[Row]]] = {one: {"rooms": [], "objects": []} for one in scenes}
     for name, wanted in columns.items():
-        for row in read_table(data.path, name, columns=wanted, manifest=data.manifest).to_pylist():
+        for row in data.read_table(name, columns=wanted).to_pylist():
             if row["scene_id"] in rows:
                 rows[row["scene_id"]][name].append(row)
     for scene, tables in sorted(rows.items()):

@@ -65,9 +65,10 @@ def make_graph(rooms: int, *, told: bool) -> dict[str, Any]:
 
 
 def ask_again(seen: Any) -> None:
-    """Report an object that is known already, so that nothing is remembered, and ask."""
+    """Report that an object is another thing, so that nothing is remembered, and ask."""
     known = seen.graph.objects[0]
-    seen.saw(seen.rooms[0], known.raw_category, object_id=known.name)
+    word = WORDS[WORDS.index(known.raw_category) - 1]
+    seen.saw(seen.rooms[0], word, object_id=known.name)
     seen.where(THING)
 
 

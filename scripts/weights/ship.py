@@ -26,7 +26,6 @@ from disclosure import find_disclosed, measure_membership
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import hash_manifest, read_manifest
-from bsg_data.dataset.shards import read_table
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.files import write_bytes
@@ -262,7 +261,7 @@ def describe_accuracy(name: str) -> str:
 
 def _list_sources(data: Dataset) -> tuple[TrainedOn, ...]:
     """Return the sources of a dataset, with the number of buildings of each and their terms."""
-    table = read_table(data.path, "scenes", columns=["source"], manifest=data.manifest)
+    table = data.read_table("scenes", columns=["source"])
     buildings = Counter(table["source"].to_pylist())
     terms = {entry.kind: entry.terms for entry in data.manifest.sources}
     names = ("licence", "licence_url", "sentence", "citation")

@@ -42,7 +42,6 @@ from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef
-from bsg_data.sources.table import ObjectTable
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:
@@ -293,7 +292,7 @@ def test_labels_of_rooms_that_nobody_knows_are_reported(tmp_path: Path) -> None:
     rooms = ["Wohnzimmer", "Wohnzimmer 2", "Dachboden", "kitchen", "R7", "other"]
     rows = [f"flat,{room},chair\n" for room in rooms]
     (tmp_path / "objects.csv").write_text("".join(["scene,room,category\n", *rows]))
-    manifest = build_dataset(ObjectTable(tmp_path / "objects.csv"), tmp_path / "out")
+    manifest = build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "out")
     assert {one.name: one.instances for one in manifest.unknown_labels} == {
         "Dachboden": 1,
         "Wohnzimmer": 1,
@@ -509,8 +508,9 @@ def test_a_table_that_is_written_anew_stops_the_build(tmp_path: Path) -> None:
         def strike(done: int, total: int, then: str = then) -> None:
             table.write_text(then)
 
+        source = open_source("table", table)
         with pytest.raises(SourceChangedError, match="no scene was skipped"):
-            build_dataset(ObjectTable(table), tmp_path / "out", scenes_per_shard=1, progress=strike)
+            build_dataset(source, tmp_path / "out", scenes_per_shard=1, progress=strike)
 
 
 def test_parts_that_are_built_apart_merge_to_the_tables_of_one_build(

@@ -7,7 +7,7 @@ from typing import Annotated, Any, get_args, get_origin
 import pytest
 from pydantic import BaseModel, FailFast, Field, ValidationError, WrapValidator
 
-from bsg_data.first_fault import Keyed, Listed
+from bsg_data.first_fault import ForeignRecord, Keyed, Listed
 from bsg_data.recipes import Record, SaidRecord, name_fault
 from bsg_data.sources import (
     behavior,
@@ -16,7 +16,6 @@ from bsg_data.sources import (
     procthor,
     spark_dsg,
 )
-from bsg_data.sources.foreign_record import ForeignRecord
 from bsg_models.belief import document
 
 MANY = 100_000

@@ -16,8 +16,8 @@ from bsg_data.dataset.statistics import count_sources
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.merge import merge_datasets
 from bsg_data.recipes import SplitRecipe
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.table import ObjectTable
 from bsg_data.synthetic.buildings import write_synthetic
 
 
@@ -141,6 +141,6 @@ def test_a_building_that_one_source_calls_by_its_key_is_refused(tmp_path: Path) 
     build_dataset(HM3DFolder(tmp_path / "hm3d"), tmp_path / "one")
     for name in ("00006-HkseAnWCgqk", "HkseAnWCgqk"):
         (tmp_path / "objects.csv").write_text(f"scene,room,category\n{name},hall,bed\n")
-        build_dataset(ObjectTable(tmp_path / "objects.csv"), tmp_path / "two", force=True)
+        build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "two", force=True)
         with pytest.raises(DatasetError, match="is also in"):
             merge_datasets([tmp_path / "one", tmp_path / "two"], tmp_path / "both")

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict
 
 import pytest
 from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 
 from bsg_cli.belief import main
-from bsg_models import EXPLORE, open_graph
+from bsg_models import open_graph
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 
@@ -102,26 +101,6 @@ def test_rooms_that_are_not_found_yet_are_a_place_and_may_come_first() -> None:
     assert done.stdout.splitlines()[1].startswith("rooms not found yet")
     (go,) = (line for line in done.stdout.splitlines() if "explore" in line)
     assert go == "explore first: find the rooms that are not found yet"
-    answer = json.loads(
-        call("-", "--find", "toilet", "--from", "kitchen", "--json", stdin=home).stdout
-    )
-    assert answer["go_first"] == answer["things"][0]["places"][0]["room"] == EXPLORE
-    assert [step["room"] for step in answer["plan"]].count(EXPLORE) == 1
-
-
-def test_json_tells_ids_and_the_numbers_of_python() -> None:
-    words = ("--model", "mixture", "--find", "sofa", "--json", "--from", "C: meeting room")
-    done = call("-", *words, stdin=OFFICE.read_text("utf-8"))
-    answer, seen = json.loads(done.stdout), open_graph(OFFICE, model="mixture")
-    (sofa,) = answer["things"]
-    assert sofa["class"] == "couch"
-    assert sofa["how"] == "'sofa' is 'couch'"
-    assert answer["go_first"] == seen.next_room("sofa", here="meeting-room") == "waiting-room"
-    assert sofa["anywhere"] == seen.anywhere("sofa")
-    assert (answer["cost_unit"], answer["here"]) == ("rooms", "meeting-room"), "ids"
-    found = [*map(asdict, seen.where("sofa", here="meeting-room"))]
-    assert sofa["places"] == json.loads(json.dumps(found))
-    assert answer["plan"] == [*map(asdict, seen.explain("sofa", here="meeting-room"))]
 
 
 def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
@@ -134,11 +113,6 @@ def test_several_things_get_a_table_each_and_one_room_to_go_to_first() -> None:
     assert go.startswith(f"go first to {first} (")
     answer = json.loads(call(*words, "--from", "waiting-room", "--json").stdout)
     assert [one["class"] for one in answer["things"]] == ["microwave", "couch"]
-    assert [one["anywhere"] for one in answer["things"]] == [
-        seen.anywhere("microwave"),
-        seen.anywhere("sofa"),
-    ]
-    assert (answer["go_first"], answer["cost_unit"]) == (first, "rooms")
     one = json.loads(call(*words[:-2], "--from", "waiting-room", "--json").stdout)
     assert one.keys() == answer.keys(), "one shape for one and several"
 

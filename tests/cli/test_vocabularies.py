@@ -23,8 +23,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.robot_json import parse_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
-from bsg_data.sources.spark_dsg import RobotGraphs
-from bsg_data.sources.table import ObjectTable
+from bsg_data.sources.catalogue import open_source
 from bsg_models import Predictor, annotate_hydra, believe, open_graph
 from bsg_models.belief.graph_file import open_graph_file, parse_graph
 from bsg_models.robot.words import find_meaning
@@ -108,7 +107,7 @@ def by_labels_in_a_graph(folder: Path) -> Classes:
 
 def by_a_recording(folder: Path) -> Classes:
     (folder / "dsg.json").write_text(json.dumps(label_graph(named=True)), "utf-8")
-    source = RobotGraphs(folder / "dsg.json")
+    source = open_source("spark-dsg", folder / "dsg.json")
     (scene,) = source.find().scenes
     return [name_class(obj.class_index) for obj in source.read(scene, MAP).graph.objects]
 
@@ -117,7 +116,7 @@ def by_table(folder: Path) -> Classes:
     with (folder / "things.csv").open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerows([["scene", "room", "category"], *(["s", "r", word] for word in WORDS)])
-    source = ObjectTable(folder / "things.csv")
+    source = open_source("table", folder / "things.csv")
     (scene,) = source.find().scenes
     read = source.read(scene, MAP).graph.objects
     found = {obj.raw_category: name_class(obj.class_index) for obj in read}
@@ -228,7 +227,7 @@ def test_a_dataset_of_earlier_rules_is_sound(
 ) -> None:
     """By rules 1 a tv_monitor was a computer; the manifest has the hash of the map with them."""
     (tmp_path / "things.csv").write_text("scene,room,category\ns,r,tv_monitor\ns,r,chair\n")
-    source, earlier = ObjectTable(tmp_path / "things.csv"), MAP.former
+    source, earlier = open_source("table", tmp_path / "things.csv"), MAP.former
     with monkeypatch.context() as patched:
         patched.setattr("bsg_data.build.load_class_map", lambda name: earlier)
         manifest = build_dataset(source, tmp_path / "earlier")

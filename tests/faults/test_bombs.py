@@ -35,6 +35,7 @@ READ = """
 import resource, sys
 from pathlib import Path
 from bsg_data.errors import BSGError
+from bsg_data.sources.catalogue import open_source
 from {module} import {reader}
 used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + {most}, used + {most}))
@@ -51,29 +52,28 @@ ANNOTATION = (
     "parse_annotation",
     "parse_annotation(path.read_bytes(), path=path)",
 )
+SOURCE = "bsg_data.sources.catalogue", "open_source"
 SHEETS = (
-    "bsg_data.sources.cobie",
-    "CobieSheets",
-    "from bsg_data.scene.class_map import load_class_map as load; source = CobieSheets(path); "
-    "source.read(source.find().scenes[0], load())",
+    *SOURCE,
+    "from bsg_data.scene.class_map import load_class_map as load; "
+    "source = open_source('cobie', path); source.read(source.find().scenes[0], load())",
 )
 LAYOUT = ("bsg_data.sources.layout_files", "read_layout", "read_layout(path)")
 LABELS = ("bsg_data.sources.spark_dsg", "load_label_space", "load_label_space(str(path))")
-ZIP = ("bsg_data.sources.hm3d_stats", "read_scene_lines", "read_scene_lines(path)")
+ZIP = ("bsg_data.sources.hm3d_stats", "_read_scene_lines", "_read_scene_lines(path)")
 HOUSE = (
-    "bsg_data.sources.mp3d",
-    "MatterportHouses",
+    *SOURCE,
     "from bsg_data.scene.class_map import load_class_map as load; "
-    "source = MatterportHouses(path); source.read(source.find().scenes[0], load())",
+    "source = open_source('mp3d', path); source.read(source.find().scenes[0], load())",
 )
-TABLE = ("bsg_data.sources.table", "ObjectTable", "ObjectTable(path).find()")
-PROCTHOR = ("bsg_data.sources.procthor", "ProcTHORHouses", "ProcTHORHouses(path).find()")
+TABLE = (*SOURCE, "open_source('table', path).find()")
+PROCTHOR = (*SOURCE, "open_source('procthor', path).find()")
 CLASS_MAP = (
     "bsg_data.scene.class_map",
     "load_class_map",
     "load_class_map(str(path)).classify('chiar')",
 )
-WORDS = ("bsg_data.sources.room_words", "read_room_words", "read_room_words(path)")
+WORDS = ("bsg_data.sources.room_words", "_read_room_words", "_read_room_words(path)")
 CONFIG = ("bsg_models.zoo.config", "read_config", "read_config(path)")
 
 

@@ -31,7 +31,7 @@ from one_building import read_pairs
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.dataset import Dataset, read_splits
+from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
@@ -267,7 +267,7 @@ class House(RuleBasedStateMachine):
         """Return what a reader learns of a dataset."""
         data = Dataset.open(dataset)
         cells = tuple(int(data.cells(scene).sum()) for scene in data.scene_ids)
-        splits = read_splits(dataset, manifest=data.manifest)
+        splits = data.require_splits()
         rows = [len(read_pairs(data, split)) for split in splits if data.manifest.pairs is not None]
         return cells, tuple(splits.items()), tuple(rows)
 

@@ -96,13 +96,6 @@ def test_words_that_name_no_thing_are_not_those_that_a_map_or_a_vocabulary_gives
         assert [row["word"] for row in rows if class_of(class_map, row["word"])] == []
 
 
-def test_real_words_are_sorted_and_none_is_a_word_of_a_name() -> None:
-    rows = [row["word"] for row in read("real-words-v1.csv")]
-    assert rows == sorted(set(rows))
-    named = {word for name in V2.normalised for word in name.split()}
-    assert named.isdisjoint(rows)
-
-
 @pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is not on this machine")
 def test_the_objects_of_ithor_have_the_classes_of_their_own_table() -> None:
     path = SHARED.parent / "sources" / "ithor" / "objects.csv"

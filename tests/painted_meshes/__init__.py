@@ -28,7 +28,7 @@ from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.synthetic.building import load_rates, synthesise
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.floor_plan import draw_floor_plan
-from painted_meshes.glb import SIZES, Colours, UpAxis, encode_mesh, measure_truth
+from painted_meshes.glb import SIZES, UpAxis, encode_mesh, measure_truth
 from painted_meshes.surfaces import Fixture, furnish
 
 _UNLISTED = 3  # colours that are painted and not listed
@@ -39,7 +39,6 @@ class Painting:
     """How meshes are painted."""
 
     size: str = "small"  # or `full`, as large as a real mesh
-    coloured_by: Colours = "texture"
     up_axis: UpAxis | None = None  # of the files; None: y in even buildings, z in odd ones
 
 
@@ -72,14 +71,7 @@ def paint_building(
     with_stairs = {fixture.room for fixture in fixtures if fixture.category in STAIRS}
     plan = draw_floor_plan(len(regions), with_stairs=with_stairs, rng=rng)
     surfaces = furnish(plan, fixtures, texel=size.texel, rng=rng)
-    mesh = encode_mesh(
-        surfaces,
-        _draw_colours(rows, rng),
-        size=size,
-        up_axis=up_axis,
-        coloured_by=painting.coloured_by,
-        rng=rng,
-    )
+    mesh = encode_mesh(surfaces, _draw_colours(rows, rng), size=size, up_axis=up_axis)
     truth = measure_truth(surfaces, plan, regions=regions, texel=size.texel)
     return mesh, {"up_axis": up_axis, "texel": size.texel, **truth}
 

@@ -1,9 +1,9 @@
 """Write a furnished building as HM3D's `semantic.glb`, and say what is true of it.
 
 What HM3D's files have, these have: one mesh a room with a primitive for every page of texels, a PNG
-texture each (palette or RGB) in which every texel is the colour of an instance, nested transforms,
-triangles that straddle instances, colours that nobody listed, and either axis up. glTF is written
-here and not by trimesh, whose writer makes one primitive a mesh and chooses the PNG mode itself.
+texture each (palette or RGB) in which every texel is the colour of an instance, triangles that
+straddle instances, colours that nobody listed, and either axis up. glTF is written here and not by
+trimesh, whose writer makes one primitive a mesh and chooses the PNG mode itself.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ from bsg_data.scene.scene_graph import Box
 from bsg_data.synthetic.floor_plan import FloorPlan
 from painted_meshes.surfaces import Surface
 
-Colours = Literal["texture", "vertex", "both"]
 UpAxis = Literal["y", "z"]
 
 Bytes = npt.NDArray[np.uint8]
 
 _PNG_LEVEL = 6
-_NEAREST, _FLOAT, _UINT, _UBYTE = 9728, 5126, 5125, 5121
+_NEAREST, _FLOAT, _UINT = 9728, 5126, 5125
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +78,6 @@ def encode_mesh(
     *,
     size: _MeshSize,
     up_axis: UpAxis,
-    coloured_by: Colours,
-    rng: np.random.Generator,
 ) -> bytes:
     """Return the bytes of a GLB.
 
@@ -90,33 +87,30 @@ def encode_mesh(
             are those of the labels below 0, which count from the end.
         size: how fine.
         up_axis: which axis of the file points up.
-        coloured_by: textures, vertex colours, or both.
-        rng: of the transforms.
     """
     binary = _Binary()
     tree: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "painted_meshes"},
         "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"name": "building", "children": []}],
+        "scenes": [{"nodes": []}],
+        "nodes": [],
         "meshes": [],
     }
     materials: dict[str, list[dict[str, Any]]] = {"images": [], "textures": [], "materials": []}
     for room in sorted({surface.room for surface in surfaces}):
         here = [surface for surface in surfaces if surface.room == room]
-        local = _add_nodes(tree, room, up_axis, rng)
+        tree["scenes"][0]["nodes"].append(len(tree["nodes"]))
+        tree["nodes"].append({"mesh": len(tree["meshes"])})
         primitives = []
         for number, tiles in enumerate(_paginate(here, size)):
-            primitive = _add_primitive(binary, tiles, local, colours, size, coloured_by)
-            if coloured_by != "vertex":
-                image = _paint_page(tiles, size.page)
-                primitive["material"] = _add_texture(
-                    binary, materials, image, colours, palette=(room + number) % 2 == 0
-                )
+            primitive = _add_primitive(binary, tiles, up_axis, size)
+            image = _paint_page(tiles, size.page)
+            primitive["material"] = _add_texture(
+                binary, materials, image, colours, palette=(room + number) % 2 == 0
+            )
             primitives.append(primitive)
         tree["meshes"].append({"name": f"chunk{room:03d}", "primitives": primitives})
-    if materials["images"]:
-        tree |= {**materials, "samplers": [{"magFilter": _NEAREST, "minFilter": _NEAREST}]}
+    tree |= {**materials, "samplers": [{"magFilter": _NEAREST, "minFilter": _NEAREST}]}
     return _pack(tree, binary)
 
 
@@ -138,30 +132,6 @@ def turn(points: Floats, up_axis: UpAxis) -> Floats:
     """Return points `[..., 3]` of the building, Z up, in the axes of a file."""
     x, y, z = np.moveaxis(points, -1, 0)
     return np.stack([x, z, -y] if up_axis == "y" else [x, y, z], axis=-1)
-
-
-def _add_nodes(tree: dict[str, Any], room: int, up_axis: UpAxis, rng: np.random.Generator) -> Any:
-    """Add a moved node with a turned and scaled child; return the way into the child's axes."""
-    shift, angle, scale = rng.uniform(-5, 5, 3), rng.uniform(-np.pi, np.pi), rng.uniform(0.5, 2)
-    up = turn(np.array([0.0, 0.0, 1.0]), up_axis)
-    quaternion = [*(up * np.sin(angle / 2)), np.cos(angle / 2)]
-    parent = len(tree["nodes"])
-    tree["nodes"][0]["children"].append(parent)
-    tree["nodes"] += [
-        {"name": f"group{room:03d}", "translation": shift.tolist(), "children": [parent + 1]},
-        {
-            "mesh": len(tree["meshes"]),
-            "rotation": [float(q) for q in quaternion],
-            "scale": [float(scale)] * 3,
-        },
-    ]
-    cross = np.array([[0, -up[2], up[1]], [up[2], 0, -up[0]], [-up[1], up[0], 0]])
-    rotation = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-
-    def local(points: Floats) -> Floats:
-        return np.asarray((turn(points, up_axis) - shift) @ rotation / scale)
-
-    return local
 
 
 def _paginate(surfaces: list[Surface], size: _MeshSize) -> Iterator[_Page]:
@@ -205,12 +175,10 @@ def _paint_page(tiles: _Page, page: int) -> npt.NDArray[np.int32]:
 def _add_primitive(
     binary: _Binary,
     tiles: _Page,
-    local: Any,
-    colours: Bytes,
+    up_axis: UpAxis,
     size: _MeshSize,
-    coloured_by: Colours,
 ) -> dict[str, Any]:
-    points, places, faces, shades = [], [], [], []
+    points, places, faces = [], [], []
     total = 0
     for tile, (top, left) in tiles:
         rows, columns = (_cuts(length, size.quad) for length in tile.texels.shape)
@@ -219,20 +187,14 @@ def _add_primitive(
             tile.corner + size.texel * (column[:, None] * tile.across + row[:, None] * tile.upward)
         )
         places.append(np.stack([column + left, row + top], axis=1) / size.page)
-        inside = np.minimum(row, rows[-1] - 1), np.minimum(column, columns[-1] - 1)
-        shades.append(colours[tile.texels[inside]])
         faces.append(_quads(len(rows), len(columns)) + total)
         total += len(row)
-    where = local(np.concatenate(points)).astype("<f4")
+    where = turn(np.concatenate(points), up_axis).astype("<f4")
     ends = {"min": where.min(axis=0).tolist(), "max": where.max(axis=0).tolist()}
-    attributes = {"POSITION": binary.accessor(where, "VEC3", _FLOAT, **ends)}
-    if coloured_by != "vertex":
-        texture = np.concatenate(places).astype("<f4")
-        attributes["TEXCOORD_0"] = binary.accessor(texture, "VEC2", _FLOAT)
-    if coloured_by != "texture":
-        shade = np.concatenate(shades)
-        opaque = np.concatenate([shade, np.full((len(shade), 1), 255, np.uint8)], axis=1)
-        attributes["COLOR_0"] = binary.accessor(opaque, "VEC4", _UBYTE, normalized=True)
+    attributes = {
+        "POSITION": binary.accessor(where, "VEC3", _FLOAT, **ends),
+        "TEXCOORD_0": binary.accessor(np.concatenate(places).astype("<f4"), "VEC2", _FLOAT),
+    }
     corners = np.concatenate(faces).astype("<u4")
     return {"attributes": attributes, "indices": binary.accessor(corners, "SCALAR", _UINT)}
 

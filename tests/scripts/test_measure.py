@@ -42,8 +42,8 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import Surroundings
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.s3dis import S3DISAreas
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import weigh_buildings
@@ -297,7 +297,7 @@ def test_models_are_measured_on_whole_datasets_that_they_never_saw(tmp_path: Pat
     rooms = [(area, room, n) for area in (1, 2) for room in (1, 2, 3) for n in range(room)]
     labels = [f"chair_{n}_office_{room}_{area}" for area, room, n in rooms]
     (tmp_path / "labels.json").write_text(json.dumps(labels), "utf-8")
-    build_dataset(S3DISAreas(tmp_path / "labels.json"), tmp_path / "offices")
+    build_dataset(open_source("s3dis", tmp_path / "labels.json"), tmp_path / "offices")
     out = tmp_path / "figures.json"
     words = [f"--data={tmp_path / 'offices'}", "--models=mixture", "--draws=3", "--resamples=5"]
     assert foreign.main([*words, f"--out={out}"]) == 0

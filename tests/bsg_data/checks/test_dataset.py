@@ -26,8 +26,8 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import hold
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.table import ObjectTable
 from bsg_data.synthetic.buildings import write_synthetic
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -244,7 +244,7 @@ def test_connected_rooms_without_a_place_are_sound(tmp_path: Path) -> None:
     rows = [f"flat{k},{r},bed,{r + 1 if r < 5 else ''}" for k in range(10) for r in range(1, 6)]
     table.write_text("\n".join(["scene,room,category,connected", *rows]), "utf-8")
     dataset = tmp_path / "dataset"
-    build_dataset(ObjectTable(table), dataset)
+    build_dataset(open_source("table", table), dataset)
     split_dataset(dataset, SplitRecipe())
     write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="explore"), draws=2))
     edges = pq.read_table(dataset / EDGES, columns=["kind"])["kind"].to_pylist()

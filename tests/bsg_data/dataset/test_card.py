@@ -12,8 +12,8 @@ import pytest
 from bsg_data.build import build_dataset
 from bsg_data.dataset.card import write_card
 from bsg_data.dataset.manifest import read_manifest
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.table import ObjectTable
 from bsg_data.synthetic.buildings import write_synthetic
 
 
@@ -69,7 +69,7 @@ def test_another_dataset_in_a_folder_of_the_same_name_is_not_taken_for_the_first
         table = tmp_path / where / "objects.csv"
         table.parent.mkdir(exist_ok=True)
         table.write_text(f"scene,room,category\nflat,bedroom,{thing}\n")
-        build_dataset(ObjectTable(table), table.parent / "dataset", force=True)
+        build_dataset(open_source("table", table), table.parent / "dataset", force=True)
         rows = datasets.load_dataset(
             str(table.parent / "dataset"),
             "objects",

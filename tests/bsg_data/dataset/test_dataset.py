@@ -17,7 +17,7 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset, _open_once, read_cells
 from bsg_data.dataset.histograms import NO_CATEGORY, choose_vocabulary
 from bsg_data.dataset.manifest import hash_manifest, read_manifest
-from bsg_data.dataset.shards import read_file, read_scene_graphs
+from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_graph import mask_scene
@@ -251,14 +251,16 @@ def test_a_dataset_of_many_parts_keeps_as_many_as_a_bound_allows(
     whole = read_cells(dataset)
     monkeypatch.setattr("bsg_data.dataset.dataset.HELD_BYTES", 1)
     read: list[str] = []
+    read_file = Dataset.read_file
     monkeypatch.setattr(
-        "bsg_data.dataset.dataset.read_file",
-        lambda folder, entry, **chosen: (
-            read.append(entry.path) or read_file(folder, entry, **chosen)
-        ),
+        Dataset,
+        "read_file",
+        lambda data, entry, **chosen: read.append(entry.path) or read_file(data, entry, **chosen),
     )
     manifest = read_manifest(dataset)
-    small = Dataset(dataset, manifest, hash_manifest(dataset))
+    small = Dataset(dataset, manifest, {}, hash_manifest(dataset))
+    assert len(small.scene_ids) == len(whole)
+    read.clear()
     for scenes in small.in_shards(small.scene_ids):
         for scene in scenes:
             np.testing.assert_array_equal(small.cells(scene), whole[scene])

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bsg_data.dataset.kept_maps import ClassMapEntry
 from bsg_data.dataset.manifest import (
+    ClassMapEntry,
     Manifest,
     SourceEntry,
     Totals,
@@ -18,7 +18,7 @@ from bsg_data.dataset.manifest import (
     read_manifest,
 )
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import read_scene_graphs, read_table, write_shards
+from bsg_data.dataset.shards import read_scene_graphs, write_shards
 from bsg_data.errors import DatasetError
 from bsg_data.files import write_bytes
 from bsg_data.scene.class_map import Role, load_class_map
@@ -160,4 +160,4 @@ def test_a_manifest_changed_by_hand_is_refused(
         read_manifest(dataset)
     path.unlink()
     with pytest.raises(DatasetError, match="is no finished dataset"):
-        read_table(dataset, "rooms")
+        list(read_scene_graphs(dataset))

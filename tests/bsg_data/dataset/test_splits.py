@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import math
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import read_splits
@@ -92,15 +95,26 @@ def test_official_holds_the_sources_val_out() -> None:
     ("number", "recipe", "message"),
     [
         (3, SplitRecipe(), "leave val and test empty|leave test empty"),
-        (20, SplitRecipe(ratios=(0.5, 0.1, 0.1)), "add up to 1"),
-        (20, SplitRecipe(ratios=(1.5, -0.5, 0.0)), "0 or more"),
-        (20, SplitRecipe(ratios=(float("nan"), 0.5, 0.5)), "add up to 1"),
-        (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected 2 to"),
+        (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected at most"),
     ],
 )
 def test_an_impossible_split_is_refused(number: int, recipe: SplitRecipe, message: str) -> None:
     with pytest.raises(RecipeError, match=message):
         assign_splits(ids(number), recipe)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        *({"ratios": ratios} for ratios in ((0.5, 0.1, 0.1), (1.5, -0.5, 0), (math.nan, 0.5, 0.5))),
+        {"ratios": None},
+        {"method": "folds"},
+        {"method": "folds", "folds": 1},
+    ],
+)
+def test_an_impossible_recipe_is_refused(said: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError, match=r"ratios|folds"):
+        SplitRecipe(**said)
 
 
 def test_splitting_again_needs_force_and_removes_the_pairs(dataset: Path) -> None:

@@ -13,8 +13,8 @@ from painted_meshes import Painting, write_painted
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.exports.export import export_dataset
-from bsg_data.exports.habitat import encode_regions, find_orientation
+from bsg_data.exports.catalogue import export_dataset
+from bsg_data.exports.habitat import _encode_regions, _find_orientation
 from bsg_data.geometry.placement import STAIRS, UPRIGHT
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
@@ -25,7 +25,7 @@ CUBE = Box((0, 0, 0), (1, 1, 1))
 
 def regions_of(*rooms: Room) -> list[dict[str, Any]]:
     graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (), class_map="hm3d45-v2")
-    (data,) = encode_regions(graph).files.values()
+    (data,) = _encode_regions(graph).files.values()
     assert b"-0.0" not in data
     return json.loads(data)["region_annotations"]
 
@@ -79,7 +79,7 @@ def test_a_label_is_the_common_one_else_the_source_s_else_room() -> None:
 @pytest.mark.parametrize("up_axis", UPRIGHT)
 def test_the_stage_s_orientation_turns_the_mesh_file_as_we_do(up_axis: str) -> None:
     """habitat-sim turns the file's `up` to +Y and its `front` to -Z; so do our two turns."""
-    up, front = (np.array(axis) for axis in find_orientation(up_axis))
+    up, front = (np.array(axis) for axis in _find_orientation(up_axis))
     right = np.cross(front, up)
     upright = np.array(UPRIGHT[up_axis])  # file → dataset
     ours = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]) @ upright  # dataset → habitat-sim

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_data.geometry.passages import choose_pairs, score_pairs, share_of_forests
+from bsg_data.geometry.passages import _share_of_forests, choose_pairs, score_pairs
 from bsg_data.sources.room_layouts import read_layout
 
 Floats = npt.NDArray[np.float64]
@@ -45,7 +45,7 @@ def test_the_inverse_gives_what_counting_forests_gives(seed: int, rooms: int) ->
     pairs = [(a, b) for a in range(rooms) for b in range(a + 1, rooms) if rng.random() < 0.7]
     log_weight = rng.normal(0, 1, (2, len(pairs)))
     numbers = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    found = share_of_forests(numbers, log_weight, rooms=rooms)
+    found = _share_of_forests(numbers, log_weight, rooms=rooms)
     np.testing.assert_allclose(found, shares_by_counting(pairs, np.exp(log_weight), rooms))
 
 

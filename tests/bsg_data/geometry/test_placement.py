@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from bsg_data.geometry.placement import find_storeys, find_up_axis, place_scene, surround
+from bsg_data.geometry.placement import _find_up_axis, find_storeys, place_scene, surround
 from bsg_data.geometry.semantic_mesh import MeshSurvey
 from bsg_data.scene.scene_graph import MeshCoverage, Room, SceneGraph, SceneObject
 
@@ -105,7 +105,7 @@ def test_without_floors_and_ceilings_the_standard_decides() -> None:
         owner=np.array([2]),
         coverage=survey.coverage,
     )
-    assert find_up_axis(graph, nothing) == "y"
+    assert _find_up_axis(graph, nothing) == "y"
     assert place_scene(graph, nothing).rooms[1].box is None
 
 

@@ -14,7 +14,6 @@ from refusals import refuses
 from bsg_data.errors import DatasetError, SourceError
 from bsg_data.inputs import bounded_file
 from bsg_data.inputs.bounded_file import (
-    TooLargeError,
     hash_file,
     open_stream,
     read_bytes,
@@ -69,7 +68,7 @@ def test_a_file_that_is_too_large_is_not_hashed(tmp_path: Path) -> None:
     path.write_bytes(b"one")
     assert hash_file(path) == hashlib.sha256(b"one").hexdigest()
     os.truncate(path, 300 * 2**30)  # no byte of it is read, or this test would take minutes
-    with pytest.raises(TooLargeError):
+    with pytest.raises(OSError, match="expected at most"):
         hash_file(path)
 
 

@@ -33,7 +33,6 @@ from bsg_data.observation.reports import (
     find_all,
     find_near,
     look,
-    observe,
     say_score,
     see_object,
 )
@@ -93,7 +92,8 @@ def test_the_surroundings_of_a_graph_by_hand() -> None:
         [4, None], ["kitchen", None], building_kind="school", source="behavior"
     )
     assert same_surroundings(graph.observation().surroundings, expected)
-    assert same_surroundings(observe(graph, 1, []).observation().surroundings, expected)
+    searched = find_all(graph, 1, [])
+    assert same_surroundings(searched.observation().surroundings, expected)
 
 
 def test_what_is_withheld_may_be_said_by_node_and_class() -> None:
@@ -105,21 +105,22 @@ def test_what_is_withheld_may_be_said_by_node_and_class() -> None:
 
 
 def test_nothing_is_withheld_in_a_searched_room() -> None:
-    after = observe(GRAPH, 2, [seen("5", 2, "sink")])
+    after = find_all(see_object(GRAPH, seen("5", 2, "sink")), 2, ["5"])
     bed = CLASS["bed"]
     assert after.observation(withheld=[bed]).withheld[:, bed].tolist() == [True, True, False]
-    both = observe(after, 1, [seen("1", 1, "bed")])
+    both = find_all(after, 1, ["1"])
     assert both.hidden_share == 0
     assert not both.observation(withheld=[bed]).withheld.any()
 
 
 def test_a_searched_room_hides_nothing() -> None:
-    after = observe(GRAPH, 2, [seen("5", 2, "sink"), seen("6", 2, "toilet")])
+    more = see_object(see_object(GRAPH, seen("5", 2, "sink")), seen("6", 2, "toilet"))
+    after = find_all(more, 2, ["5", "6"])
     assert after.rooms[1] == replace(GRAPH.rooms[1], visited=True, hidden_share=0.0)
     assert after.hidden_share == pytest.approx(0.5 * 0.5 / 1.5)
     assert after.histograms()[2].sum() == 2
     assert after.histograms()[1].tolist() == GRAPH.histograms()[1].tolist()
-    again = observe(after, 2, [seen("5", 2, "sink")])
+    again = find_all(after, 2, ["5"])
     assert again.histograms()[2].sum() == 1  # what is seen now replaces what was
 
 
@@ -163,13 +164,7 @@ def test_a_new_room_is_the_last_and_beside_others() -> None:
     assert graph.hidden_share == pytest.approx((2 * 0.5 + 1) / 3)
 
 
-def test_what_cannot_be_is_refused() -> None:
-    with refuses(RecipeError, "room-unknown", where=3):
-        observe(GRAPH, 3, [])
-    with refuses(RecipeError, "object-elsewhere", where="5"):
-        observe(GRAPH, 1, [seen("5", 2, "sink")])
-    with refuses(RecipeError, "object-twice", where="1"):
-        observe(GRAPH, 2, [seen("1", 2, "sink")])
+def test_a_room_that_is_known_is_no_new_one() -> None:
     with refuses(RecipeError, "room-known", where="a"):
         discover(GRAPH, KnownRoom("a", 1.0))
 

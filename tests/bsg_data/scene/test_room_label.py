@@ -23,7 +23,6 @@ from bsg_data.scene.room_label import (
     normalise_room,
     read_room,
 )
-from bsg_data.scene.surroundings import SAID_KINDS
 
 
 @pytest.mark.parametrize(
@@ -79,14 +78,6 @@ def test_every_label_is_a_word_for_itself_and_models_know_those_of_the_first_lis
     assert {known_label(label) for label in labels} == set(list_room_labels())
     kept = {key: label for key, label in first.items() if key not in CORRECTED}
     assert all(label_of(*key) == (label or None) for key, label in kept.items())
-
-
-def test_the_third_list_has_the_rows_of_the_second_but_for_six() -> None:
-    second, rows = read_rows(2), read_rows(3)
-    assert {key: rows[key] for key in second if rows[key] != second[key]} == CORRECTED
-    told = {label for (source, _), label in rows.items() if source == "building"}
-    assert told <= {*SAID_KINDS}
-    assert all(read_room(word).label for source, word in rows if source == "building")
 
 
 NAMES = """

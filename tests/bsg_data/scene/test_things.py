@@ -3,19 +3,28 @@ from __future__ import annotations
 import csv
 import json
 
+import numpy as np
 import pytest
 from conftest import REPOSITORY
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.errors import ClassMapError
+from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space
-from bsg_data.scene.room_label import known_label, list_room_labels
-from bsg_data.scene.things import find_thing, list_things, parse_things
+from bsg_data.scene.name_rules import separate
+from bsg_data.scene.room_label import known_label, label_of, list_room_labels
+from bsg_data.scene.things import (
+    find_keeping,
+    find_receptacle,
+    find_thing,
+    list_receptacles,
+    list_things,
+    read_shares,
+)
 
 PRIOR = json.loads((REPOSITORY / "mappings" / "hand-prior-v1.json").read_text("utf-8"))
 AT_HOME = {*PRIOR["room_types"], "game room", "garden"}  # of version 1
-HEADER = b"thing,spellings,wider,rooms,home\n"
+CLASSES = {name for s in ("hm3d45-v2", "hm3d-wide-v1") for name in load_class_space(s).classes}
 
 
 def first_room(word: str, *rooms: str) -> str | None:
@@ -34,9 +43,8 @@ def test_names_are_sorted_and_every_row_is_whole() -> None:
         weights = {label: int(weight) for label, weight in _split(row["rooms"])}
         assert sum(w for label, w in weights.items() if label in AT_HOME) == 100, row
         assert max(weights.values()) <= 250, row
-        spellings = row["spellings"].split("|") if row["spellings"] else []
-        assert row["thing"].isascii(), row
-        assert all(one.isascii() for one in spellings), row
+        assert 0 <= float(row["home"]) <= 100, row
+        assert row["wider"] in {"", *CLASSES}, row
 
 
 def _split(rooms: str) -> list[list[str]]:
@@ -48,8 +56,15 @@ def test_shares_sum_to_one_and_labels_are_read_by_models() -> None:
         labels = [label for label, _ in thing.rooms]
         assert sum(share for _, share in thing.rooms) == pytest.approx(1), thing.name
         assert {known_label(label) for label in labels} <= set(list_room_labels()), thing.name
+        assert [label_of("any", label) for label in labels] == labels, thing.name
         assert len(labels) == len(set(labels)), thing.name
         assert 0 < thing.home <= 1, thing.name
+
+
+def test_every_name_is_in_small_letters_and_names_one_thing() -> None:
+    names = [one for thing in list_things() for one in (thing.name, *thing.spellings)]
+    assert all(one.isascii() and one == normalise_name(one) != "" for one in names)
+    assert len({separate(one) for one in names}) == len(names)
 
 
 def test_every_name_and_its_plural_lead_to_its_thing() -> None:
@@ -189,24 +204,71 @@ def test_any_text_has_an_answer(word: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "error"),
+    ("word", "name"),
     [
-        ("mug,Cup,,kitchen:100,99", "expected a new name in lower case, found 'Cup'"),
-        ("mug,cup|cup,,kitchen:100,99", "expected a new name in lower case, found 'cup'"),
-        (",cup,,kitchen:100,99", "expected a new name in lower case, found ''"),
-        ("mug,,mugs,kitchen:100,99", "expected a class of hm3d45-v2 or hm3d-wide-v1, found 'mugs'"),
-        ("mug,,,scullery:100,99", "found 'scullery:100'"),
-        ("mug,,,kitchen:100|kitchen:1,99", "each label once; found 'kitchen:1'"),
-        ("mug,,,kitchen,99", "expected a room label, a colon and a weight above 0"),
-        ("mug,,,kitchen:0,99", "found 'kitchen:0'"),
-        ("mug,,,,99", "found ''"),
-        ("mug,,,kitchen:100,101", "expected a percentage, found '101'"),
-        ("mug,,,kitchen:100,", "expected a percentage, found ''"),
-        ("mug,,,kitchen:100,nan", "expected a percentage, found 'nan'"),
-        ("mug,,kitchen:100,99", "expected 5 fields, found 4"),
+        ("fridge", "refrigerator"),
+        ("Night_Stand", "nightstand"),
+        ("CoffeeTable", "coffee table"),
+        ("worktops", "counter"),
+        ("chest of drawers", "dresser"),
+        ("banana", None),
+        ("wall", None),
+        ("", None),
     ],
 )
-def test_a_malformed_row_is_named(row: str, error: str) -> None:
-    with pytest.raises(ClassMapError, match="line 3") as caught:
-        parse_things(HEADER + b"fork,,tableware,kitchen:100,99\n" + f"{row}\n".encode())
-    assert error in str(caught.value)
+def test_words_of_robots_name_pieces_of_furniture(word: str, name: str | None) -> None:
+    found = find_receptacle(word)
+    assert (found and found.name) == name
+
+
+@pytest.mark.parametrize(
+    ("thing", "first"),
+    [
+        ("milk", "refrigerator"),
+        ("mug", "top cabinet"),
+        ("cutlery", "bottom cabinet"),
+        ("pillow", "bed"),
+        ("remote control", "coffee table"),
+        ("toothbrush", "sink"),
+        ("shampoo", "shower"),
+        ("winter coat", "coat rack"),
+        ("sneakers", "shoe rack"),
+        ("ice cream", "freezer"),
+        ("dirty plate", "sink"),
+        ("dirty socks", "laundry basket"),
+        ("laptop", "table"),
+        ("book", "shelf"),
+        ("laundry", "laundry basket"),
+        ("keys", "key rack"),
+    ],
+)
+def test_a_person_would_look_there_first(thing: str, first: str) -> None:
+    kept = find_keeping(thing)
+    assert kept is not None
+    assert max(kept.weights, key=kept.weights.__getitem__) == first
+
+
+def test_what_stands_by_itself_is_on_nothing_and_of_others_nothing_is_said() -> None:
+    for thing in ("wardrobe", "sofa", "bicycle", "fridges"):
+        kept = find_keeping(thing)
+        assert kept is not None, thing
+        assert not kept.weights, thing
+    assert find_keeping("sextant") is None
+
+
+def test_the_tables_are_whole() -> None:
+    shares, pieces = read_shares(), list_receptacles()
+    assert set(shares.rooms) <= set(list_room_labels())
+    assert shares.belongs.shape == shares.untidy.shape == (len(shares.rooms), len(pieces))
+    assert ((shares.belongs > 0) & (shares.belongs < 1)).all()
+    for piece in pieces:  # each is a piece of furniture, and is like itself
+        found = find_receptacle(piece)
+        assert found is not None, piece
+        assert pieces.index(piece) in found.like
+    known = [find_keeping(thing.name) for thing in list_things()]
+    names = {name for kept in known if kept for name in kept.weights}
+    assert [
+        name for name in names if not (found := find_receptacle(name)) or found.name != name
+    ] == []
+    assert np.mean([one is not None for one in known]) > 0.98
+    assert find_thing("milk") is not None

@@ -69,7 +69,7 @@ def test_a_numbered_copy_then_the_newest_then_the_split_is_kept() -> None:
         SceneRef("00001-a", "val", "f", "val", "v0.10", building="a"),
         SceneRef("00001-a", "older", "g", "train", "v0.2", building="a"),
     ]
-    kept = keep_one_copy(copies)
+    kept = keep_one_copy(copies, path=Path("hm3d"), expected="")
     assert [ref.location for ref in kept.scenes] == ["val"]
     assert [skip.location for skip in kept.duplicates] == ["hash/alone", "minival"]
     assert [skip.location for skip in kept.conflicts] == ["older"]
@@ -78,6 +78,7 @@ def test_a_numbered_copy_then_the_newest_then_the_split_is_kept() -> None:
 def test_scenes_of_other_names_are_other_buildings_unless_the_source_knows_better() -> None:
     """Five digits before a hyphen number HM3D's buildings; elsewhere they are part of a name."""
     names = ["00001-flat", "00002-flat"]
-    kept = keep_one_copy(SceneRef(name, name, name) for name in names)
+    refs = [SceneRef(name, name, name) for name in names]
+    kept = keep_one_copy(refs, path=Path("flats"), expected="")
     assert [ref.scene_id for ref in kept.scenes] == names
     assert (kept.duplicates, kept.conflicts) == ((), ())

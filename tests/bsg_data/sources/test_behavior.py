@@ -12,7 +12,8 @@ from refusals import refuses
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
-from bsg_data.sources.behavior import BehaviorRooms
+from bsg_data.sources.catalogue import open_source
+from bsg_data.sources.source import Source
 from bsg_data.testing import SourceContract
 
 SAMPLE = SHARED.parent / "sources" / "behavior_room_object_list.json"
@@ -44,13 +45,13 @@ class TestBehavior(SourceContract):
         return write_list(folder)
 
 
-def read_all(source: BehaviorRooms) -> dict[str, SceneGraph]:
+def read_all(source: Source) -> dict[str, SceneGraph]:
     class_map = load_class_map()
     return {ref.scene_id: source.read(ref, class_map).graph for ref in source.find().scenes}
 
 
 def test_a_house_is_one_building_with_its_floors_and_its_garden(tmp_path: Path) -> None:
-    source = BehaviorRooms(write_list(tmp_path))
+    source = open_source("behavior", write_list(tmp_path))
     graphs = read_all(source)
     assert list(graphs) == ["Rs", "house_double_floor", "office_bike"]
     rooms = [(r.region_id, r.source_label, r.label, r.floor_index) for r in graphs["Rs"].rooms]
@@ -80,17 +81,17 @@ def test_a_house_is_one_building_with_its_floors_and_its_garden(tmp_path: Path) 
 
 def test_rooms_that_the_garden_scene_lacks_are_kept(tmp_path: Path) -> None:
     scenes = {"Rs_int": SCENES["Rs_int"], "Rs_garden": {"garden_0": {"tree-cccccc": 1}}}
-    source = BehaviorRooms(write_list(tmp_path, scenes))
+    source = open_source("behavior", write_list(tmp_path, scenes))
     assert len(read_all(source)["Rs"].rooms) == 3
     assert source.find().duplicates == ()
 
 
 def test_scenes_as_listed(tmp_path: Path) -> None:
-    source = BehaviorRooms(write_list(tmp_path), as_listed=True)
+    source = open_source("behavior", write_list(tmp_path), as_listed=True)
     graphs = read_all(source)
     assert list(graphs) == sorted(SCENES)
     assert len(graphs["Rs_int"].objects) == 5
-    assert source.options != BehaviorRooms(source.path).options
+    assert source.options != open_source("behavior", source.path).options
 
 
 def test_a_name_says_building_and_kind(tmp_path: Path) -> None:
@@ -105,7 +106,8 @@ def test_a_name_says_building_and_kind(tmp_path: Path) -> None:
         "school_gym": "school",
     }
     path = write_list(tmp_path, {scene: {"a_0": {}} for scene in [*kinds, "Beechwood_1_int"]})
-    found = {name: graph.building_kind for name, graph in read_all(BehaviorRooms(path)).items()}
+    graphs = read_all(open_source("behavior", path))
+    found = {name: graph.building_kind for name, graph in graphs.items()}
     assert found == {"Beechwood": "home", **kinds}
 
 
@@ -124,26 +126,26 @@ def test_a_malformed_list_is_refused(tmp_path: Path, text: str, code: str) -> No
     path = tmp_path / "list.json"
     path.write_text(text, "utf-8")
     with refuses(SourceError, code, path):
-        BehaviorRooms(path).find()
+        open_source("behavior", path).find()
 
 
 def test_names_without_a_model_leave_their_scene_out(tmp_path: Path) -> None:
-    source = BehaviorRooms(write_list(tmp_path, {"school_gym": {"gym_0": {"bed": 1}}}))
+    source = open_source("behavior", write_list(tmp_path, {"school_gym": {"gym_0": {"bed": 1}}}))
     (school,) = source.find().scenes
     with refuses(SourceError, "model-malformed"):
         source.read(school, load_class_map())
-    with refuses(SourceError, "source-folder", tmp_path):
-        BehaviorRooms(tmp_path).find()
+    with refuses(SourceError, "file-unreadable", tmp_path):
+        open_source("behavior", tmp_path).find()
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
 def test_the_real_list() -> None:
-    listed = read_all(BehaviorRooms(SAMPLE, as_listed=True))
+    listed = read_all(open_source("behavior", SAMPLE, as_listed=True))
     assert len(listed) == 51
     assert sum(len(graph.rooms) for graph in listed.values()) == 374
     assert sum(len(graph.objects) for graph in listed.values()) == 36_164
     assert None not in {graph.building_kind for graph in listed.values()}
-    found = BehaviorRooms(SAMPLE).find()
+    found = open_source("behavior", SAMPLE).find()
     assert (len(found.scenes), len(found.duplicates)) == (37, 5)
     names = {obj.raw_category for graph in listed.values() for obj in graph.objects}
     assert names == set(load_class_map("behavior45-v1").entries), "no row is idle"

@@ -10,7 +10,7 @@ import pytest
 from conftest import write_twelve
 from refusals import refuses
 
-from bsg_data.dataset.terms import Terms
+from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
 from bsg_data.sources.hm3d import HM3DFolder
@@ -32,8 +32,9 @@ def test_every_row_opens_a_source_of_its_kind(tmp_path: Path) -> None:
 
 def test_options_reach_the_source(tmp_path: Path) -> None:
     assert open_source("hm3d", tmp_path, meshes=False) == HM3DFolder(tmp_path, meshes=False)
-    with refuses(SourceError, "option-unknown", "hm3d"):
-        open_source("hm3d", tmp_path, mesh=False)
+    for name, option in (("hm3d", "mesh"), ("behavior", "aslisted"), ("procthor", "x")):
+        with refuses(SourceError, "option-unknown", name):
+            open_source(name, tmp_path, **parse_options(name, {option: "no"}))
 
 
 def test_real_buildings_are_no_synthetic_ones(tmp_path: Path) -> None:
@@ -57,8 +58,6 @@ def test_a_row_that_opens_no_source_is_refused(
         ("hm3d", {"meshes": "0", "snap_colours": "8"}, {"meshes": False, "snap_colours": 8}),
         ("table", {"licence": "1"}, {"licence": "1"}),
         ("procthor", {}, {}),
-        ("behavior", {"aslisted": "yes"}, "option-unknown"),
-        ("table", {"path": "x"}, "option-unknown"),
         ("behavior", {"as_listed": "2"}, "option-malformed"),
         ("hm3d", {"snap_colours": "eight"}, "option-malformed"),
     ],

@@ -14,7 +14,7 @@ from refusals import refuses
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import COBIE, MAX_SHEET_ROOMS
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.sources.cobie import CobieSheets
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.source import Reading
 from bsg_data.testing import SourceContract
 
@@ -61,7 +61,7 @@ def write_book(path: Path, sheets: Mapping[str, Sequence[Sequence[Any]]] = SHEET
 
 
 def read(path: Path) -> Reading:
-    source = CobieSheets(path)
+    source = open_source("cobie", path)
     (ref,) = source.find().scenes
     return source.read(ref, load_class_map("cobie45-v1"))
 

@@ -119,8 +119,8 @@ def text(graph: Graph) -> None:
     ("damage", "code"),
     [
         (lambda graph: graph.pop("nodes"), "dsg-malformed"),
-        (lambda graph: graph["nodes"].append(graph["nodes"][0]), "node-twice"),
-        (lambda graph: graph["edges"][0].update(target=5), "edge-dangling"),
+        (lambda graph: graph["nodes"].append(graph["nodes"][0]), "dsg-malformed"),
+        (lambda graph: graph["edges"][0].update(target=5), "dsg-malformed"),
         (huge, "dsg-malformed"),
         (text, "dsg-malformed"),
     ],
@@ -134,7 +134,7 @@ def test_a_damaged_graph_is_named(damage: Callable[[Graph], object], code: str) 
 
 def test_a_graph_of_neither_nodes_nor_layers_is_none() -> None:
     empty: Graph = {"nodes": [], "edges": []}
-    with refuses(SourceError, "dsg-empty", PATH):
+    with refuses(SourceError, "dsg-malformed", PATH):
         parse(empty)
     layers = {"layer_names": {"ROOMS": {"layer": 4, "partition": 0}}}
     assert parse({**empty, **layers}).rooms == ()

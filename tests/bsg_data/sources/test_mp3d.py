@@ -15,8 +15,8 @@ from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.inputs.bounds import MAX_HOUSE_LINES, MAX_HOUSE_PARTS, MAX_HOUSE_ROOMS, MAX_LINE
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
-from bsg_data.sources.catalogue import SOURCES
-from bsg_data.sources.mp3d import REGION_LABELS, MatterportHouses, parse_house
+from bsg_data.sources.catalogue import SOURCES, open_source
+from bsg_data.sources.mp3d import REGION_LABELS, _parse_house
 from bsg_data.testing import SourceContract
 
 SAMPLES = REPOSITORY.parent / "shared" / "sources"
@@ -45,7 +45,7 @@ def write_house(path: Path, text: str = HOUSE) -> Path:
 
 def read(path: Path) -> SceneGraph:
     """Return the only house of a path."""
-    source = MatterportHouses(path)
+    source = open_source("mp3d", path)
     (ref,) = source.find().scenes
     return source.read(ref, load_class_map(ROW.class_map)).graph
 
@@ -108,7 +108,7 @@ def test_a_damaged_file_or_none_is_refused(
 
 
 def test_oriented_boxes_are_surrounded() -> None:
-    house = parse_house(HOUSE.encode(), path=PATH)
+    house = _parse_house(HOUSE.encode(), path=PATH)
     turned = house.objects[1][2]  # a square of 2 m turned by 45 degrees is 2 √2 m wide
     assert turned is not None
     assert turned.minimum == pytest.approx((6 - 2**0.5, 2 - 2**0.5, 0), abs=1e-6)
@@ -118,9 +118,9 @@ def test_oriented_boxes_are_surrounded() -> None:
 
 def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> None:
     text = change("P  0 0 1", "R  0 1 0  D  4 1 0  4.1 2 2  0 0 0 0")
-    assert parse_house(text.encode(), path=PATH).portals == {(0, 1)}
+    assert _parse_house(text.encode(), path=PATH).portals == {(0, 1)}
     empty = "R  2 -1  0 0  -  0 0 0  1e+30 1e+30 1e+30  -1e+30 -1e+30 -1e+30  0  0 0 0 0"
-    house = parse_house(change("R  2", empty).encode(), path=PATH)
+    house = _parse_house(change("R  2", empty).encode(), path=PATH)
     assert (house.regions[2].box, house.regions[2].level) == (None, -1)
 
 
@@ -143,7 +143,7 @@ def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> Non
 )
 def test_a_malformed_line_is_named(line: str, other: str) -> None:
     with refuses(AnnotationError, "line-malformed"):
-        parse_house(change(line, other).encode(), path=PATH)
+        _parse_house(change(line, other).encode(), path=PATH)
 
 
 @pytest.mark.parametrize(
@@ -164,19 +164,19 @@ def test_more_lines_than_a_house_has_are_refused(kind: str, most: int) -> None:
     }[kind]
     lines = "\n".join(first.format(n=number) for number in range(most + 1))
     with refuses(AnnotationError, "line-malformed", f"{PATH}, line {most + 2}"):
-        parse_house(f"ASCII 1.1\n{lines}".encode(), path=PATH)
+        _parse_house(f"ASCII 1.1\n{lines}".encode(), path=PATH)
 
 
 @pytest.mark.parametrize("line", ["9" * (MAX_LINE + 1), "\n" * MAX_HOUSE_LINES])
 def test_long_lines_and_too_many_are_refused(line: str) -> None:
     with refuses(AnnotationError, "line-malformed"):
-        parse_house(f"ASCII 1.1\n{line}".encode(), path=PATH)
+        _parse_house(f"ASCII 1.1\n{line}".encode(), path=PATH)
 
 
 def test_a_long_number_of_the_header_is_cut() -> None:
     header = HOUSE.split("\n")[1].split()
     header[5] = "9" * 100_000
-    (said,) = parse_house(change("H", " ".join(header)).encode(), path=PATH).lacking
+    (said,) = _parse_house(change("H", " ".join(header)).encode(), path=PATH).lacking
     assert said.startswith("H counts 999")
     assert len(said) < 200
 
@@ -190,7 +190,7 @@ def without(*kinds: str) -> str:
 def test_what_is_not_read_may_be_missing(tmp_path: Path) -> None:
     whole = read(write_house(tmp_path / "whole" / "a.house"))
     path = write_house(tmp_path / "trimmed" / "a.house", without("P  00eb", "I", "E"))
-    source = MatterportHouses(path)
+    source = open_source("mp3d", path)
     (ref,) = source.find().scenes
     reading = source.read(ref, load_class_map(ROW.class_map))
     assert reading.left_out == ()
@@ -203,7 +203,7 @@ def test_another_number_of_what_makes_a_house_is_refused(place: int) -> None:
     header = HOUSE.split("\n")[1].split()
     header[place] = "7"
     with refuses(AnnotationError, "line-malformed", f"{PATH}, line 2"):
-        parse_house(change("H", " ".join(header)).encode(), path=PATH)
+        _parse_house(change("H", " ".join(header)).encode(), path=PATH)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_another_number_of_what_makes_a_house_is_refused(place: int) -> None:
 def test_a_polygon_without_some_lines_is_not_used_and_reported(
     tmp_path: Path, text: str, reasons: list[str]
 ) -> None:
-    source = MatterportHouses(write_house(tmp_path / "a.house", text))
+    source = open_source("mp3d", write_house(tmp_path / "a.house", text))
     (ref,) = source.find().scenes
     reading = source.read(ref, load_class_map(ROW.class_map))
     said = [skip.reason for skip in reading.left_out]
@@ -232,7 +232,7 @@ def test_a_polygon_without_some_lines_is_not_used_and_reported(
 
 
 def test_a_portal_that_is_missing_is_reported(tmp_path: Path) -> None:
-    source = MatterportHouses(write_house(tmp_path / "a.house", without("P  0 0 1")))
+    source = open_source("mp3d", write_house(tmp_path / "a.house", without("P  0 0 1")))
     (ref,) = source.find().scenes
     reading = source.read(ref, load_class_map(ROW.class_map))
     assert [(skip.scene_id, skip.location, skip.reason) for skip in reading.left_out] == [
@@ -253,7 +253,7 @@ def test_a_house_that_somebody_trimmed() -> None:
 
 @pytest.mark.skipif(not list(SAMPLES.glob("*.house.gz")), reason="no samples here")
 def test_the_real_houses_are_read() -> None:
-    source = MatterportHouses(SAMPLES)
+    source = open_source("mp3d", SAMPLES)
     graphs = {
         ref.scene_id: source.read(ref, load_class_map(ROW.class_map)).graph
         for ref in source.find().scenes

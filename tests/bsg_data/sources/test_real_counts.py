@@ -17,7 +17,7 @@ import pytest
 from conftest import REPOSITORY
 
 from bsg_data import build_dataset, open_source
-from bsg_data.dataset.shards import read_table
+from bsg_data.dataset.dataset import Dataset
 
 SHARED = REPOSITORY.parent / "shared"
 Counts = Mapping[str, tuple[int, int]]  # scene → rooms and objects
@@ -108,7 +108,7 @@ def test_every_building_has_the_rooms_and_objects_of_its_file(
         pytest.skip(f"../shared/{place} is not on this machine")
     build_dataset(open_source(kind, path), tmp_path / "dataset")
     columns = ["scene_id", "num_rooms", "num_objects"]
-    rows = read_table(tmp_path / "dataset", "scenes", columns=columns).to_pylist()
+    rows = Dataset.open(tmp_path / "dataset").read_table("scenes", columns=columns).to_pylist()
     cut = 5 if kind == "procthor" else None  # an id has a hash behind the number of its line
     found = {row["scene_id"][:cut]: (row["num_rooms"], row["num_objects"]) for row in rows}
     assert found == count(path)

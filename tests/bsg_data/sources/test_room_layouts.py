@@ -17,16 +17,16 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import SourceError
-from bsg_data.exports.habitat import encode_regions
+from bsg_data.exports.habitat import _encode_regions
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
 from bsg_data.sources.layout_files import LayoutError, read_layout
 from bsg_data.sources.room_layouts import WithLayouts
 from bsg_data.sources.source import FoundScenes, Source
-from bsg_data.sources.table import ObjectTable
 
 SHARED = REPOSITORY.parent / "shared"
 EXAMPLE = SHARED / "sources" / "habitat_semantic_config_example.json"
@@ -208,7 +208,7 @@ def test_labels_alone_leave_levels_terms_and_connections_as_the_source_says(tmp_
     )
     (tmp_path / "a.yaml").write_text("rooms: {room_1: {label: kitchen}, room_2: {label: bedroom}}")
     terms = {"licence": "CC-BY-4.0", "homepage": "https://example.org", "citation": "Doe"}
-    own = ObjectTable(tmp_path / "o.csv", **terms)
+    own = open_source("table", tmp_path / "o.csv", **terms)
     source = WithLayouts(own, tmp_path / "a.yaml")
     graph, _ = read_one(source, "a")
     assert labels_of(graph) == ["kitchen", "bedroom"]
@@ -427,7 +427,7 @@ def test_what_is_exported_for_habitat_comes_back_onto_a_build_without_meshes(
         graph = mesh.read(ref, load_class_map()).graph
         rooms = tuple(_relabel(room, words[room.room_index % 4]) for room in graph.rooms)
         whole[ref.scene_id] = graph = replace(graph, rooms=rooms)
-        for name, data in encode_regions(graph).files.items():
+        for name, data in _encode_regions(graph).files.items():
             (back / name).write_bytes(data)
     text = WithLayouts(HM3DFolder(places, meshes=False), back)
     for scene_id, graph in whole.items():

@@ -12,10 +12,10 @@ from refusals import refuses
 from bsg_data.build import build_dataset
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.room_layouts import WithLayouts
 from bsg_data.sources.room_words import WithRoomLabels
 from bsg_data.sources.source import Source
-from bsg_data.sources.table import ObjectTable
 
 WORDS = """\
 source_label,label
@@ -37,12 +37,12 @@ def words(tmp_path: Path) -> Path:
     return path
 
 
-def write_rooms(folder: Path, *words: str) -> ObjectTable:
+def write_rooms(folder: Path, *words: str) -> Source:
     """Write a building whose rooms 0, 1, ... have these words."""
     rows = [f"flat,{number},chair,{word}" for number, word in enumerate(words)]
     text = "\n".join(["scene,room,category,room_label", *rows])
     (folder / "objects.csv").write_text(text, "utf-8")
-    return ObjectTable(folder / "objects.csv")
+    return open_source("table", folder / "objects.csv")
 
 
 def read_labels(source: Source) -> dict[str | None, str | None]:

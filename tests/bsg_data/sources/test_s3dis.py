@@ -10,7 +10,7 @@ from refusals import refuses
 
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.sources.s3dis import S3DISAreas
+from bsg_data.sources.catalogue import open_source
 from bsg_data.testing import SourceContract
 
 SAMPLE = SHARED.parent / "sources" / "s3dis_semantic_labels.json"
@@ -34,7 +34,7 @@ class TestS3DIS(SourceContract):
 
 
 def test_a_scene_is_an_area(tmp_path: Path) -> None:
-    source = S3DISAreas(TestS3DIS().write_example(tmp_path))
+    source = open_source("s3dis", TestS3DIS().write_example(tmp_path))
     one, five = source.find().scenes
     class_map = load_class_map("s3dis45-v1")
     graph = source.read(one, class_map).graph
@@ -62,12 +62,12 @@ def test_a_malformed_list_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "semantic_labels.json"
     path.write_text(text, "utf-8")
     with refuses(SourceError, "listing-malformed"):
-        S3DISAreas(path).find()
+        open_source("s3dis", path).find()
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
 def test_the_real_list() -> None:
-    source, class_map = S3DISAreas(SAMPLE), load_class_map("s3dis45-v1")
+    source, class_map = open_source("s3dis", SAMPLE), load_class_map("s3dis45-v1")
     graphs = [source.read(ref, class_map).graph for ref in source.find().scenes]
     assert [len(graph.rooms) for graph in graphs] == [44, 40, 23, 49, 48]
     objects = Counter(obj.raw_category for graph in graphs for obj in graph.objects)

@@ -15,7 +15,8 @@ from bsg_data.build import build_dataset
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
-from bsg_data.sources.spark_dsg import RobotGraphs, list_label_spaces, load_label_space
+from bsg_data.sources.catalogue import open_source
+from bsg_data.sources.spark_dsg import _list_label_spaces, load_label_space
 from bsg_data.testing import SourceContract
 
 SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
@@ -44,7 +45,7 @@ class TestRobotGraphs(SourceContract):
 
 def read(path: Path, labels: str | None = None) -> SceneGraph:
     """Return the only graph of a path."""
-    source = RobotGraphs(path, labels)
+    source = open_source("spark-dsg", path, labels=labels)
     (ref,) = source.find().scenes
     return source.read(ref, load_class_map()).graph
 
@@ -86,9 +87,10 @@ def test_names_of_labels_come_from_their_space(
 
 def test_a_build_depends_on_the_label_space(tmp_path: Path) -> None:
     write_graph(tmp_path / "graphs" / "flat.json")
-    plain = build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "plain")
+    plain = build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "plain")
     assert ("label 99", 1) in [(entry.name, entry.instances) for entry in plain.unmapped]
-    named = build_dataset(RobotGraphs(tmp_path / "graphs", "mpcat40"), tmp_path / "named")
+    source = open_source("spark-dsg", tmp_path / "graphs", labels="mpcat40")
+    named = build_dataset(source, tmp_path / "named")
     assert str(named.sources[0].options["labels"]).startswith("mpcat40 ")
     assert named.totals.classified == 3
 
@@ -97,7 +99,7 @@ def test_of_a_graph_with_and_without_its_mesh_one_is_read(tmp_path: Path) -> Non
     for name in ("dsg.json", "dsg_with_mesh.json"):
         write_graph(tmp_path / "run" / "backend" / name)
     write_graph(tmp_path / "alone" / "dsg_with_mesh.json")
-    found = RobotGraphs(tmp_path).find()
+    found = open_source("spark-dsg", tmp_path).find()
     assert [ref.scene_id for ref in found.scenes] == ["alone-dsg_with_mesh", "run-backend-dsg"]
     (second,) = found.duplicates
     assert (second.location, second.reason) == (
@@ -110,9 +112,9 @@ def test_what_is_no_graph_is_skipped_with_the_reason(tmp_path: Path) -> None:
     write_graph(tmp_path / "graphs" / "flat.json")
     (tmp_path / "graphs" / "settings.json").write_text('{"rate": 5}')
     (tmp_path / "graphs" / "cut.json").write_text("{")
-    manifest = build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "both")
+    manifest = build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "both")
     cut, skip = manifest.skipped
-    assert cut.reason.startswith("expected a Spark-DSG graph, found no JSON")
+    assert cut.reason.startswith("no JSON")
     assert skip.location == "settings.json"
     assert skip.reason == "expected a Spark-DSG graph; nodes: Field required"
 
@@ -120,13 +122,13 @@ def test_what_is_no_graph_is_skipped_with_the_reason(tmp_path: Path) -> None:
 def test_a_missing_label_space_is_reported_before_anything_is_read(tmp_path: Path) -> None:
     write_graph(tmp_path / "flat.json")
     with refuses(ClassMapError, "label-space-unknown", "nyu40"):
-        RobotGraphs(tmp_path, "nyu40").find()
+        open_source("spark-dsg", tmp_path, labels="nyu40").find()
     with refuses(SourceError, "file-unreadable", tmp_path / "none.yaml"):
-        RobotGraphs(tmp_path, str(tmp_path / "none.yaml")).find()
+        open_source("spark-dsg", tmp_path, labels=str(tmp_path / "none.yaml")).find()
 
 
 def test_published_spaces_translate_names() -> None:
-    assert list_label_spaces() == ("ade20k", "mpcat40")
+    assert _list_label_spaces() == ("ade20k", "mpcat40")
     space = load_label_space("mpcat40")
     assert (space.name, space.names, space.translate("tv_monitor")) == ("mpcat40", {}, "tv")
     assert space.translate("zzqx") == "zzqx"
@@ -141,7 +143,7 @@ def test_published_spaces_translate_names() -> None:
     [
         ("a.yaml", b"label_names: [{label: x, name: bed}]", "label-space-malformed"),
         ("a.csv", b"label,name\n1,bed\n-1,chair\n", "label-space-malformed"),
-        ("a.csv", b"label,name\n1,bed\n1,chair\n", "label-twice"),
+        ("a.csv", b"label,name\n1,bed\n1,chair\n", "label-space-malformed"),
         ("a.csv", b"label,name\n1,b\xe9d\n", "label-space-malformed"),
     ],
 )

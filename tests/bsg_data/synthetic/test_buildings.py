@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from pathlib import Path
@@ -17,11 +16,10 @@ from bsg_data.errors import DatasetError, SourceError
 from bsg_data.sources.hm3d import SYNTHETIC_MARK, HM3DFolder
 from bsg_data.synthetic.building import (
     MAX_SCENES,
-    BuildingSize,
     SyntheticBuilding,
     SyntheticError,
     SyntheticRates,
-    draw_room_types,
+    _draw_room_types,
     load_rates,
     synthesise,
 )
@@ -157,7 +155,7 @@ def test_composition_follows_its_bin() -> None:
     rates = RATES.model_copy(update={"rooms": (*[0.0] * total, 1.0)})
     counts = next(weights for most, weights in rates.bins if total <= most)
     drawn = np.array(
-        [np.bincount(draw_room_types(rates, rng), minlength=len(counts)) for _ in range(3000)]
+        [np.bincount(_draw_room_types(rates, rng), minlength=len(counts)) for _ in range(3000)]
     )
     free = np.stack([rng.choice(len(w), 60000, p=np.array(w) / sum(w)) for w in counts], axis=1)
     kept = free[free.sum(axis=1) == total]
@@ -166,50 +164,7 @@ def test_composition_follows_its_bin() -> None:
     assert (abs(drawn.mean(axis=0) - kept.mean(axis=0)) < 4.5 * error + 1e-3).all()
 
 
-# Sizes
-
-
-@settings(max_examples=15, deadline=None)
-@given(rooms=st.integers(1, 90), more=st.one_of(st.none(), st.integers(0, 3000)))
-def test_a_building_is_as_large_as_asked_for(rooms: int, more: int | None) -> None:
-    size = BuildingSize(rooms, None if more is None else rooms + more)
-    building = synthesise(RATES, seed=1, number=3, size=size)
-    inside = [row.region_id for row in building.rows if row.region_id >= 0]
-    assert set(inside) == {region for region, _ in building.room_types}
-    assert len(building.room_types) == rooms
-    if more is not None:
-        assert len(inside) == rooms + more
-    assert len({row.colour for row in building.rows}) == len(building.rows)
-
-
-def test_another_size_is_another_building_and_the_folder_says_it(tmp_path: Path) -> None:
-    sizes = [BuildingSize(), BuildingSize(rooms=9), BuildingSize(objects=99)]
-    made = [synthesise(RATES, seed=0, number=0, size=size) for size in sizes]
-    assert len({one.hash for one in made}) == 3
-    assert len({one.scene_id[:6] for one in made}) == 1
-    size = BuildingSize(rooms=3, objects=30)
-    paths = list(write_synthetic(tmp_path / "sized", scenes=2, seed=0, size=size))
-    assert [len(path.read_text("utf-8").splitlines()) - 1 for path in paths] == [30, 30]
-    mark = json.loads((tmp_path / "sized" / "synthetic.json").read_text("utf-8"))
-    assert mark["size"] == {"rooms": 3, "objects": 30}
-
-
 # What is refused
-
-
-@pytest.mark.parametrize(
-    "size",
-    [
-        BuildingSize(rooms=0),
-        BuildingSize(rooms=100_001),
-        BuildingSize(objects=4_000_001),
-        BuildingSize(rooms=9, objects=8),
-    ],
-)
-def test_an_impossible_size_is_refused_at_once(tmp_path: Path, size: BuildingSize) -> None:
-    with refuses(SyntheticError, "size-range"):
-        next(write_synthetic(tmp_path, scenes=1, seed=0, size=size))
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("scenes", "seed"), [(0, 0), (MAX_SCENES + 1, 0), (1, -1)])

@@ -1,15 +1,144 @@
-"""Floor plans: rooms that fill a storey, doorways in shared walls, and a way everywhere."""
+"""Floor plans and layouts: doorways in shared walls, a way everywhere, as DomestiGraph has them."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from itertools import combinations
+from pathlib import Path
 
 import networkx as nx
 import numpy as np
+import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bsg_data.synthetic.floor_plan import DOORWAY, WALL, draw_floor_plan
+from bsg_data.build import build_dataset
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.geometry.placement import STAIRS
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.room_label import LAYOUTS, label_of
+from bsg_data.scene.scene_graph import SceneGraph
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.room_layouts import WithLayouts
+from bsg_data.synthetic.building import load_rates, synthesise
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.synthetic.floor_plan import DOORWAY, LABELS, WALL, draw_floor_plan, draw_layout
+
+RATES = load_rates()
+SCENES = 20
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> list[SceneGraph]:
+    """The scene graphs of twenty buildings with their layouts, none of which is left out."""
+    folder = tmp_path_factory.mktemp("synthetic")
+    list(write_synthetic(folder / "buildings", scenes=SCENES, seed=4))
+    source = WithLayouts(HM3DFolder(folder / "buildings"), folder / "buildings" / "layouts")
+    manifest = build_dataset(source, folder / "dataset", strict=True)
+    assert (manifest.totals.placed, manifest.left_out) == (SCENES, ())
+    return list(read_scene_graphs(folder / "dataset"))
+
+
+def test_every_room_is_placed_named_and_can_be_reached(built: list[SceneGraph]) -> None:
+    for graph in built:
+        rooms = nx.Graph()
+        rooms.add_nodes_from(room.room_index for room in graph.rooms)
+        rooms.add_edges_from((edge.source, edge.target) for edge in graph.adjacency)
+        assert nx.is_connected(rooms)
+        assert {edge.method for edge in graph.adjacency} <= {"layout"}
+        for room in graph.rooms:
+            assert room.box is not None
+            assert room.floor_area
+            assert room.source_label in LABELS
+
+
+def test_rooms_of_a_storey_do_not_overlap_and_lie_above_y_0(built: list[SceneGraph]) -> None:
+    storeys = 0
+    for graph in built:
+        levels = defaultdict(list)
+        for room in graph.rooms:
+            assert room.box is not None
+            assert min(room.box.minimum) > -0.01, "a plan begins at the origin, Z up"
+            levels[room.floor_index].append(room.box)
+        assert sorted(levels) == list(range(len(levels)))
+        storeys = max(storeys, len(levels))
+        for boxes in levels.values():
+            for a, b in combinations(boxes, 2):
+                shared = np.minimum(a.maximum, b.maximum) - np.maximum(a.minimum, b.minimum)
+                assert shared[:2].min() < 0.01
+    assert storeys > 1
+
+
+def test_there_are_storeys_where_stairs_are_listed(built: list[SceneGraph]) -> None:
+    for graph in built:
+        listed = any(obj.category in STAIRS and obj.room_index > 0 for obj in graph.objects)
+        several = len({room.floor_index for room in graph.rooms}) > 1
+        assert several == (listed and len(graph.rooms) > 1)
+
+
+def test_a_plan_comes_back_from_its_layout(tmp_path: Path) -> None:
+    building = synthesise(RATES, seed=2, number=0)
+    list(write_synthetic(tmp_path, scenes=1, seed=2))
+    source = WithLayouts(HM3DFolder(tmp_path), tmp_path / "layouts")
+    graph = source.read(source.find().scenes[0], load_class_map()).graph
+    stairs = {obj.room_index - 1 for obj in graph.objects if obj.category in STAIRS} - {-1}
+    halls = {room for room, (_, kind) in enumerate(building.room_types) if kind == 17}
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((2, 0, 1))))
+    plan = draw_floor_plan(len(graph.rooms), with_stairs=stairs, hallways=halls, rng=rng)
+    for number, (room, (region, kind)) in enumerate(
+        zip(graph.rooms, building.room_types, strict=True)
+    ):
+        assert (room.region_id, room.source_label) == (region, LABELS[kind])
+        assert room.box is not None
+        np.testing.assert_allclose(room.box.minimum, plan.box(number).minimum, atol=1e-6)
+        np.testing.assert_allclose(room.box.maximum, plan.box(number).maximum, atol=1e-6)
+    pairs = [(edge.source - 1, edge.target - 1) for edge in graph.adjacency]
+    assert pairs == [(a, b) for a, b, _ in plan.connections()]
+
+
+def test_axes_and_form_are_those_of_domestigraph() -> None:
+    alone = RATES.model_copy(update={"rooms": (0.0, 1.0)})
+    one = synthesise(alone, seed=0, number=0)
+    layout = yaml.safe_load(draw_layout(RATES, one, seed=0, number=0))
+    assert list(layout) == ["rooms", "connections"]
+    assert layout["connections"] == []
+    room = layout["rooms"]["room_1"]
+    assert list(room) == ["label", "centroid", "dims"]
+    assert room["centroid"]["y"] == 1.3, "half a room of 2.6 m above the floor, y up"
+    assert room["dims"]["y"] == 2.6
+    assert room["centroid"]["z"] == pytest.approx(-room["dims"]["z"] / 2 - 0.06)  # half a wall
+    assert room["centroid"]["x"] == pytest.approx(room["dims"]["x"] / 2 + 0.06)
+
+
+def test_a_layout_depends_on_seed_and_number_only(tmp_path: Path) -> None:
+    first = list(write_synthetic(tmp_path / "a", scenes=3, seed=3))
+    list(write_synthetic(tmp_path / "b", scenes=2, seed=3))
+    for path in first[:2]:
+        name = f"layouts/{path.parent.name}.yaml"
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("category", "labels"),
+    [
+        ("toilet", {"bathroom"}),
+        ("bed", {"bedroom"}),
+        ("oven", {"kitchen"}),
+        ("monitor", {"office"}),
+    ],
+)
+def test_labels_are_words_for_what_the_types_hold(category: str, labels: set[str]) -> None:
+    """A type with such a label holds more of the category than any other type."""
+    column = RATES.categories.index(category)
+    rates = [(kind[column], label) for kind, label in zip(RATES.rates, LABELS, strict=True)]
+    inside = [rate for rate, label in rates if label in labels]
+    assert min(inside) > max(rate for rate, label in rates if label not in labels)
+
+
+def test_every_label_but_other_is_a_known_word() -> None:
+    assert {label for label in LABELS if label_of(LAYOUTS, label) is None} == {"other"}
+
 
 seeds = st.integers(0, 2**32 - 1)
 

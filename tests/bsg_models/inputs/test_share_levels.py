@@ -14,7 +14,7 @@ from scipy.stats import beta
 
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.reports import observe
+from bsg_data.observation.reports import enter
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.inputs.share_levels import spread_shares
 from bsg_models.runs.predictor import Predictor
@@ -85,7 +85,8 @@ def test_presence_is_the_integral_over_the_share(share: ShareBelief) -> None:
 
 
 def test_a_searched_room_hides_nothing_beside_uncertain_ones() -> None:
-    graph = observe(believe_shares(*[ShareBelief(0.5, 0.2)] * 3), 2, [])
+    unsure = believe_shares(*[ShareBelief(0.5, 0.2)] * 3)
+    graph = enter(unsure, 2, hidden_share=ShareBelief(0.0))
     found = PREDICTOR(graph)
     assert not found.presence[2].any()
     assert found.presence[1].max() > 0

@@ -12,16 +12,18 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import KnownRoom, Look, SeenObject
-from bsg_data.scene.receptacles import find_keeping, find_receptacle, read_shares
+from bsg_data.scene.things import find_keeping, find_receptacle, read_shares
 from bsg_models.belief.document import decode_belief, encode_belief, to_networkx
 from bsg_models.belief.formats import read_belief, write_belief
 from bsg_models.belief.pieces import find_pieces, furnish
 from bsg_models.errors import BeliefFileError
 from bsg_models.robot import missed_looks
+from bsg_models.robot.answers import NOT_SEEN, Destination, Piece
 from bsg_models.robot.decision import choose_room
 from bsg_models.robot.destinations import list_spots
 from bsg_models.robot.missed_looks import MissedLook, MissedPieces, doubt_objects
-from bsg_models.robot.seen_building import NOT_SEEN, Destination, Piece, SeenBuilding, open_graph
+from bsg_models.robot.seen_building import SeenBuilding, open_graph
+from bsg_models.robot.weighed_graph import WeighedGraph
 
 FLAT: dict[str, Any] = {
     "scene_id": "flat",
@@ -378,9 +380,9 @@ def test_looks_are_weighed_once_for_each_word_that_was_seen(
 
 def test_a_question_looks_a_thing_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    look_up = SeenBuilding._look_up
+    look_up = WeighedGraph._look_up
     monkeypatch.setattr(
-        SeenBuilding,
+        WeighedGraph,
         "_look_up",
         lambda self, meaning: asked.append(meaning.word) or look_up(self, meaning),
     )

@@ -19,8 +19,8 @@ from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.formats import write_belief
+from bsg_models.robot.answers import EXPLORE
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
-from bsg_models.robot.unfound_rooms import EXPLORE
 from bsg_models.robot.words import find_everyday
 from bsg_models.runs.found_model import find_shipped
 from bsg_models.runs.predictor import Predictor
@@ -342,12 +342,6 @@ def test_another_class_space_asks_the_default_model_for_nouns() -> None:
         [replace(place, pieces=()) for place in one.where("sextant")] for one in (wide, same)
     )
     assert of_wide == of_same
-
-
-def test_a_free_model_is_not_helped_by_a_table_with_terms() -> None:
-    free = open_graph(OFFICE, model="behavior")
-    with refuses(RecipeError, "thing-unknown", "sextant"):
-        free.where("sextant")
 
 
 # What a robot loses, finds again, and has not found yet

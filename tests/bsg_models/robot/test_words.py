@@ -5,7 +5,7 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, OwnMap, load_class_map, parse_own_map
-from bsg_models.belief.nouns import read_nouns
+from bsg_models.robot.nouns import read_nouns
 from bsg_models.robot.words import MOST_CHARACTERS, Meaning, find_meaning
 
 MAPS = [load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")]

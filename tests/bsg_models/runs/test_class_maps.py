@@ -8,7 +8,7 @@ import pytest
 from conftest import write_twelve
 
 from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
-from bsg_data.dataset.kept_maps import KEPT
+from bsg_data.dataset.manifest import KEPT
 from bsg_data.extend import HM3DFolder
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import OwnMap, load_class_map

@@ -20,8 +20,7 @@ from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.masked_graph import mask_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_data.sources.s3dis import S3DISAreas
-from bsg_data.sources.table import ObjectTable
+from bsg_data.sources.catalogue import open_source
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.measurement import Fold, measure, read_truth
@@ -47,7 +46,7 @@ NAMED = ("bookshelf", "chair", "couch", "table")
 def offices(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("offices")
     (folder / "labels.json").write_text(json.dumps(LABELS), "utf-8")
-    build_dataset(S3DISAreas(folder / "labels.json"), folder / "dataset")
+    build_dataset(open_source("s3dis", folder / "labels.json"), folder / "dataset")
     return folder / "dataset"
 
 
@@ -59,7 +58,7 @@ def merged(offices: Path) -> Path:
     ]
     table = offices.with_name("homes.csv")
     table.write_text("\n".join(["scene,room,category", *rows]), "utf-8")
-    build_dataset(ObjectTable(table), offices.with_name("homes"))
+    build_dataset(open_source("table", table), offices.with_name("homes"))
     merge_datasets([offices, offices.with_name("homes")], offices.with_name("merged"))
     return offices.with_name("merged")
 

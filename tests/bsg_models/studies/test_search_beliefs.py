@@ -11,11 +11,12 @@ import pytest
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.masked_buildings import sample_masked
 from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.observation.masks import sample_withheld
 from bsg_data.observation.partial_graph import PartialGraph, SeenObject
-from bsg_data.observation.reports import observe
+from bsg_data.observation.reports import enter
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
@@ -28,6 +29,7 @@ from bsg_models.zoo.config import find_config
 
 def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:
     """Return the partial graph after the robot has seen all objects of a room."""
+    others = (obj for obj in known.objects if obj.room_index != room_index)
     inside = (
         SeenObject(
             str(obj.instance_id), room_index, obj.raw_category, obj.category, obj.class_index
@@ -35,7 +37,8 @@ def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> Parti
         for obj in graph.objects
         if obj.room_index == room_index
     )
-    return observe(known, room_index, inside)
+    known = replace(known, objects=(*others, *inside))
+    return enter(known, room_index, hidden_share=ShareBelief(0.0))
 
 
 @pytest.mark.parametrize("name", ["mixture", "ceci-sage", "universal"])

@@ -134,24 +134,6 @@ def test_looks_send_the_robot_elsewhere(robot: Robot) -> None:
     assert robot.hear("where", "microwave")["go_first"] == "kitchen"
 
 
-def test_a_question_has_the_robots_the_looks_the_chance_and_the_task(robot: Robot) -> None:
-    said = {
-        "look": {"kitchen": 9, "A: waiting room": 1},
-        "chance": 0.5,
-        "task": "all",
-    }
-    answer = say(robot, "where", thing=["sofa", "cup"], here="kitchen", **said)
-    seen = robot.seen
-    plan = seen.explain(["sofa", "cup"], here="kitchen", **said)
-    assert answer["plan"] == [*map(asdict, plan)]
-    assert answer["go_first"] == seen.next_room(["sofa", "cup"], here="kitchen", **said)
-    robots = {"a": "kitchen", "b": "kitchen"}
-    team = say(robot, "where", thing="cup", robots=robots, look=2)
-    assert team["robots"] == seen.next_rooms(robots, "cup", look=2)
-    assert len({*team["robots"].values()}) == 2
-    assert (team["go_first"], team["plan"]) == (None, [])
-
-
 def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot: Robot) -> None:
     robot.hear("entered", "meeting-room")
     for here, unit in ((None, None), ("kitchen", "rooms")):
@@ -215,40 +197,22 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("entered", '{"room": "kitchen", "floor": 1}', "request-malformed"),
         ("discovered", "kitchen", "room-known"),
         ("saw", '{"thing": "cup", "room": "kitchen", "score": 1.5}', "request-malformed"),
-        ("saw", '{"thing": "cup", "room": "kitchen", "score": "1"}', "request-malformed"),
-        ("saw", '{"thing": "cup", "room": "kitchen", "within": -1}', "request-malformed"),
         ("saw", '{"thing": "cup", "room": "kitchen", "age": 1, "stays": 0}', "request-malformed"),
-        ("saw", '{"thing": "cup", "room": "kitchen", "age": 1}', "stays-unsaid"),
-        (
-            "saw",
-            '{"thing": "cup", "room": "kitchen", "age": 1, "stays": 9, "score": 1}',
-            "score-twice",
-        ),
         ("searched", '{"room": "kitchen", "found": ["chair", "toaster"]}', "object-unknown"),
-        ("searched", '{"room": "kitchen", "found": ["chair", "zzqx"]}', "object-unknown"),
         ("searched", '{"room": "kitchen", "found": [[5]]}', "request-malformed"),
-        ("searched", '{"room": "kitchen", "found": 5}', "object-unknown"),
         ("looked", "bottle", "room-unsaid"),
-        ("looked", '{"thing": "bottle", "room": "cellar"}', "room-unknown"),
-        ("looked", '{"thing": "zzqx", "room": "kitchen"}', "thing-unknown"),
         ("looked", '{"thing": "bottle", "room": "kitchen", "chance": 2}', "request-malformed"),
-        ("looked", '{"thing": "bottle", "room": "kitchen", "chance": -1}', "request-malformed"),
         ("gone", "no-such", "object-unknown"),
-        ("gone", '{"object": 99}', "object-unknown"),
         ("gone", '{"object": true}', "request-malformed"),
         ("describe", '{"room": "cellar", "label": "C"}', "room-unknown"),
-        ("describe", '{"room": "kitchen", "beside": "kitchen"}', "room-beside-itself"),
         ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
         ("describe", '{"room": "kitchen", "room_type": {"bath": 2}}', "request-malformed"),
         ("more_rooms", "many", "request-malformed"),
         ("more_rooms", "1001", "request-malformed"),
-        ("more_rooms", '{"number": -1}', "request-malformed"),
         ("more_rooms", '{"number": 1.5}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
-        ("where", '{"thing": "cup", "look": -1}', "request-malformed"),
         ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
-        ("where", '{"thing": "cup", "here": "kitchen", "look": {"attic": 1}}', "room-unknown"),
         ("where", '{"thing": "cup", "chance": 1.1}', "request-malformed"),
         ("where", '{"thing": "cup", "task": "some"}', "request-malformed"),
         ("where", "zzqx", "thing-unknown"),

@@ -18,7 +18,6 @@ from click.testing import CliRunner
 from conftest import REPOSITORY
 
 import bsg_models
-from bsg_cli.belief import main as belief
 from bsg_cli.serve import main as serve
 from bsg_cli.serve.bounds import MOST_BYTES, MOST_HELD, Bounds, refuse
 from bsg_cli.serve.doors import KnownHosts
@@ -33,41 +32,6 @@ HUGE = b'{"map": {"kitchen": ["' + b"x" * 64_000_000 + b'"]}, "things": "chair"}
 
 def ask(address: str, path: str = "/find", **question: Any) -> httpx2.Response:
     return httpx2.post(address + path, json=question, timeout=60)
-
-
-def test_an_answer_is_that_of_the_command(address: str) -> None:
-    words = [str(REPOSITORY / "docs/home.json"), "--find", "microwave", "--from", "living"]
-    told = json.loads(CliRunner().invoke(belief, [*words, "--json"]).stdout)
-    found = ask(address, map=HOME, things="microwave", here="living").json()
-    assert found["go_first"] == told["go_first"] == "kitchen"
-    assert found["cost_unit"] == told["cost_unit"] == "m"
-    assert found.pop("notes")
-    assert found == told
-
-
-def test_a_question_has_the_robots_the_looks_the_chance_and_the_task(address: str) -> None:
-    seen = bsg_models.open_graph(HOME)
-    things = ["microwave", "towel"]
-    options = {"look": {"kitchen": 30, "hall": 1}, "chance": 0.5, "task": "all"}
-    found = ask(address, map=HOME, things=things, here="living", **options).json()
-    steps = seen.explain(things, here="living", **options)
-    assert found["go_first"] == steps[0].room == seen.next_room(things, here="living", **options)
-    assert [step["room"] for step in found["plan"]] == [step.room for step in steps]
-    looks = {step["room"]: step["look"] for step in found["plan"]}
-    assert (looks["kitchen"], looks["hall"]) == (30, 1)
-    assert found["robots"] is None
-    robots = {"a": "living", "b": "hall"}
-    team = ask(address, map=HOME, things="towel", robots=robots, look=2).json()
-    assert team["robots"] == seen.next_rooms(robots, "towel", look=2)
-    assert (team["go_first"], team["plan"], team["here"]) == (None, [], None)
-
-
-def test_rooms_that_are_not_found_yet_are_a_place(address: str) -> None:
-    found = ask(address, map={**SIMPLE, "more_rooms": 3}, things="toilet", here="hall").json()
-    best = found["things"][0]["places"][0]
-    assert (best["room"], best["label"]) == ("explore", "rooms not found yet")
-    assert best["if_there"] > best["probability"] > 0
-    assert "explore" in [step["room"] for step in found["plan"]]
 
 
 @pytest.mark.parametrize("said", [HOME, DSG, SIMPLE])
@@ -127,30 +91,11 @@ def test_questions_and_answers_are_as_openapi_says(address: str) -> None:
         ({"map": SIMPLE, "things": "flibber"}, "thing-unknown", "no model here can look for"),
         ({"map": SIMPLE, "things": []}, "question-malformed", "things: "),
         ({"map": SIMPLE, "heer": "hall"}, "question-malformed", "heer: "),
-        ({"map": SIMPLE, "robots": {"a": "attic"}}, "room-unknown", "map: no room 'attic'"),
         ({"map": SIMPLE, "robots": ["hall"]}, "question-malformed", "robots: "),
         ({"map": SIMPLE, "look": -1}, "question-malformed", "look"),
-        ({"map": SIMPLE, "look": "1"}, "question-malformed", "look"),
-        ({"map": SIMPLE, "look": {"attic": 1}}, "room-unknown", "map: no room 'attic'"),
         ({"map": SIMPLE, "chance": 1.5}, "question-malformed", "chance: "),
-        ({"map": SIMPLE, "chance": True}, "question-malformed", "chance: "),
         ({"map": SIMPLE, "task": "some"}, "question-malformed", "task: "),
         ({"map": {**SIMPLE, "more_rooms": -1}}, "graph-malformed", "map: more_rooms"),
-        (
-            {"map": {**HOME, "looks": [{"room": "attic", "thing": "cup"}]}},
-            "graph-malformed",
-            "map: look for 'cup': there is no room 'attic'",
-        ),
-        (
-            {"map": {**HOME, "looks": [{"room": "hall", "thing": "cup", "chance": 2}]}},
-            "graph-malformed",
-            "map: look number 1: chance: ",
-        ),
-        (
-            {"map": {**HOME, "objects": [{"id": "1", "category": "cup", "age": 3}]}},
-            "graph-malformed",
-            "map: object '1' (cup): has an age; say also `stays`",
-        ),
         ({"maps": SIMPLE}, "question-malformed", "maps: "),
         ({"map": [SIMPLE]}, "question-malformed", "map: "),
     ],
@@ -167,14 +112,11 @@ def test_a_fault_says_where_it_is(
 @pytest.mark.parametrize(
     ("question", "code", "said"),
     [
-        ({"here": "attic"}, "room-unknown", "map: no room 'attic'"),
         ({"here": None}, "question-malformed", "here: "),
         ({"here": ""}, "question-malformed", "here: "),
         ({"at": "fridge"}, "piece-unknown", "'fridge': expected the id of an object of the room"),
-        ({"look": -1}, "question-malformed", "look: "),
         ({"look": {"hall": 1}}, "question-malformed", "look: "),
         ({"chance": 0}, "chance-zero", "chance: expected above 0"),
-        ({"thing": "flibber"}, "thing-unknown", "no model here can look for"),
         ({"thing": ["sink"]}, "question-malformed", "thing: "),
         ({"things": "sink"}, "question-malformed", "things: is no key; did you mean thing?"),
     ],

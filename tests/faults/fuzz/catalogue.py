@@ -21,14 +21,11 @@ from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObje
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import load_class_map, parse_own_map, read_own_map
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
-from bsg_data.sources.behavior import BehaviorRooms
+from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import parse_annotation
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
-from bsg_data.sources.mp3d import MatterportHouses
-from bsg_data.sources.procthor import ProcTHORHouses
-from bsg_data.sources.room_layouts import lay_out, read_layout
-from bsg_data.sources.spark_dsg import RobotGraphs, load_label_space
-from bsg_data.sources.table import ObjectTable
+from bsg_data.sources.room_layouts import _lay_out, read_layout
+from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.document import encode_belief
@@ -148,7 +145,7 @@ def _read_configuration(folder: Path, data: bytes) -> object:
 
 def _read_behavior(folder: Path, data: bytes) -> object:
     """Read a list; where it has large numbers they are not made into as many objects."""
-    source = BehaviorRooms(put(folder, ".json", data))
+    source = open_source("behavior", put(folder, ".json", data))
     return source.find() if re.search(rb"[0-9]{4}", data) else read_source(source, load_map())
 
 
@@ -163,17 +160,17 @@ def _read_statistics(folder: Path, data: bytes) -> object:
 
 def _read_table(folder: Path, data: bytes) -> object:
     suffix = {b"P": ".parquet", b"\x1f": ".tsv.gz"}.get(data[:1], ".csv")
-    return read_source(ObjectTable(put(folder, suffix, data)), load_map())
+    return read_source(open_source("table", put(folder, suffix, data)), load_map())
 
 
 def _read_houses(folder: Path, data: bytes) -> object:
     suffix = {b"[": ".json", b"\x1f": ".jsonl.gz"}.get(data[:1], ".jsonl")
-    return read_source(ProcTHORHouses(put(folder, suffix, data)), load_map())
+    return read_source(open_source("procthor", put(folder, suffix, data)), load_map())
 
 
 def _read_house(folder: Path, data: bytes) -> object:
     suffix = ".house.gz" if data[:1] == b"\x1f" else ".house"
-    return read_source(MatterportHouses(put(folder, suffix, data)), load_map())
+    return read_source(open_source("mp3d", put(folder, suffix, data)), load_map())
 
 
 def _read_labels(folder: Path, data: bytes) -> object:
@@ -252,7 +249,7 @@ TARGETS = (
     ),
     Target(
         name="layout",
-        read=lambda folder, data: lay_out(_BUILDING, read_layout(put(folder, ".yaml", data))),
+        read=lambda folder, data: _lay_out(_BUILDING, read_layout(put(folder, ".yaml", data))),
         seeds=_seeds(_LAYOUT),
         words=("room_3", "&a", "*a", "<<: ", "!!python/object:x", "|\n", "%YAML 1.2", ".nan", "{"),
     ),
@@ -297,7 +294,9 @@ TARGETS = (
     ),
     Target(
         name="spark-dsg",
-        read=lambda folder, data: read_source(RobotGraphs(put(folder, ".json", data)), load_map()),
+        read=lambda folder, data: read_source(
+            open_source("spark-dsg", put(folder, ".json", data)), load_map()
+        ),
         seeds=lambda: {"graph": encode(robot_graph())},
         words=("labelspaces", "bsg", "layer_names", "mesh", "partition"),
         most=8_000,

@@ -1,30 +1,76 @@
-"""Write buildings with all rooms and objects as GraphML, `<scene>.graphml`.
+"""Write buildings with all rooms and objects as GraphML, or as networkx's node-link JSON.
 
-Nodes, edges and their attributes are those of `bsg_data.exports.node_link`. GraphML has no lists:
-a footprint is the text of a JSON list.
+Nodes have the numbers of `SceneGraph`: 0 is the building, rooms and objects follow. A node has its
+`kind` (building, room or object) and the columns of its row in the tables; what is null there is
+absent. Edges are directed and have `kind`, `method` and `distance_m`; two adjacent rooms have one
+in each direction. GraphML has no lists: a footprint is the text of a JSON list.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import asdict
 from html import escape
 from typing import Any
 
 import pyarrow as pa
 
 from bsg_data.dataset.schema import EDGES, TABLES
+from bsg_data.dataset.shards import make_tables
 from bsg_data.exports.catalogue import EncodedScene, ExportRow
-from bsg_data.exports.node_link import TABLE_OF, list_edges, list_nodes
 from bsg_data.files import encode_json
 from bsg_data.scene.scene_graph import SceneGraph
+
+TABLE_OF = {"building": "scenes", "room": "rooms", "object": "objects"}  # kind of node → table
+
+
+def _encode_node_link(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
+    """Encode a building in the shape of `networkx.node_link_data`."""
+    document = {
+        "directed": True,
+        "multigraph": False,
+        "graph": {},
+        "nodes": [*list_nodes(graph, classes)],
+        "edges": [*list_edges(graph)],
+    }
+    text = encode_json(document, ensure_ascii=False, separators=(",", ":"))
+    files = {f"{graph.scene_id}.node-link.json": f"{text}\n".encode()}
+    return EncodedScene(files, len(graph.rooms), objects=len(graph.objects))
+
+
+def list_nodes(graph: SceneGraph, classes: tuple[str, ...]) -> Iterator[dict[str, Any]]:
+    """Yield `id`, `kind` and the attributes of every node, in the order of the ids."""
+    tables = make_tables([graph], classes)
+    rows = ((kind, row) for kind, name in TABLE_OF.items() for row in tables[name].to_pylist())
+    for number, (kind, row) in enumerate(rows):
+        yield {"id": number, "kind": kind, **_known(row)}
+
+
+def list_edges(graph: SceneGraph) -> Iterator[dict[str, Any]]:
+    """Yield `source`, `target` and the attributes of every edge."""
+    for edge in graph.edges():
+        row = _known(asdict(edge))
+        yield row
+        if edge.kind == "adjacent":
+            yield row | {"source": edge.target, "target": edge.source}
+
+
+def _known(row: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in row.items() if value is not None}
+
+
+NODE_LINK = ExportRow(
+    summary="building, rooms and objects as networkx's node-link JSON, <scene>.node-link.json",
+    encode=_encode_node_link,
+)
 
 _TYPES = {"string": "string", "bool": "boolean", "double": "double"}  # Arrow's → GraphML's
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _REPLACED = "some names have characters that XML cannot hold; U+FFFD stands for each"
 
 
-def encode_graphml(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
+def _encode_graphml(graph: SceneGraph, classes: tuple[str, ...]) -> EncodedScene:
     """Encode a building as GraphML, with one line for each node and edge."""
     text = "\n".join(_write_lines(graph, classes)) + "\n"
     clean = _NO_XML.sub("\ufffd", text)
@@ -74,7 +120,7 @@ def _write_text(value: object) -> str:
     return escape(value if isinstance(value, str) else encode_json(value), quote=False)
 
 
-ROW = ExportRow(
+GRAPHML = ExportRow(
     summary="building, rooms and objects as GraphML, <scene>.graphml",
-    encode=encode_graphml,
+    encode=_encode_graphml,
 )

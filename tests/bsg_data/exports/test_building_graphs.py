@@ -1,11 +1,13 @@
-"""Buildings as GraphML: networkx reads from it the graph of the node-link JSON."""
+"""Buildings as GraphML and as node-link JSON: networkx reads one graph from both."""
 
 from __future__ import annotations
 
 import io
 import json
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 
 import networkx as nx
@@ -14,9 +16,9 @@ from data_commands import run
 from whole_home import CLASSES, HOME
 
 from bsg_data.build import build_dataset
-from bsg_data.exports.export import export_dataset
-from bsg_data.exports.graphml import encode_graphml
-from bsg_data.exports.node_link import encode_node_link
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.exports.building_graphs import _encode_graphml, _encode_node_link
+from bsg_data.exports.catalogue import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.room_layouts import WithLayouts
@@ -45,8 +47,8 @@ def read_node_link(data: bytes) -> Read:
     return dict(graph.nodes(data=True)), sorted(graph.edges(data=True), key=str)
 
 
-def test_a_building_by_hand() -> None:
-    (data,) = encode_graphml(HOME, CLASSES).files.values()
+def test_a_building_by_hand_as_graphml() -> None:
+    (data,) = _encode_graphml(HOME, CLASSES).files.values()
     lines = data.decode().splitlines()
     for what, name, kind in (("node", "class_index", "int"), ("edge", "distance_m", "double")):
         key = f'<key id="{what}.{name}" for="{what}" attr.name="{name}" attr.type="{kind}"/>'
@@ -61,17 +63,17 @@ def test_a_building_by_hand() -> None:
 @pytest.mark.parametrize("name", ['<b>&amp; "q" \' ]]>', "a\r\nb\rc\td ", "Küche 😀", "", " "])
 def test_any_name_is_the_same_in_both_formats(name: str) -> None:
     graph = name_room(name)
-    encoded = encode_graphml(graph, CLASSES)
+    encoded = _encode_graphml(graph, CLASSES)
     assert (encoded.rooms, encoded.objects, encoded.note) == (2, 3, None)
     nodes, edges = read_graphml(encoded.files["home 1.graphml"])
     assert (nodes, edges) == read_node_link(
-        encode_node_link(graph, CLASSES).files["home 1.node-link.json"]
+        _encode_node_link(graph, CLASSES).files["home 1.node-link.json"]
     )
     assert nodes[1]["source_label"] == name  # type: ignore[index]
 
 
 def test_a_character_that_xml_cannot_hold_is_replaced_and_said() -> None:
-    encoded = encode_graphml(name_room("a\x00b\x1b\ufffe"), CLASSES)
+    encoded = _encode_graphml(name_room("a\x00b\x1b\ufffe"), CLASSES)
     nodes, _ = read_graphml(encoded.files["home 1.graphml"])
     assert nodes[1]["source_label"] == "a\ufffdb\ufffd\ufffd"  # type: ignore[index]
     assert encoded.note is not None
@@ -101,3 +103,72 @@ def test_both_formats_are_one_graph_with_what_info_counts(placed: Path, tmp_path
     said = run("info", placed).stdout.partition("\n")[0]
     assert f"{number['building']} scenes, {number['room']:,} rooms, {number['object']:,}" in said
     assert f" {number['adjacent'] // 2:,} pairs of adjacent rooms" in said
+
+
+def test_a_building_by_hand_as_node_link() -> None:
+    encoded = _encode_node_link(HOME, CLASSES)
+    assert (encoded.rooms, encoded.objects, encoded.note) == (2, 3, None)
+    document = json.loads(encoded.files["home 1.node-link.json"])
+    building, kitchen, other, chair, loose, clock = document.pop("nodes")
+    edges = [tuple(edge.values()) for edge in document.pop("edges")]
+    assert document == {"directed": True, "multigraph": False, "graph": {}}
+    assert (building["kind"], building["num_objects"]) == ("building", 3)
+    assert "source_split" not in building, "what is null is absent"
+    shared = {"kind": "room", "scene_id": "home 1"}
+    assert other == {"id": 2, **shared, "room_index": 2, "region_id": 9}
+    assert kitchen == {
+        "id": 1,
+        **shared,
+        "room_index": 1,
+        "region_id": 4,
+        "label": "kitchen",
+        "source_label": "Küche",
+        "centroid_x": 1,
+        "centroid_y": 2,
+        "centroid_z": 1.5,
+        "floor_index": 0,
+        "footprint": [0, 0, 4, 0, 4, 3],
+    }
+    assert (chair["class"], chair["class_index"], chair["box_max_z"]) == ("chair", 1, 3)
+    assert (clock["category"], clock["area"], clock.get("class")) == ("clock", 0.5, None)
+    assert loose == {
+        "id": 4,
+        "kind": "object",
+        "scene_id": "home 1",
+        "object_index": 2,
+        "instance_id": 8,
+        "room_index": 0,
+        "raw_category": "",
+        "role": "unmapped",
+        "has_geometry": False,
+    }
+    assert edges == [
+        (0, 1, "contains", "annotation"),
+        (0, 2, "contains", "annotation"),
+        (2, 3, "contains", "annotation"),
+        (0, 4, "contains", "annotation"),
+        (2, 5, "contains", "annotation"),
+        (1, 2, "adjacent", "door", 3.5),
+        (2, 1, "adjacent", "door", 3.5),
+    ]
+
+
+def test_networkx_reads_all_that_the_tables_hold_and_writes_it_again(
+    dataset: Path, tmp_path: Path
+) -> None:
+    done = export_dataset(dataset, tmp_path / "out", to="networkx")
+    graphs = list(read_scene_graphs(dataset))
+    for scene in graphs:
+        document = json.loads((tmp_path / "out" / f"{scene.scene_id}.node-link.json").read_text())
+        graph = nx.node_link_graph(document, edges="edges")
+        again = nx.node_link_data(graph, edges="edges")
+        for one in (again, document):
+            one["edges"].sort(key=itemgetter("source", "target"))
+        assert again == document
+        assert nx.descendants(graph, 0) == set(graph) - {0}
+        assert Counter(kind for _, kind in graph.nodes(data="kind")) == Counter(
+            building=1, room=len(scene.rooms), object=len(scene.objects)
+        )
+    assert (done.files, done.scenes, done.left_out, done.rooms_left_out) == (12, 12, (), 0)
+    assert done.rooms == sum(len(scene.rooms) for scene in graphs)
+    assert done.objects == sum(len(scene.objects) for scene in graphs)

@@ -8,8 +8,7 @@ from pydantic import ValidationError
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.kept_maps import KEPT, ClassMapEntry
-from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.manifest import KEPT, ClassMapEntry, read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import ClassMapError
 from bsg_data.merge import merge_datasets

@@ -10,9 +10,8 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
-from bsg_data.exports.export import export_dataset
-from bsg_data.sources.spark_dsg import RobotGraphs
+from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow, export_dataset
+from bsg_data.sources.catalogue import open_source
 from bsg_data.testing import ExportContract
 
 ROW = "bsg_data.exports.habitat.ROW"
@@ -27,7 +26,7 @@ def robots(tmp_path: Path) -> Path:
     for node in bare["nodes"]:
         node["attributes"].pop("bounding_box", None)
     write_graph(tmp_path / "graphs" / "c.json", bare)
-    build_dataset(RobotGraphs(tmp_path / "graphs"), tmp_path / "dataset")
+    build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "dataset")
     return tmp_path / "dataset"
 
 

@@ -13,7 +13,7 @@ from bsg_data.scene.class_map import normalise_name
 from bsg_models import SeenBuilding, open_graph
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.nouns import (
+from bsg_models.robot.nouns import (
     EPSILON,
     HEAD,
     Noun,
@@ -122,7 +122,7 @@ def test_a_table_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.M
     written = (tmp_path / "nouns-v1.safetensors").read_bytes()
     assert written == (tmp_path / "again").read_bytes()
     assert len(written) <= 1_500_000
-    monkeypatch.setattr("bsg_models.belief.nouns.read_published", lambda name: written)
+    monkeypatch.setattr("bsg_models.robot.nouns.read_published", lambda name: written)
     read_nouns.cache_clear()
     again = read_nouns()
     read_nouns.cache_clear()

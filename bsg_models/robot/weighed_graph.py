@@ -1,0 +1,287 @@
+"""A robot's graph in which looks that missed are weighed, and what is believed of it."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bsg_data.arrays import Floats
+from bsg_data.observation import reports
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
+from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
+from bsg_models.robot.answers import NOT_SEEN, Piece
+from bsg_models.robot.destinations import Spot, is_there, leave_rest, list_spots
+from bsg_models.robot.dictionary import Dictionary
+from bsg_models.robot.missed_looks import (
+    Looked,
+    MissedLook,
+    MissedPieces,
+    doubt_objects,
+    sum_looks,
+    sum_pieces,
+)
+from bsg_models.robot.nouns import read_nouns
+from bsg_models.robot.thing_belief import (
+    SHARE_OF_KIND,
+    ThingBelief,
+    after_looks,
+    believe_class,
+    believe_kind,
+    believe_noun,
+    believe_thing,
+)
+from bsg_models.robot.words import Asked, Meaning
+
+_MOST_SOUGHT = 32  # things of which the belief is remembered
+# Buildings of HM3D's train split (145) by their number of rooms, from 0 on.
+# fmt: off
+_BUILDINGS = (
+    0, 0, 0, 0, 2, 0, 4, 2, 10, 11, 6, 14, 14, 16, 11, 9, 6, 4, 5, 7, 2, 5, 2, 4, 2, 2, 2, 2, 1, 0,
+    1, 0, 1,
+)
+# fmt: on
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """A thing that is sought."""
+
+    meaning: Meaning
+    belief: ThingBelief
+    looked: Looked  # into whole rooms
+    missed: Mapping[int, MissedPieces]  # by node with looks for it
+
+
+class WeighedGraph:
+    """What a robot has said of a building, as looks leave it; nothing of it changes.
+
+    Attributes:
+        said: the graph as the robot said it.
+        whole: the same without what looks exclude, and with the rooms that are not found yet.
+        looks: that missed, of which the thing is known.
+    """
+
+    def __init__(
+        self, said: PartialGraph, words: Dictionary, *, before: WeighedGraph | None = None
+    ) -> None:
+        """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
+        understood = ((one, words.look_up(one.thing)) for one in said.looks)
+        self.said, self._words = said, words
+        self.looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
+        self.whole = _add_unfound(doubt_objects(said, self.looks, names=words.names))
+        self._objects: dict[int, list[SeenObject]] = defaultdict(list)
+        for obj in self.whole.objects:
+            self._objects[obj.room_index].append(obj)
+        # Models count the objects of a room, wherever they are there, and whoever they are.
+        seen = [
+            (one.room_index, one.raw_category, one.category, one.class_index)
+            for one in self.whole.objects
+            if one.is_evidence
+        ]
+        self._evidence = replace(self.whole, looks=(), objects=()), Counter(seen)
+        self._expectations: dict[Asked, Expectation] = {}
+        self._pieces: dict[int, SeenPieces] = {}
+        if before is not None:
+            if before._evidence == self._evidence:
+                self._expectations = before._expectations
+            same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
+            self._pieces = {node: before._pieces[node] for node in same}
+        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self.whole}
+        self._sought: dict[str, Sought] = {}
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes: the building, its rooms, and those that are not found yet."""
+        return 1 + len(self.whole.rooms)
+
+    def believe(self, asked: Asked) -> tuple[PartialGraph, Expectation]:
+        """Return the whole graph as a model reads it, and what it believes."""
+        if asked not in self._read:
+            self._read[asked] = reclassify(self.whole, self._words.class_map(asked))
+        graph = self._read[asked]
+        if asked not in self._expectations:
+            self._expectations[asked] = self._words.model(asked)(graph)
+        return graph, self._expectations[asked]
+
+    def expectation(self) -> Expectation:
+        """Return what the building's model believes of the nodes that the robot said."""
+        belief, rooms = self.believe(Asked.OWN)[1], np.arange(1 + len(self.said.rooms))
+        chances = np.zeros(belief.inputs.shape)
+        words = {one.meaning.word: one.meaning for one in self.looks}.values()
+        own = {m.class_index: m for m in words if m.model == Asked.OWN and m.is_class}
+        for index, meaning in own.items():
+            chances[:, index] = 1 - self._overlook(meaning)
+        if chances.any():
+            belief = replace(belief, hidden_counts=after_looks(belief.hidden_counts, chances))
+        # A doubted object is no evidence, and is one of those that were seen all the same.
+        seen = self.said.histograms().astype(np.float64)
+        return replace(belief.take(rooms), inputs=seen)
+
+    def seek(self, word: str) -> Sought:
+        """Return what is known of a thing; a question asks several times."""
+        found = self._sought.get(word)
+        if found is None:
+            meaning = self._words.understand(word)
+            looked = sum_looks(self.looks, meaning, nodes=self.nodes)
+            found = Sought(meaning, self._look_up(meaning), looked, sum_pieces(self.looks, meaning))
+            if len(self._sought) >= _MOST_SOUGHT:
+                self._sought.clear()
+            self._sought[word] = found
+        return found
+
+    def _look_up(self, meaning: Meaning) -> ThingBelief:
+        graph = self.whole
+        if meaning.noun is not None:
+            graph, belief = self.believe(self._words.judge)
+            hidden, none = believe_noun(meaning.noun, belief, read_nouns())
+        if meaning.thing is not None:
+            likeness = None if meaning.noun is None else hidden.mean[:, 0]
+            hidden, none = believe_thing(
+                meaning.thing,
+                self.whole,
+                likeness=likeness,
+                part=SHARE_OF_KIND if meaning.kind else 1.0,
+            )
+        is_sought = self._words.names(meaning)
+        if meaning.thing is not None or meaning.noun is not None:
+            found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
+        if meaning.class_index is not None and meaning.thing is None:
+            graph, belief = self.believe(meaning.model)
+            counted, of_class = believe_class(belief, meaning.class_index)
+            if meaning.noun is None:
+                found = [
+                    obj
+                    for obj in graph.objects
+                    if obj.class_index == meaning.class_index
+                    or (obj.class_index is None and is_sought(obj.raw_category))
+                ]
+                hidden, none = counted, of_class
+            else:
+                hidden, none = believe_kind(counted, hidden)
+        seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
+        for obj in found:
+            seen[obj.room_index].append(obj)
+        searched = np.array([True, *(room.hidden_share == 0 for room in graph.rooms)])
+        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched)
+        return held.after(1 - self._overlook(meaning))
+
+    def _overlook(self, meaning: Meaning) -> Floats:
+        """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
+        missed = sum_looks(self.looks, meaning, nodes=self.nodes).missed
+        for node, pieces in sum_pieces(self.looks, meaning).items():
+            is_at_pieces = not pieces.of_pieces.keys() <= {None}
+            if is_at_pieces and (furniture := self.furnish(meaning, node)) is not None:
+                missed[node] *= furniture.overlooked(pieces.of_pieces)
+        return missed
+
+    def objects_of(self, node: int) -> Sequence[SeenObject]:
+        """Return the objects of a room."""
+        return self._objects.get(node, ())
+
+    def pieces_of(self, node: int) -> SeenPieces:
+        """Return the furniture of a room."""
+        if node not in self._pieces:
+            self._pieces[node] = find_pieces(self.objects_of(node))
+        return self._pieces[node]
+
+    def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
+        """Return where in a room a thing may be; None if it stands by itself."""
+        belief = self.believe(Asked.OWN)[1]
+        return furnish(
+            meaning.said,
+            self.whole.rooms[node - 1],
+            self.pieces_of(node),
+            classes=self._words.own.classes,
+            unseen=belief.presence[node],
+            tidy=tidy,
+        )
+
+    def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
+        """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
+        pieces = [
+            Piece(
+                piece=spot.name,
+                name=spot.piece.raw_category if spot.piece else NOT_SEEN,
+                probability=spot.finds(1.0, float(sought.belief.unseen[spot.node])),
+                if_there=spot.share,
+                seen=spot.seen,
+            )
+            for spot in self._list_spots(sought, node, tidy)
+        ]
+        return tuple(sorted(pieces, key=lambda one: (one.piece is None, -one.probability)))
+
+    def list_places(self, sought: Sought) -> list[Spot]:
+        """Return where to look in all rooms: their pieces, each followed by the rest."""
+        places: list[Spot] = []
+        for node, room in enumerate(self.whole.rooms, 1):
+            spots = self._list_spots(sought, node)
+            if not spots:
+                spots = [Spot(node=node, sure=is_there(sought.belief.seen[node]))]
+            elif room.visited:
+                spots = leave_rest(spots)
+            places += spots
+        return places
+
+    def _list_spots(self, sought: Sought, node: int, tidy: float = TIDY) -> list[Spot]:
+        """Return the pieces of a room where a thing may be, then its rest; none if it stands."""
+        furniture = self.furnish(sought.meaning, node, tidy)
+        if furniture is None:
+            return []
+        return list_spots(
+            furniture,
+            sought.belief.seen[node],
+            node=node,
+            on=self.pieces_of(node).on,
+            missed=sought.missed.get(node, MissedPieces({})),
+        )
+
+    def keep_looks(self, graph: PartialGraph) -> PartialGraph:
+        """Return a later graph in which looks at a piece that is gone are looks into its room.
+
+        They have the chance that the piece had its share of.
+        """
+        room_of = {obj.name: obj.room_index for obj in graph.objects}
+        left: dict[str, dict[str, float | None]] = {}  # a piece that is gone → scores in its room
+        for one in graph.looks:
+            meaning = self._words.look_up(one.thing)
+            if one.at is None or room_of.get(one.at) == one.room_index or meaning is None:
+                continue
+            furniture = self.furnish(meaning, one.room_index)
+            if furniture is not None and one.at in furniture.names:
+                missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
+                graph = reports.look(graph, replace(one, at=None, chance=missed))
+                objects = self.objects_of(one.room_index)
+                left.setdefault(one.at, {obj.name: obj.score for obj in objects})
+        if not left:
+            return graph
+        objects = tuple(
+            replace(obj, score=left[obj.on].get(obj.name, 0.0)) if obj.on in left else obj
+            for obj in graph.objects
+        )
+        return replace(graph, objects=objects)
+
+
+def _count_unfound(graph: PartialGraph) -> int:
+    """Return how many rooms are not found yet.
+
+    If the graph says only that there are more, it is the mean of the homes that have more rooms
+    than were found, and at least 1.
+    """
+    if graph.more_rooms is not True:
+        return graph.more_rooms or 0
+    found = len(graph.rooms)
+    larger = [(rooms - found, homes) for rooms, homes in enumerate(_BUILDINGS) if rooms > found]
+    homes = sum(number for _, number in larger)
+    return max(1, round(sum(more * number for more, number in larger) / homes)) if homes else 1
+
+
+def _add_unfound(graph: PartialGraph) -> PartialGraph:
+    """Return the graph with the rooms that are not found yet, last, of which nothing is known."""
+    for number in range(1, _count_unfound(graph) + 1):
+        unknown = KnownRoom(f"(not found yet: {number})", 1.0, visited=False)
+        graph = reports.discover(graph, unknown)
+    return graph
