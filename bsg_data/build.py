@@ -41,9 +41,9 @@ from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import (
     EXTRA_OF,
     BSGError,
+    ClassMapError,
     SourceChangedError,
     SourceError,
-    UnmappedNameError,
     ask_to_install,
     find_io_error,
 )
@@ -122,7 +122,7 @@ def build_dataset(
 
     Raises:
         SourceError: if no scene is found or readable; with `strict`, if any is unreadable.
-        UnmappedNameError: with `strict`, for a name that is not in the map.
+        ClassMapError: with `strict`, for a name that is not in the map.
         RecipeError: if `scenes_per_shard` is impossible.
         DatasetError: if `out` is taken or cannot be written.
     """
@@ -268,10 +268,12 @@ class _Task:
         name = next(names, None)
         if self.strict and name is not None:
             near = ", ".join(repr(one) for one in class_map.nearest(name)) or "none"
-            raise UnmappedNameError(
+            raise ClassMapError(
                 f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: "
                 f"{near}); leave --strict out to keep such objects without a class, or use a map "
-                "that lists it"
+                "that lists it",
+                code="name-unmapped",
+                where=name,
             )
         return reading
 

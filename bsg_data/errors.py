@@ -4,8 +4,7 @@
     ├── SourceError            a source is missing, unreadable or empty
     │   ├── AnnotationError    one line of one annotation file is malformed
     │   └── SourceChangedError  a source changed after its scenes were listed
-    ├── ClassMapError          a class map is missing, malformed or not the published one
-    │   └── UnmappedNameError  a name is not in the class map, under `--strict`
+    ├── ClassMapError          a class map is missing, malformed, changed, or lacks a name
     ├── DatasetError           a dataset is missing, unfinished, damaged, or exists already
     │   └── MismatchError      class spaces or format versions differ
     ├── RecipeError            a mask, split or build is impossible as asked
@@ -70,11 +69,7 @@ def find_io_error(error: BaseException | None) -> OSError | None:
 
 
 class ClassMapError(BSGError):
-    """Report a class map that is missing, malformed, or differs from the published one."""
-
-
-class UnmappedNameError(ClassMapError):
-    """Report a name that is not in the class map, under `--strict`."""
+    """Report a class map that is missing, malformed or changed, or lacks a name (`--strict`)."""
 
 
 class DatasetError(BSGError):

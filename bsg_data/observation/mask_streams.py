@@ -44,14 +44,6 @@ class MaskStreams:
         return [np.random.Generator(np.random.PCG64(seed)) for seed in seeds]
 
 
-def mask_generator(
-    recipe: MaskRecipe, *, scene_id: str, draw: int, stream: str
-) -> np.random.Generator:
-    """Return the generator of one stream of one draw of one building."""
-    (rng,) = MaskStreams([recipe], [scene_id], [draw]).of(stream)
-    return rng
-
-
 @lru_cache(maxsize=4096)
 def _words_of(seed: int, scene_id: str) -> bytes:
     """Return the words of 32 bits of a seed, the lowest first, and four that stand for a scene."""

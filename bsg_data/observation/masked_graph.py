@@ -11,7 +11,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import Unclassified, count_cells, to_histograms
 from bsg_data.files import AnyPath
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.masks import Layout, sample_views, sample_withheld
+from bsg_data.observation.masks import Layout, sample_views
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.observation.view import View, hide_cells, sample_unknown, see_unclassified
 from bsg_data.recipes import MaskRecipe
@@ -59,9 +59,8 @@ def mask_dataset(
 
 def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:
     """Return the indices of the classes that the mask of `mask_scene` withheld."""
-    withheld = sample_withheld(
-        recipe, scene_id=graph.scene_id, draw=draw, classes=len(graph.class_space.classes)
-    )
+    (rng,) = MaskStreams([recipe], [graph.scene_id], [draw]).of("withheld")
+    withheld = rng.random(len(graph.class_space.classes)) < recipe.withhold
     return tuple(np.flatnonzero(withheld).tolist())
 
 

@@ -41,7 +41,7 @@ from functools import lru_cache
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.observation.mask_streams import MaskStreams, mask_generator
+from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.view import View, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
@@ -385,12 +385,6 @@ def _withhold(
     for number in changed:
         views[number] = views[number].withhold(withheld[number]).blind(blind[number])
     return views
-
-
-def sample_withheld(recipe: MaskRecipe, *, scene_id: str, draw: int, classes: int) -> Bools:
-    """Sample which of the classes a mask withholds, `[C]`."""
-    rng = mask_generator(recipe, scene_id=scene_id, draw=draw, stream="withheld")
-    return rng.random(classes) < recipe.withhold
 
 
 def _walk(

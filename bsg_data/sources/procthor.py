@@ -203,6 +203,8 @@ def name_asset(asset: str) -> str:
     ('dining table', 'mug ai', 'bin')
     >>> name_asset("DecorativeBox2"), name_asset("Countertop_L_10x8")
     ('decorative box', 'countertop')
+    >>> name_asset("CD_1"), name_asset("0a1b2c3d4e5f")
+    ('cd', '')
     """
     words = []
     for word in asset.removeprefix("RoboTHOR_").split("_"):

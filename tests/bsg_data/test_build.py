@@ -29,11 +29,11 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.dataset.statistics import measure_coverage
 from bsg_data.errors import (
     AnnotationError,
+    ClassMapError,
     DatasetError,
     RecipeError,
     SourceChangedError,
     SourceError,
-    UnmappedNameError,
 )
 from bsg_data.merge import merge_datasets
 from bsg_data.recipes import SplitRecipe
@@ -132,7 +132,7 @@ def test_strict_does_not_take_what_a_lenient_build_left(hm3d_folder: Path, tmp_p
     source = HM3DFolder(hm3d_folder)
     with pytest.raises(KeyboardInterrupt):
         build_dataset(source, tmp_path / "out", scenes_per_shard=2, executor=StoppingExecutor(3))
-    with pytest.raises(UnmappedNameError):
+    with pytest.raises(ClassMapError):
         build_dataset(source, tmp_path / "out", scenes_per_shard=2, strict=True)
 
 
@@ -184,7 +184,7 @@ def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) 
 
 
 def test_strict_fails_on_the_first_loss(hm3d_folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(UnmappedNameError, match=r"'zzqx thing' is not in class map hm3d45-v2"):
+    with pytest.raises(ClassMapError, match=r"'zzqx thing' is not in class map hm3d45-v2"):
         build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", strict=True)
     other = tmp_path / "other"
     write_scene(other, "00042-broken00000", b"HM3D Semantic Annotations\n1,AB\n")

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.observation.mask_streams import MaskStreams, mask_generator
+from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.recipes import MaskRecipe
 
 STREAMS = {"rooms": 0, "classified": 1, "unclassified": 2, "withheld": 4, "parts": 5, "detector": 6}
@@ -31,7 +31,7 @@ def test_many_draws_are_seeded_as_numpy_seeds_each(
             theirs = np.random.Generator(np.random.PCG64(seed(recipe, scene, draw, stream)))
             expected = theirs.random(4).tolist()
             assert rng.random(4).tolist() == expected
-            alone = mask_generator(recipe, scene_id=scene, draw=draw, stream=stream)
+            (alone,) = MaskStreams([recipe], [scene], [draw]).of(stream)
             assert alone.random(4).tolist() == expected
 
 
@@ -46,5 +46,5 @@ def test_recipes_of_short_and_long_seeds_are_drawn_together() -> None:
     recipes = [MaskRecipe(seed=1), MaskRecipe(seed=2**40)] * 5
     streams = MaskStreams(recipes, ["home"] * 10, range(10))
     for draw, rng in enumerate(streams.of("rooms")):
-        alone = mask_generator(recipes[draw], scene_id="home", draw=draw, stream="rooms")
+        (alone,) = MaskStreams([recipes[draw]], ["home"], [draw]).of("rooms")
         assert rng.random() == alone.random()

@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from scipy import stats
 
 from bsg_data.arrays import Counts
-from bsg_data.observation.mask_streams import mask_generator
+from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.observation.masks import MASKS, sample_view
 from bsg_data.observation.view import View, sample_hidden, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
@@ -191,7 +191,7 @@ def test_mixed_is_each_of_the_others_as_often() -> None:
     connections = ROW.take(slice(0, 8))
     for draw in range(1000):
         view = sample_view((10, 2), recipe, scene_id="s", draw=draw, connections=connections)
-        rng = mask_generator(recipe, scene_id="s", draw=draw, stream="rooms")
+        (rng,) = MaskStreams([recipe], ["s"], [draw]).of("rooms")
         if rng.random() < 0.6:
             found[len(view.nodes) - 1] += 1
             continue
@@ -247,7 +247,7 @@ def test_a_detector_that_knows_few_words_shows_no_other_class_in_any_room() -> N
     shares = []
     for draw in range(400):
         view = sample_view((5, 45), recipe, scene_id="s", draw=draw)
-        rng = mask_generator(recipe, scene_id="s", draw=draw, stream="detector")
+        (rng,) = MaskStreams([recipe], ["s"], [draw]).of("detector")
         unknown, _ = sample_unknown(rng, recipe, classes=45)
         assert (view.withheld == unknown).all()
         shares.append(unknown.mean())

@@ -16,7 +16,7 @@ from bsg_data.inputs.bounds import MAX_HOUSE_LINES, MAX_HOUSE_PARTS, MAX_HOUSE_R
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
 from bsg_data.sources.catalogue import SOURCES, open_source
-from bsg_data.sources.mp3d import REGION_LABELS, _parse_house
+from bsg_data.sources.mp3d import _parse_house
 from bsg_data.testing import SourceContract
 
 SAMPLES = REPOSITORY.parent / "shared" / "sources"
@@ -84,10 +84,6 @@ def test_levels_are_counted_from_the_bottom(tmp_path: Path) -> None:
     for level, expected in (("1", [1, 0]), ("-1", [0, 0])):
         house = write_house(tmp_path / "a.house", text.replace("R  1 0", f"R  1 {level}"))
         assert [room.floor_index for room in read(house).rooms] == expected
-
-
-def test_every_letter_of_the_description_has_a_label() -> None:
-    assert "".join(sorted(REGION_LABELS)) == "BCDSZabcdefghijklmnoprstuvwxyz"
 
 
 @pytest.mark.parametrize(

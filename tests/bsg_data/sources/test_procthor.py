@@ -19,7 +19,6 @@ from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, MAX_HOUSE_THINGS
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources.catalogue import open_source
-from bsg_data.sources.procthor import name_asset
 from bsg_data.sources.source import Source
 from bsg_data.testing import SourceContract
 
@@ -109,18 +108,6 @@ def test_a_house_worked_out_by_hand(tmp_path: Path) -> None:
     ]
     assert graph.objects[3].centroid == (3, 0.5, 0.5)  # Z up
     assert {obj.box for obj in graph.objects} == {None}
-
-
-def test_names_of_assets() -> None:
-    names = {
-        "Side_Table_228_2_1": "side table",
-        "DecorativeBox2": "decorative box",
-        "Countertop_C_10x8": "countertop",
-        "RoboTHOR_mug_ai2_1_v": "mug ai",
-        "CD_1": "cd",
-        "0a1b2c3d4e5f": "",  # of another library, whose names say nothing
-    }
-    assert {asset: name_asset(asset) for asset in names} == names
 
 
 def test_the_same_house_is_taken_once_and_its_number_is_that_in_its_file(tmp_path: Path) -> None:

@@ -26,7 +26,6 @@ from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources.catalogue import open_source, parse_options
-from bsg_data.sources.table import _number_rooms
 from bsg_data.testing import SourceContract
 
 HEADER = (
@@ -119,28 +118,6 @@ def test_a_row_of_a_building_alone_says_nothing_and_is_counted(tmp_path: Path) -
     found = open_source("table", write_table(tmp_path, *rows, header="scene,room,category")).find()
     assert [ref.scene_id for ref in found.scenes] == ["a"]
     assert "rows of a building alone, left out: 2" in [note.reason for note in found.unused]
-
-
-def test_three_columns_are_enough(tmp_path: Path) -> None:
-    graphs = read_all(write_table(tmp_path, "a,1,chair", "a,2,", header="scene,room,category"))
-    (graph,) = graphs.values()
-    found = [(r.source_label, r.centroid, r.floor_index) for r in graph.rooms]
-    assert found == [(None, None, None)] * 2
-
-
-@pytest.mark.parametrize(
-    ("names", "regions"),
-    [
-        (["7", "3"], {"3": 3, "7": 7}),
-        (["room 10", "room 9"], {"room 9": 0, "room 10": 1}),
-        (["1", "01"], {"01": 0, "1": 1}),  # two rooms, so no numbers
-        (["9999999999"], {"9999999999": 0}),  # no number of a region
-        (["²", "a1b"], {"a1b": 0, "²": 1}),
-        ([], {}),
-    ],
-)
-def test_numbers_of_rooms(names: list[str], regions: dict[str, int]) -> None:
-    assert _number_rooms(names) == regions
 
 
 @pytest.mark.parametrize(
@@ -337,9 +314,14 @@ def test_the_same_rows_are_the_same_scenes_in_every_kind_of_file(
         (["1.0", "2.5"], [(0, "1.0"), (1, "2.5")]),
         (["3.0", "hall"], [(0, "3.0"), (1, "hall")]),
         (["1e3", "3.50", "2.10"], [(0, "1e3"), (1, "2.10"), (2, "3.50")]),
+        (["7", "3"], [(3, None), (7, None)]),
+        (["room 10", "room 9"], [(0, "room 9"), (1, "room 10")]),
+        (["1", "01"], [(0, None), (1, None)]),  # two rooms, so no numbers
+        (["9999999999"], [(0, "9999999999")]),  # no number of a region
+        (["²", "a1b"], [(0, "a1b"), (1, "²")]),
     ],
 )
-def test_whole_numbers_that_pandas_made_real_are_names(
+def test_rooms_are_numbered_by_their_names_and_whole_numbers_are_names(
     tmp_path: Path, names: list[Any], rooms: list[tuple[int, str | None]]
 ) -> None:
     ((graph,), notes) = read_everywhere(tmp_path, in_rooms(names))

@@ -13,8 +13,7 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.masked_graph import mask_scene
-from bsg_data.observation.masks import sample_withheld
+from bsg_data.observation.masked_graph import list_withheld, mask_scene
 from bsg_data.observation.partial_graph import PartialGraph, SeenObject
 from bsg_data.observation.reports import enter
 from bsg_data.recipes import MaskRecipe
@@ -102,7 +101,7 @@ def test_under_any_mask_beliefs_are_those_of_what_the_robot_holds(dataset: Path,
     kept = tuple(obj for obj in known.objects if obj.class_index != mirror)
     known = replace(known, objects=kept)
     share = np.array([known.hidden_share, *(room.hidden_share for room in known.rooms)])
-    classes = sample_withheld(mask, scene_id=graph.scene_id, draw=draw, classes=45)
+    classes = np.isin(np.arange(45), list_withheld(mask, known, draw=draw))
     withheld = classes & (share > 0)[:, None]
     withheld[:, mirror] = True
     beliefs = ModelBeliefs(
