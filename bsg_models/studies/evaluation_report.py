@@ -75,7 +75,7 @@ def report_evaluation(
             begin = partial(_begin_entry, request, staged, opened)
             writes = begin if request.write_predictions else None
             comparison = compare_runs(request, write=writes, progress=progress)
-        summary = encode_comparison(comparison)
+        summary = _encode_comparison(comparison)
         notes: list[str] = []
         figures = {
             f"{name}: {what}": path
@@ -166,7 +166,7 @@ def _look_into(comparison: Comparison, run: Path | str, request: EvaluationReque
     return [views[scene] for scene in dict.fromkeys(wanted)]
 
 
-def encode_comparison(comparison: Comparison) -> dict[str, Any]:
+def _encode_comparison(comparison: Comparison) -> dict[str, Any]:
     """Return a comparison as JSON: metric → model → value, interval, nodes; unknown is null."""
     metrics: dict[str, dict[str, Any]] = {}
     for model, estimates in comparison.estimates.items():

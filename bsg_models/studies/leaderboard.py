@@ -183,7 +183,7 @@ class _Training(NamedTuple):
         return run_of(self.folder, self.name, self.fold, seed=self.seed)
 
 
-def fit_to(
+def _fit_to(
     config: RunConfig,
     recipe: LeaderboardRecipe,
     *,
@@ -254,7 +254,7 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
 
 def _train(one: _Training) -> None:
     """Train a model for one fold and seed, unless that is done."""
-    config = fit_to(one.config, one.recipe, mask=one.folder.name, fold=one.fold, seed=one.seed)
+    config = _fit_to(one.config, one.recipe, mask=one.folder.name, fold=one.fold, seed=one.seed)
     data = Dataset.open(one.folder / DATASET)
     if not is_finished(one.run, config, data):
         deque(train_run(config, data.path, one.run, force=True), maxlen=0)
