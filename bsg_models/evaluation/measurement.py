@@ -76,14 +76,14 @@ def measure_models(
     scenes = [of_models[0].scene_ids for of_models in folds]
     weights = _weigh_folds(scenes, resamples=resamples, seed=seed)
     with one_thread():
-        measured = [measure_fold(*both) for both in zip(folds, weights, strict=True)]
+        measured = [_measure_fold(*both) for both in zip(folds, weights, strict=True)]
     there = np.stack([own.any(axis=0) for own in weights])
     return {
         name: _average(of_folds, there) for name, *of_folds in zip(models, *measured, strict=True)
     }
 
 
-def measure_fold(of_models: Sequence[Fold], weights: Weights) -> list[_Measured]:
+def _measure_fold(of_models: Sequence[Fold], weights: Weights) -> list[_Measured]:
     """Return name → values `[W]` under weights `[B, W]`, and name → nodes, for each model."""
     rows, _ = METRICS.load_all()
     measured = []

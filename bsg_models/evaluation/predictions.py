@@ -30,7 +30,7 @@ _LISTED = 5
 
 
 @dataclass(frozen=True, eq=False)
-class PredictedExpectation(Expectation):
+class _PredictedExpectation(Expectation):
     """Predictions of a file for N nodes and C classes.
 
     `hidden_counts` is the distribution without p0, p1, ….
@@ -57,11 +57,11 @@ class PredictedExpectation(Expectation):
         inflated = super().log_probability(counts, floor=floor)
         if self.exactly is None:
             return inflated
-        stated = log_of_table(counts, self.exactly, self.stated_hidden)
+        stated = _log_of_table(counts, self.exactly, self.stated_hidden)
         return np.where(np.isnan(self.exactly[0]), inflated, stated)
 
 
-def log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
+def _log_of_table(counts: Floats, table: Floats, expected: Floats) -> Floats:
     """Return log P(counts) `[N, C]` from a table of probabilities with a geometric tail.
 
     With T = 1 − Σ p, P(J + 1 + i) = T (1 − q) qⁱ, i = 0, 1, …; q makes the mean the expected count,
@@ -95,7 +95,7 @@ class AlignedPredictions:
     exactly: Sequence[Floats]  # `[N, C]` of p0, p1, …
     buildings: bool  # whether building nodes have rows
 
-    def expect(self, masked: MaskedBuildings) -> PredictedExpectation:
+    def expect(self, masked: MaskedBuildings) -> _PredictedExpectation:
         """Return the predictions of some masked buildings; missing buildings follow from rooms."""
         seen, rows = masked.seen, self.nodes.get_indexer(_index_nodes(masked))
         values = {name: column[rows] for name, column in self.values.items()}
@@ -112,7 +112,7 @@ class AlignedPredictions:
             left = seen.is_building & (not self.buildings) | ~_hides(masked)
             totals = np.where(left[:, None], whole, values["total"])
         told = [np.where(self.there[rows], chance[rows], np.nan) for chance in self.exactly]
-        return PredictedExpectation(
+        return _PredictedExpectation(
             inputs,
             zero_inflated(presence, hidden),
             totals,

@@ -40,7 +40,7 @@ _Weights = npt.NDArray[Any]
 _Counts = tuple[Ints, Bools, Ints, Ints]  # bin, hidden, building and number of some cells
 
 
-class Ranks(NamedTuple):
+class _Ranks(NamedTuple):
     """AUROC and average precision under W weights; nan if they are not defined.
 
     The first row is of all classes in one ranking, the others of each class ranked separately.
@@ -59,7 +59,7 @@ def select_cells(seen: Bools, visited: Bools, known: Bools | bool = True) -> dic
     return dict(zip(SELECTIONS, (every, every & ~seen, every & ~visited[:, None]), strict=True))
 
 
-def bin_presence(presence: Floats) -> Ints:
+def _bin_presence(presence: Floats) -> Ints:
     """Return the bin of each probability, 0..`BINS` - 1; a higher one has no lower bin."""
     with np.errstate(divide="ignore"):
         odds = np.log(presence) - np.log1p(-presence)
@@ -85,17 +85,17 @@ class PresenceHistograms:
         ):
             self.nodes[name] += int(own.any(axis=1).sum())
             flags |= own.astype(np.int64) << number
-        axes = (np.arange(self._classes), bin_presence(presence), flags, building[:, None])
+        axes = (np.arange(self._classes), _bin_presence(presence), flags, building[:, None])
         cells = np.ravel_multi_index(np.broadcast_arrays(*axes), self._shape)
         self._cells.append(np.unique(cells, return_counts=True))
 
     @cached_property
-    def ranks(self) -> Ranks:
+    def ranks(self) -> _Ranks:
         """AUROC and average precision of all cells."""
         cells, counts = map(np.concatenate, zip(*self._cells, strict=True))
         own, which, flags, building = np.unravel_index(cells, self._shape)
         hidden = (flags & 1) > 0
-        ranks = Ranks({}, {})
+        ranks = _Ranks({}, {})
         for number, name in enumerate(SELECTIONS, 1):
             there = (flags >> number & 1) > 0
             table = (which[there], hidden[there], building[there], counts[there])

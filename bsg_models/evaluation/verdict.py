@@ -48,7 +48,7 @@ HEADLINES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def judge(ours: Bootstrap, other: Bootstrap, name: str) -> _Verdict:
+def _judge(ours: Bootstrap, other: Bootstrap, name: str) -> _Verdict:
     """Return whether a model is better in a value than another with the same resamples.
 
     It is better or worse if the interval of the paired difference excludes 0; without resamples, if
@@ -81,7 +81,7 @@ def judge_all(
         for name in list_headlines(bootstraps):
             has_side = find_value(name)[0].less is not None
             if has_side and not np.isnan(bootstraps[run].point[name] - other.point[name]):
-                labels[judge(bootstraps[run], other, name)].append(label_value(name))
+                labels[_judge(bootstraps[run], other, name)].append(label_value(name))
         heading = f"{run}, compared with {rival} (by 95 % intervals of the paired difference)"
         judged[heading] = {verdict: some for verdict, some in labels.items() if some}
     return judged

@@ -73,20 +73,8 @@ def report_evaluation(
             begin = partial(_begin_entry, request, staged, opened)
             writes = begin if request.write_predictions else None
             comparison = compare_runs(request, write=writes, progress=progress)
-        summary = encode_comparison(comparison)
-        notes: list[str] = []
-        figures = {
-            f"{name}: {what}": path
-            for name in comparison.runs
-            for what, path in plot_evaluation(
-                staged,
-                name=name,
-                shown=comparison.shown[name],
-                classes=comparison.class_names,
-                building=comparison.example,
-                notes=notes,
-            ).items()
-        }
+        summary, notes = _encode_comparison(comparison), list[str]()
+        figures = _draw(staged, comparison, notes)
         write_bytes(staged / CLASSES, comparison.classes.to_csv(index=False).encode())
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
         for page in pages:
@@ -95,6 +83,22 @@ def report_evaluation(
     return EvaluationReport(
         comparison, summary, folder / REPORT, folder / CLASSES, figures, tuple(notes)
     )
+
+
+def _draw(folder: Path, comparison: Comparison, notes: list[str]) -> dict[str, Path]:
+    """Draw the paper's figures of every run; return caption → file."""
+    return {
+        f"{name}: {what}": path
+        for name in comparison.runs
+        for what, path in plot_evaluation(
+            folder,
+            name=name,
+            shown=comparison.shown[name],
+            classes=comparison.class_names,
+            building=comparison.example,
+            notes=notes,
+        ).items()
+    }
 
 
 def _begin_entry(
@@ -166,7 +170,7 @@ def _look_into(
     return [views[scene] for scene in dict.fromkeys(wanted)]
 
 
-def encode_comparison(comparison: Comparison) -> dict[str, Any]:
+def _encode_comparison(comparison: Comparison) -> dict[str, Any]:
     """Return a comparison as JSON: metric → model → value, interval, nodes; unknown is null."""
     metrics: dict[str, dict[str, Any]] = {}
     for model, estimates in comparison.estimates.items():

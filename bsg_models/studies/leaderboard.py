@@ -126,43 +126,33 @@ def make_leaderboard(
     """
     dataset, out = Path(dataset), Path(out)
     report = progress or (lambda what, done, total: None)
+    _require_apart(dataset, out)
+    out.mkdir(parents=True, exist_ok=True)
+    out = out.absolute()  # a worker may run in another folder
+    trainings = _list_trainings(out, models, recipe)
+    for training in trainings:
+        refuse_links(out, training.run)
+    shown = [(mask, name) for mask in recipe.masks for name in models]
+    with hold(out):
+        for mask in dict.fromkeys((*recipe.masks, *(one.folder.name for one in trainings))):
+            prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
+        tasks = [(one,) for one in trainings]
+        run_all(_train, tasks, executor=executor, progress=partial(report, "train"))
+        measures = [(out, mask, name, models[name], recipe) for mask, name in shown]
+        found = run_all(_measure, measures, executor=executor, progress=partial(report, "measure"))
+    results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
+    for (mask, name), result in zip(shown, found, strict=True):
+        results[mask][name] = result
+    return Leaderboard(recipe, read_manifest(dataset), results)
+
+
+def _require_apart(dataset: Path, out: Path) -> None:
     refuse_datasets(out)
     there, own = resolve_links(out), resolve_links(dataset)
     if there.is_relative_to(own) or own.is_relative_to(there):
         raise DatasetError(
             f"{out} and the dataset {dataset} lie one inside the other; choose another --out"
         )
-    out.mkdir(parents=True, exist_ok=True)
-    out = out.absolute()  # a worker may run in another folder
-    places = dict.fromkeys(
-        (config.data.own_strategy or mask, name)
-        for mask in recipe.masks
-        for name, config in models.items()
-    )
-    trainings = [
-        _Training(out / mask, name, models[name], recipe, fold, seed)
-        for seed in range(recipe.seeds)
-        for fold in range(recipe.folds)
-        for mask, name in places
-        if seed < recipe.count_seeds(models[name])
-    ]
-    for training in trainings:
-        refuse_links(out, training.run)
-    shown = [
-        (out, mask, name, config, recipe)
-        for mask in recipe.masks
-        for name, config in models.items()
-    ]
-    with hold(out):
-        for mask in dict.fromkeys((*recipe.masks, *(mask for mask, _ in places))):
-            prepare_dataset(dataset, out / mask / DATASET, recipe, mask=mask)
-        tasks = [(one,) for one in trainings]
-        run_all(_train, tasks, executor=executor, progress=partial(report, "train"))
-        measured = run_all(_measure, shown, executor=executor, progress=partial(report, "measure"))
-    results: dict[str, dict[str, ModelResult]] = {mask: {} for mask in recipe.masks}
-    for (_, mask, name, *_), result in zip(shown, measured, strict=True):
-        results[mask][name] = result
-    return Leaderboard(recipe, read_manifest(dataset), results)
 
 
 class _Training(NamedTuple):
@@ -181,7 +171,25 @@ class _Training(NamedTuple):
         return run_of(self.folder, self.name, self.fold, seed=self.seed)
 
 
-def fit_to(
+def _list_trainings(
+    out: Path, models: Mapping[str, RunConfig], recipe: LeaderboardRecipe
+) -> list[_Training]:
+    """Return all trainings: of each model on each kind of mask, or once on its own mask."""
+    places = dict.fromkeys(
+        (config.data.own_strategy or mask, name)
+        for mask in recipe.masks
+        for name, config in models.items()
+    )
+    return [
+        _Training(out / mask, name, models[name], recipe, fold, seed)
+        for seed in range(recipe.seeds)
+        for fold in range(recipe.folds)
+        for mask, name in places
+        if seed < recipe.count_seeds(models[name])
+    ]
+
+
+def _fit_to(
     config: RunConfig,
     recipe: LeaderboardRecipe,
     *,
@@ -252,7 +260,7 @@ def _copy_dataset(source: Path, copy: Path, manifest: Manifest) -> None:
 
 def _train(one: _Training) -> None:
     """Train a model for one fold and seed, unless that is done."""
-    config = fit_to(one.config, one.recipe, mask=one.folder.name, fold=one.fold, seed=one.seed)
+    config = _fit_to(one.config, one.recipe, mask=one.folder.name, fold=one.fold, seed=one.seed)
     data = Dataset.open(one.folder / DATASET)
     if not is_finished(one.run, config, data):
         train_run(config, data.path, one.run, force=True)

@@ -84,7 +84,7 @@ def summary_rows(results: dict[str, ModelResult]) -> tuple[list[str], list[list[
     """Return header and rows of the table for a terminal, the best model first."""
     columns = _HIDDEN[:6]
     rows = []
-    for name in rank_models(results):
+    for name in _rank_models(results):
         point, seconds = results[name].metrics.point, results[name].seconds
         rows.append([name, *(f"{point[column]:.4f}" for column in columns), f"{seconds:.1f}"])
     return ["model", *map(head_value, columns), "training, s"], rows
@@ -130,7 +130,7 @@ def compare(results: _Results, name: str) -> dict[str, Estimate | None]:
     """
     ours = results[name].metrics
     reference, constant = (results.get(other) for other in (_REFERENCE, _CONSTANT))
-    best = results[rank_models(results)[0]].metrics
+    best = results[_rank_models(results)[0]].metrics
     return {
         "nll_over_gamma_poisson": ours.ratio(reference.metrics, _RANKED_BY) if reference else None,
         "unvisited_ap_minus_train_mean": (
@@ -140,7 +140,7 @@ def compare(results: _Results, name: str) -> dict[str, Estimate | None]:
     }
 
 
-def rank_models(results: _Results) -> list[str]:
+def _rank_models(results: _Results) -> list[str]:
     """Return the models by rising hidden NLL over rooms."""
     return sorted(results, key=lambda name: results[name].metrics.point[_RANKED_BY])
 
@@ -206,7 +206,7 @@ def _write_page(board: Leaderboard, path: Path, figures: Mapping[str, Path]) -> 
 
 def _tabulate_topics(mask: str, results: _Results) -> Iterator[Table]:
     """Yield a table of each topic of headlines, a row for each model, the best first."""
-    ranked = rank_models(results)
+    ranked = _rank_models(results)
     for topic, headlines in {**HEADLINES, "other packages": list_added_values()}.items():
         table = {head_value(name): _cells(results, name) for name in headlines}
         known = {head: cells for head, cells in table.items() if {*cells} != {_UNKNOWN}}
@@ -219,7 +219,7 @@ def _tabulate_topics(mask: str, results: _Results) -> Iterator[Table]:
 
 def _tabulate_all(mask: str, results: _Results) -> Iterator[Table]:
     """Yield the table of every metric, a column for each model."""
-    ranked = rank_models(results)
+    ranked = _rank_models(results)
     metrics = results[ranked[0]].metrics.point
     rows = [[name, *_cells(results, name)] for name in metrics]
     yield Table(f"Every metric, masks {mask}", ["metric", *ranked], rows, folded=True)
@@ -227,12 +227,12 @@ def _tabulate_all(mask: str, results: _Results) -> Iterator[Table]:
 
 def _cells(results: _Results, name: str) -> list[str]:
     """Return a value of every model, the best model first."""
-    return [_cell(results[model].metrics.estimate(name)) for model in rank_models(results)]
+    return [_cell(results[model].metrics.estimate(name)) for model in _rank_models(results)]
 
 
 def _compare_columns(results: _Results) -> dict[str, list[str]]:
     """Return the columns behind the first headlines."""
-    ranked = rank_models(results)
+    ranked = _rank_models(results)
     compared = [compare(results, name)["nll_over_gamma_poisson"] for name in ranked]
     return {
         "NLL / gamma-poisson": list(map(_cell, compared)),
@@ -255,7 +255,7 @@ def _plain(estimate: Estimate | None) -> dict[str, float | int | None] | None:
 def _plot(results: _Results, path: Path, mask: str, *, seeds: int) -> None:
     headlines = (*_HIDDEN, *_WHOLE, *(_UNVISITED if mask != "uniform" else ()))
     labels = {name: head_value(name) for name in headlines}
-    estimates = {name: results[name].metrics.estimates() for name in rank_models(results)}
+    estimates = {name: results[name].metrics.estimates() for name in _rank_models(results)}
     over = say_means(seeds)[1]
     title = f"`{mask}` masks; 95 % intervals over {over}; dashed: the best; grey: outside"
     plot_leaderboard(estimates, labels, path, title=title)

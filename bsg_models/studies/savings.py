@@ -224,8 +224,7 @@ def encode_study(
     """Return a study as JSON: facts, recipe and results; unknown values are null."""
     recipe = study.recipe.model_dump(mode="json", include=set(StudyRecipe.model_fields))
     recipe["worlds"] = [world.name for world in study.recipe.worlds]
-    chosen = study.recipe.artifacts
-    recipe["artifacts"] = list(classes) if chosen is None else [classes[c] for c in chosen]
+    recipe["artifacts"] = [name for name in classes if name in (study.recipe.artifacts or classes)]
     return {
         **facts,
         "scenes": list(study.scenes),

@@ -6,7 +6,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.errors import RecipeError
+from bsg_data.registry import require_known
 from bsg_models.search.looks import USUAL_WAY, metres_of_look
 from bsg_models.search.room_graphs import (
     MEASURED,
@@ -37,7 +37,10 @@ def sample_episodes(
         rooms = graph.rooms
         if not rooms.any():
             return _NOT_MEASURED[world.kind]
-    drawn = sample_searches(cells, rooms, recipe, scene_id=scene_id)
+    classes = data.manifest.class_space.classes
+    require_known("class", recipe.artifacts or (), classes)
+    pool = np.array([recipe.artifacts is None or name in recipe.artifacts for name in classes])
+    drawn = _sample_searches(cells, rooms, pool, recipe, scene_id=scene_id)
     if drawn is None:
         return "no artifact that some room has and another has not"
     artifacts, starts = drawn
@@ -75,21 +78,14 @@ def _cost_looks(
     return metres * way / USUAL_WAY
 
 
-def sample_searches(
-    cells: Counts, rooms: Bools, recipe: StudyRecipe, *, scene_id: str
+def _sample_searches(
+    cells: Counts, rooms: Bools, pool: Bools, recipe: StudyRecipe, *, scene_id: str
 ) -> tuple[Ints, Ints] | None:
     """Sample artifacts `[E, 1]` and starts `[E]`; None if no search is possible.
 
-    The artifact is uniform over the classes that some room has and another has not. The start is
-    uniform over the rooms without it, or over all rooms, as the recipe says.
+    The artifact is uniform over the classes of the pool `[C]` that some room has and another has
+    not. The start is uniform over the rooms without it, or over all rooms, as the recipe says.
     """
-    strange = [c for c in recipe.artifacts or () if not 0 <= c < cells.shape[1]]
-    if strange:
-        raise RecipeError(
-            f"artifact {strange[0]}: there are {cells.shape[1]} classes, numbered from 0"
-        )
-    pool = np.full(cells.shape[1], recipe.artifacts is None)
-    pool[list(recipe.artifacts or ())] = True
     there = (cells > 0) & rooms[:, None]
     sought = pool & there.any(axis=0)
     lacking = sought & ~there  # [N, C] what a search that starts in a room may look for

@@ -117,7 +117,7 @@ def _describe(
         results,
         summary=encode_study(study, results, classes=classes, facts=facts),
         model=model,
-        sought=tuple(classes[c] for c in request.artifacts or range(len(classes))),
+        sought=tuple(name for name in classes if name in (request.artifacts or classes)),
         report=folder / _REPORT,
         written={"every search": folder / _TABLE, "tables as one page": folder / _PAGE},
         notes=(),

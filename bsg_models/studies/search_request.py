@@ -55,7 +55,7 @@ class StudyRecipe(Record):
     planners: tuple[str, ...] = Field(default_factory=PLANNERS.names)
     # classes that may be searched for, None for every class; a search takes those that at least one
     # room has and another has not
-    artifacts: tuple[int, ...] | None = None
+    artifacts: tuple[str, ...] | None = None
     episodes: int = Field(default=200, ge=1)  # searches of every building in every world
     draws: int = Field(default=10, ge=1)  # masks of every building; the searches take turns
     strategy: str = "uniform"  # of the masks, which say what the robot saw before its search
@@ -162,7 +162,9 @@ class SearchRequest(StudyRecipe):
         Raises:
             RecipeError: if it names something unknown, or needs a run.
         """
-        data = Dataset.open(dataset)
+        data, named = Dataset.open(dataset), tuple(artifacts)
+        if named in (("every",), ("room-specific",)):
+            named = ROOM_SPECIFIC if named == ("room-specific",) else ()
         if planners is None:
             planners = [n for n in PLANNERS if runs or PLANNERS[n].reads != "belief"]
         PLANNERS.require(planners)
@@ -172,11 +174,12 @@ class SearchRequest(StudyRecipe):
             worlds=_choose_worlds(worlds, data),
             planners=tuple(planners),
             tasks=("single", "all") if task == "both" else (task,),
-            artifacts=_choose_artifacts(artifacts, data.manifest.class_space.classes),
+            artifacts=named or None,
             strategy=mask,
             **options,
         )
         _require_what_it_needs(request)
+        require_known("class", named, data.manifest.class_space.classes)
         return request
 
 
@@ -186,14 +189,6 @@ def _choose_worlds(worlds: Sequence[str] | None, data: Dataset) -> tuple[WorldRe
     known = data.connection_methods
     measured = (WorldRecipe(kind=kind) for kind in MEASURED if known & set(METHODS[kind]))
     return (*DEFAULT_WORLDS, *measured)
-
-
-def _choose_artifacts(names: Sequence[str], classes: Sequence[str]) -> tuple[int, ...] | None:
-    if list(names) == ["every"]:
-        return None
-    wanted = ROOM_SPECIFIC if list(names) == ["room-specific"] else names
-    require_known("class", wanted, classes)
-    return tuple(sorted({classes.index(name) for name in wanted}))
 
 
 def _require_what_it_needs(request: SearchRequest) -> None:

@@ -78,7 +78,7 @@ def study_search(
             class; or if your own planner has a taken name or cannot reach the executor.
     """
     own = dict(planners or {})
-    chosen = choose_planners(recipe, own, remote=executor is not None)
+    chosen = _choose_planners(recipe, own, remote=executor is not None)
     placed = {scene: None if run is None else Path(run).absolute() for scene, run in runs.items()}
     place = Path(dataset).absolute()  # a worker may run in another folder
     sha256 = Dataset.open(place).sha256  # all workers search the same buildings
@@ -96,7 +96,7 @@ def study_search(
     return Study(recipe, tuple(placed), joined, left_out, chosen)
 
 
-def choose_planners(
+def _choose_planners(
     recipe: StudyRecipe, own: Mapping[str, Planner], *, remote: bool
 ) -> dict[str, Planner]:
     """Return the planners of a study by name: those of its recipe, and the caller's own."""
@@ -133,7 +133,7 @@ def _search_building(
 ) -> _Found:
     """Search one building in every world with every planner."""
     data, found = Dataset.open(dataset, sha256=sha256), _Found([], {})
-    planners = choose_planners(recipe, own, remote=False)
+    planners = _choose_planners(recipe, own, remote=False)
     draws = np.arange(recipe.episodes) % recipe.draws
     asked: dict[bytes, ModelBeliefs] = {}  # worlds with the same rooms have the same searches
     with one_thread():

@@ -19,7 +19,7 @@ from bsg_models.evaluation.catalogue import (
     label_value,
     list_values,
 )
-from bsg_models.evaluation.measurement import Fold, measure_fold
+from bsg_models.evaluation.measurement import Fold, _measure_fold
 from bsg_models.evaluation.metric_kinds import NodeMetric, PooledMetric, Tally
 from bsg_models.evaluation.truth import Prediction, Truth
 from bsg_models.testing import MetricContract
@@ -46,7 +46,7 @@ def evaluate(
 ) -> tuple[dict[str, float], dict[str, int]]:
     truth = prediction.truth
     fold = Fold(truth.scene_ids, [(truth, prediction.expectation)])
-    ((values, nodes),) = measure_fold([fold], np.array(weights)[:, None])
+    ((values, nodes),) = _measure_fold([fold], np.array(weights)[:, None])
     return {name: float(value[0]) for name, value in values.items()}, nodes
 
 

@@ -17,7 +17,7 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import metrics
 from bsg_models.evaluation.bootstrap import weigh_buildings
 from bsg_models.evaluation.details import Details
-from bsg_models.evaluation.measurement import Fold, measure, measure_fold, predict_all, read_truth
+from bsg_models.evaluation.measurement import Fold, _measure_fold, measure, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
 from bsg_models.inputs.graphs import read_split
 from bsg_models.testing import MetricContract
@@ -43,7 +43,7 @@ def evaluate(
     """Return every metric under one weight for each building, and the nodes behind it."""
     each = np.ones(len(truth.scene_ids)) if weights is None else weights
     fold = Fold(truth.scene_ids, [(truth, expectation)])
-    ((values, nodes),) = measure_fold([fold], each[:, None])
+    ((values, nodes),) = _measure_fold([fold], each[:, None])
     return {name: float(value[0]) for name, value in values.items()}, nodes
 
 

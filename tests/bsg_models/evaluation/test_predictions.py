@@ -15,7 +15,7 @@ from bsg_data.scene.surroundings import Surroundings
 from bsg_models.errors import PredictionError
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION, Fold, measure, read_truth
 from bsg_models.evaluation.prediction_files import read_predictions
-from bsg_models.evaluation.predictions import PredictedExpectation, align, log_of_table
+from bsg_models.evaluation.predictions import _log_of_table, _PredictedExpectation, align
 
 CLASSES = ("chair", "bed")
 
@@ -37,7 +37,7 @@ def two_rooms() -> MaskedBuildings:
     return MaskedBuildings(seen, np.array([[2, 1], [1, 1], [1, 0]]), np.array([0]), np.arange(3))
 
 
-def expect(path: Path, frame: pd.DataFrame) -> PredictedExpectation:
+def expect(path: Path, frame: pd.DataFrame) -> _PredictedExpectation:
     frame.to_parquet(path)
     aligned = align(read_predictions(path, most_rows=6), [two_rooms()], CLASSES)
     return aligned.expect(two_rooms())
@@ -87,7 +87,7 @@ def test_the_tail_of_a_table_is_geometric_and_keeps_the_mean() -> None:
     expected = np.array([[1.0, 0.0, 2.5]])
 
     def chance(count: float) -> list[float]:
-        return np.exp(log_of_table(np.full((1, 3), count), table, expected))[0].tolist()
+        return np.exp(_log_of_table(np.full((1, 3), count), table, expected))[0].tolist()
 
     # 1 = 0.25 + 0.25 · 3: the tail from 2 on has the mean 3, and so q = 1/2; of 2.5 it is 1/3.
     assert chance(0) == pytest.approx([0.5, 1.0, 1e-6])

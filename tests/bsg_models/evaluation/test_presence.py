@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation import presence
-from bsg_models.evaluation.presence import PresenceHistograms, bin_presence, select_cells
+from bsg_models.evaluation.presence import PresenceHistograms, _bin_presence, select_cells
 from bsg_models.evaluation.truth import Truth
 
 ROOMS, CLASSES = 60, 4
@@ -67,7 +67,7 @@ def test_ranks_are_those_of_sorted_cells_within_the_bound(
             scores, truth = rooms["presence"][some], rooms["hidden"][some]
             for w in range(3):
                 mass = cells[w][some].astype(float)
-                bound = exact_ranks.bounds(bin_presence(scores), truth, mass)
+                bound = exact_ranks.bounds(_bin_presence(scores), truth, mass)
                 for (measure, reference), most in zip(MEASURES, bound, strict=True):
                     found = getattr(ranks, measure)[name][0 if c is None else 1 + c, w]
                     expected = reference(scores, truth, mass)
@@ -79,7 +79,7 @@ def test_ranks_are_those_of_sorted_cells_within_the_bound(
 
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=20))
 def test_a_higher_presence_has_no_lower_bin(scores: list[float]) -> None:
-    bins = bin_presence(np.sort(np.array(scores)))
+    bins = _bin_presence(np.sort(np.array(scores)))
     assert (np.diff(bins) >= 0).all()
     assert 0 <= bins.min() <= bins.max() < presence.BINS
 

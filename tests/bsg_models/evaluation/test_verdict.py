@@ -11,7 +11,7 @@ from bsg_data import registry
 from bsg_data.errors import RecipeError
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import METRICS, find_value, list_values
-from bsg_models.evaluation.verdict import HEADLINES, explain, judge, judge_all, list_headlines
+from bsg_models.evaluation.verdict import HEADLINES, _judge, explain, judge_all, list_headlines
 
 NOISE = np.linspace(-1, 1, 41)
 LESS, MORE = "rooms/hidden_nll", "rooms/presence_auroc_macro/all"
@@ -33,32 +33,32 @@ def test_a_verdict_is_that_of_the_paired_difference() -> None:
     """The intervals of both overlap by far, and yet one is better in every resample."""
     ours, other = measured(1.0), measured(1.1)
     assert ours.estimate(LESS).high > other.estimate(LESS).low
-    assert judge(ours, other, LESS) == "better"
-    assert judge(other, ours, LESS) == "worse"
-    assert judge(ours, other, MORE) == "worse"
-    assert judge(other, ours, MORE) == "better"
+    assert _judge(ours, other, LESS) == "better"
+    assert _judge(other, ours, LESS) == "worse"
+    assert _judge(ours, other, MORE) == "worse"
+    assert _judge(other, ours, MORE) == "better"
 
 
 def test_a_difference_that_resamples_turn_round_is_no_verdict() -> None:
     ours, other = measured(1.0), measured(1.1, noise=-NOISE)  # they differ by 0.1, give or take 2
-    assert judge(ours, other, LESS) == judge(ours, other, MORE) == "not distinguishable"
+    assert _judge(ours, other, LESS) == _judge(ours, other, MORE) == "not distinguishable"
     far = measured(4.0, noise=-NOISE)
-    assert judge(ours, far, LESS) == "better"
+    assert _judge(ours, far, LESS) == "better"
 
 
 def test_without_resamples_values_decide_and_twins_are_alike() -> None:
     nothing = np.array([])
     ours, other = measured(1.0, noise=nothing), measured(1.1, noise=nothing)
-    assert judge(ours, other, LESS) == "better"
-    assert judge(ours, ours, LESS) == "not distinguishable"
+    assert _judge(ours, other, LESS) == "better"
+    assert _judge(ours, ours, LESS) == "not distinguishable"
     skewed = np.append(np.zeros(99), -100.0)  # its quantiles lie above its mean
     one, twin = measured(1.0, noise=skewed), measured(1.0, noise=0 * skewed)
-    assert judge(one, twin, LESS) == "not distinguishable"
+    assert _judge(one, twin, LESS) == "not distinguishable"
 
 
 def test_a_signed_error_has_no_verdict() -> None:
     with pytest.raises(RecipeError, match="neither less nor more"):
-        judge(measured(0.0), measured(1.0), "rooms/mean_error")
+        _judge(measured(0.0), measured(1.0), "rooms/mean_error")
 
 
 def test_headlines_are_values_with_a_direction() -> None:

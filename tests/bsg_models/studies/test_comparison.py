@@ -30,7 +30,7 @@ from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import CheckpointHeader
 from bsg_models.runs.found_model import FoundModel, Kind
 from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_runs, compare_runs
-from bsg_models.studies.evaluation_report import encode_comparison, headline_rows, metric_rows
+from bsg_models.studies.evaluation_report import _encode_comparison, headline_rows, metric_rows
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
@@ -98,7 +98,7 @@ def test_runs_of_different_folds_are_refused(dataset: Path, tmp_path: Path) -> N
 def test_what_a_comparison_leaves(dataset: Path, run: Path) -> None:
     compared = compare([run], dataset, split="val", resamples=4)
     (ours,), models = compared.runs, list(compared.estimates)
-    report = json.loads(json.dumps(encode_comparison(compared), allow_nan=False))
+    report = json.loads(json.dumps(_encode_comparison(compared), allow_nan=False))
     assert report["split"] == "val"
     assert tuple(report["metrics"]) == list_values()
     nll = compared.estimates[ours]["rooms/hidden_nll"]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,9 +22,8 @@ from bsg_models.runs.run_folder import BEST
 from bsg_models.studies import leaderboard
 from bsg_models.studies.leaderboard import (
     DATASET,
-    Leaderboard,
     LeaderboardRecipe,
-    fit_to,
+    _fit_to,
     make_leaderboard,
     prepare_dataset,
     run_of,
@@ -160,14 +157,14 @@ def test_a_model_with_a_mask_of_its_own_is_trained_once_and_measured_on_every_ki
 
 def test_the_leaderboard_sets_the_mask_of_those_that_have_none() -> None:
     recipe = LeaderboardRecipe(fraction=0.3, seed=7)
-    fitted = fit_to(find_config("ceci-sage"), recipe, mask="rooms", fold=2)
+    fitted = _fit_to(find_config("ceci-sage"), recipe, mask="rooms", fold=2)
     assert fitted.data.mask == MaskRecipe(strategy="rooms", fraction=0.3, seed=7)
     assert (fitted.data.fold, fitted.seed) == (2, 7)
-    own = fit_to(configure("ceci-sage", *MIXED, "data.mask.seed=1"), recipe, mask="rooms", fold=2)
+    own = _fit_to(configure("ceci-sage", *MIXED, "data.mask.seed=1"), recipe, mask="rooms", fold=2)
     assert own.data.mask == MaskRecipe(strategy="mixed", withhold=0.05, seed=8)
     # Its checkpoint is read again: what a search withholds is in the mask then.
     searching = configure("ceci-sage", "data.withhold=0.08")
-    fitted = fit_to(searching, recipe, mask="rooms", fold=0)
+    fitted = _fit_to(searching, recipe, mask="rooms", fold=0)
     assert fitted.data.mask.withhold == 0.08
     assert DataConfig.model_validate(fitted.data.model_dump()) == fitted.data
 
@@ -194,15 +191,6 @@ def measure_seed(data: Dataset, seed: int, name: str) -> Bootstrap:
             for fold, run in enumerate(runs)
         ]
     )
-
-
-def encode(board: Leaderboard) -> object:
-    """Return what a leaderboard says, with no training time."""
-    results = {
-        mask: {name: replace(result, seconds=0.0) for name, result in models.items()}
-        for mask, models in board.results.items()
-    }
-    return write_json(replace(board, results=results))
 
 
 def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
@@ -233,33 +221,6 @@ def test_each_seed_trains_a_model_in_each_fold_unless_none_changes_it(
     assert write_json(two)["masks"]["uniform"]["ceci-sage"]["seeds"] == 2
 
 
-def test_a_leaderboard_of_seeds_that_was_stopped_says_what_an_unbroken_one_says(
-    unsplit: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It is stopped in its fifth training, the second of the second seed."""
-    models = {"ceci-sage": SEEDED["ceci-sage"]}
-    unbroken = make_leaderboard(unsplit, tmp_path / "unbroken", models, TWO)
-    out, train, begun = tmp_path / "stopped", leaderboard.train_run, []
-
-    def stop(*words: Any, **options: Any) -> object:
-        begun.append(words[2])
-        if len(begun) == 5:
-            raise KeyboardInterrupt
-        return train(*words, **options)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(leaderboard, "train_run", stop)
-        with pytest.raises(KeyboardInterrupt):
-            make_leaderboard(unsplit, out, models, TWO)
-    stamps = {path: path.stat().st_mtime_ns for path in out.rglob(BEST)}
-    assert len(stamps) == 4
-    again = make_leaderboard(unsplit, out, models, TWO)
-    assert all(path.stat().st_mtime_ns == stamp for path, stamp in stamps.items())
-    assert encode(again) == encode(unbroken)
-    for run in list_runs(out):
-        assert (out / run / BEST).read_bytes() == (tmp_path / "unbroken" / run / BEST).read_bytes()
-
-
 @pytest.mark.parametrize("name", [name for name in ZOO if not is_by_seed(find_config(name))])
 def test_a_model_that_no_seed_changes_is_the_same_by_another(
     name: str, unsplit: Path, tmp_path: Path
@@ -269,7 +230,7 @@ def test_a_model_that_no_seed_changes_is_the_same_by_another(
     prepare_dataset(unsplit, data, recipe, mask="rooms")
     states = []
     for seed in range(2):
-        config = fit_to(find_config(name), recipe, mask="rooms", fold=0, seed=seed)
+        config = _fit_to(find_config(name), recipe, mask="rooms", fold=0, seed=seed)
         list(train_run(config, data, tmp_path / f"run-{seed}"))
         states.append(load_checkpoint(tmp_path / f"run-{seed}" / BEST).header.tensors_sha256)
     assert states[0] == states[1]

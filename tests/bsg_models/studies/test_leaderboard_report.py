@@ -17,8 +17,8 @@ from bsg_models.evaluation.catalogue import list_values
 from bsg_models.studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult
 from bsg_models.studies.leaderboard_report import (
     REPORT,
+    _rank_models,
     compare,
-    rank_models,
     refuse_finished,
     report_leaderboard,
 )
@@ -60,7 +60,7 @@ def test_paired_comparisons_by_hand() -> None:
     """The noise of two models is the same, so that their difference has none."""
     made = board({"train-mean": 0.5, "gamma-poisson": 0.4, "ours": 0.3})
     results = made.results["rooms"]
-    assert rank_models(results) == ["ours", "gamma-poisson", "train-mean"]
+    assert _rank_models(results) == ["ours", "gamma-poisson", "train-mean"]
     found = compare(results, "ours")
     difference = found["unvisited_ap_minus_train_mean"]
     assert difference is not None

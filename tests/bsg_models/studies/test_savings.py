@@ -22,7 +22,7 @@ from bsg_models.studies.savings import (
     tabulate_savings,
 )
 from bsg_models.studies.search_request import StudyRecipe
-from bsg_models.studies.search_study import Study, choose_planners
+from bsg_models.studies.search_study import Study, _choose_planners
 
 Costs = tuple[Sequence[float], Sequence[float]]  # of `nearest`, and of `ratio`
 NAN = float("nan")
@@ -41,7 +41,7 @@ def by_hand(costs: Mapping[str, Costs]) -> pd.DataFrame:
 
 
 def result_of(costs: Mapping[str, Costs], **options: Any) -> WorldResult:
-    planners = choose_planners(RECIPE, {}, remote=False)
+    planners = _choose_planners(RECIPE, {}, remote=False)
     (one,) = summarise(Study(RECIPE, (), by_hand(costs), {}, planners), **options)
     return one
 

@@ -17,11 +17,11 @@ from bsg_models.search.knowledge import Knowledge
 from bsg_models.search.planners import nearest
 from bsg_models.search.room_graphs import WorldRecipe
 from bsg_models.studies.savings import encode_study, summarise, write_searches
-from bsg_models.studies.search_cases import sample_searches
+from bsg_models.studies.search_cases import _sample_searches
 from bsg_models.studies.search_request import StudyRecipe
-from bsg_models.studies.search_study import Study, choose_planners, study_search
+from bsg_models.studies.search_study import Study, _choose_planners, study_search
 
-EVERY = tuple(range(45))
+POOL = np.ones(45, dtype=bool)
 BLIND = tuple(name for name in PLANNERS if PLANNERS[name].reads != "belief")
 DRAWN = (WorldRecipe(kind="star"), WorldRecipe(kind="tree"))
 ORDER = ["scene_id", "world", "task", "planner", "episode"]
@@ -33,7 +33,7 @@ def costs_of(study: Study, *, episodes: int = 6) -> list[float]:
 
 
 def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
-    recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=6, draws=3)
+    recipe = StudyRecipe(worlds=DRAWN, episodes=6, draws=3)
     runs = dict.fromkeys(list(read_cells(dataset))[-4:], run)
     alone = study_search(dataset, runs, recipe)
     with ThreadPoolExecutor(2) as pool:
@@ -49,12 +49,12 @@ def test_a_study_depends_on_its_recipe_alone(dataset: Path, run: Path) -> None:
 
 def test_artifacts_and_starts_are_possible(dataset: Path) -> None:
     """And those of a search do not depend on the number of searches."""
-    recipe = StudyRecipe(artifacts=EVERY, episodes=50)
+    recipe = StudyRecipe(episodes=50)
     for scene, cells in read_cells(dataset).items():
         rooms = np.arange(len(cells)) > 0
-        drawn = sample_searches(cells, rooms, recipe, scene_id=scene)
+        drawn = _sample_searches(cells, rooms, POOL, recipe, scene_id=scene)
         few = recipe.model_copy(update={"episodes": 2})
-        first = sample_searches(cells, rooms, few, scene_id=scene)
+        first = _sample_searches(cells, rooms, POOL, few, scene_id=scene)
         if drawn is None or first is None:
             assert first is drawn
             assert len(cells) == 2
@@ -65,13 +65,11 @@ def test_artifacts_and_starts_are_possible(dataset: Path) -> None:
             assert not cells[start, classes].any()
             assert cells[1:, classes].any(axis=0).all()
     cells = np.array([[3, 0], [1, 0], [2, 0]])  # every room has the only class that is there
-    recipe = StudyRecipe(artifacts=(0, 1))
-    assert sample_searches(cells, np.arange(3) > 0, recipe, scene_id="s") is None
+    assert _sample_searches(cells, np.arange(3) > 0, POOL[:2], recipe, scene_id="s") is None
 
 
 def test_buildings_without_a_layout_are_counted(dataset: Path) -> None:
     recipe = StudyRecipe(
-        artifacts=EVERY,
         worlds=(WorldRecipe(kind="star"), WorldRecipe(kind="layout")),
         planners=("nearest",),
         episodes=2,
@@ -86,7 +84,7 @@ def test_buildings_without_a_layout_are_counted(dataset: Path) -> None:
 
 
 def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
-    recipe = StudyRecipe(artifacts=EVERY, worlds=DRAWN, episodes=3, planners=("ratio",))
+    recipe = StudyRecipe(worlds=DRAWN, episodes=3, planners=("ratio",))
     study = study_search(dataset, dict.fromkeys(list(read_cells(dataset))[-2:], run), recipe)
     classes = Dataset.open(dataset).manifest.class_space.classes
     write_searches(study, tmp_path / "searches.parquet")
@@ -107,7 +105,7 @@ def test_a_belief_that_is_needed_and_not_there_is_said(dataset: Path) -> None:
     nobody = dict.fromkeys(read_cells(dataset))
     for recipe in (
         StudyRecipe(episodes=2, worlds=DRAWN),
-        StudyRecipe(episodes=2, planners=BLIND, worlds=DRAWN, artifacts=(45,)),
+        StudyRecipe(episodes=2, planners=BLIND, worlds=DRAWN, artifacts=("spaceship",)),
     ):
         with pytest.raises(RecipeError):
             study_search(dataset, nobody, recipe)
@@ -137,11 +135,11 @@ def test_a_planner_of_ones_own_that_cannot_be_asked_is_refused() -> None:
     recipe = StudyRecipe(planners=("routing",))
     for name in ("nearest",):
         with pytest.raises(RecipeError):
-            choose_planners(recipe, {name: Planner(contrary)}, remote=False)
+            _choose_planners(recipe, {name: Planner(contrary)}, remote=False)
     local = {"mine": Planner(lambda known: known.here, "none")}
-    assert "mine" in choose_planners(recipe, local, remote=False)
+    assert "mine" in _choose_planners(recipe, local, remote=False)
     with pytest.raises(RecipeError):
-        choose_planners(recipe, local, remote=True)
-    assert "mine" in choose_planners(recipe, {"mine": Planner(contrary)}, remote=True)
-    believing = choose_planners(recipe, {"mine": Planner(contrary, "belief")}, remote=False)
+        _choose_planners(recipe, local, remote=True)
+    assert "mine" in _choose_planners(recipe, {"mine": Planner(contrary)}, remote=True)
+    believing = _choose_planners(recipe, {"mine": Planner(contrary, "belief")}, remote=False)
     assert list(believing) == ["nearest", "routing", "mine"]
