@@ -11,7 +11,6 @@ import json
 import shutil
 import struct
 import sys
-import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,17 +18,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from conftest import working_in
-from dsg_files import robot_graph
 from watched_folder import snapshot, watch
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.manifest import MANIFEST
-from bsg_data.sources.hm3d_stats import MEMBER
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
 from bsg_models.runs.run_folder import BEST
 
 Put = Callable[[Path, str], list[str]]  # puts a name into a folder; returns the commands to try
-STATISTICS = "Scene Name,Region #,# Unique Categories,# Objects,Object Instances in Region,Category"
 READ_DATASET = [
     "bsg-data check dataset",
     "bsg-data info dataset",
@@ -56,23 +52,9 @@ def put_into_class_map(folder: Path, name: str) -> list[str]:
     return _edit_manifest(folder, lambda said: said["sources"][0].update(class_map=entry))
 
 
-def put_into_statistics(folder: Path, name: str) -> list[str]:
-    row = f'"{name}",0,1,1,chair_1\n00006-aaaaaaaaaaa,0,1,1,bed_1\n'
-    with zipfile.ZipFile(folder / "s.zip", "w") as archive:
-        archive.writestr(name or "none", f"{STATISTICS}\nflat,0,1,1,bed_1\n")
-        archive.writestr(MEMBER, f"{STATISTICS}\n{row}")
-    return _build_with_layouts(folder, "--source hm3d-stats s.zip")
-
-
 def put_into_table(folder: Path, name: str) -> list[str]:
     _write_table(folder, name)
     return _build_with_layouts(folder, "--source table objects.csv")
-
-
-def put_into_list_of_behavior(folder: Path, name: str) -> list[str]:
-    said = {"scenes": {name: {"kitchen_0": {"fridge-abcdef": 1}}}}
-    (folder / "list.json").write_text(json.dumps(said), "utf-8")
-    return _build_with_layouts(folder, "--source behavior list.json")
 
 
 def put_into_mesh(folder: Path, name: str) -> list[str]:
@@ -116,25 +98,9 @@ def put_into_robot_graph(folder: Path, name: str) -> list[str]:
     return [BELIEVE.format("graph.json", "universal")]
 
 
-def put_into_dsg(folder: Path, name: str) -> list[str]:
-    graph = robot_graph()
-    for node in graph["nodes"]:
-        node["attributes"]["name"] = name
-    graph["metadata"] = {"labelspace": name, "labelspaces": {"_l2p0": [[3, name]]}}
-    (folder / "dsg.json").write_text(json.dumps(graph), "utf-8")
-    return [
-        f"{BELIEVE.format('dsg.json', 'universal')} --labels mpcat40",
-        "bsg-belief dsg.json --labels mpcat40 --out annotated.dsg.json",
-    ]
-
-
 def put_into_class_map_of_a_run(folder: Path, name: str) -> list[str]:
     own = {"name": name, "spellings": "raw_category,category,class\nbed,bed,bed\n"}
     return _edit_header(folder, lambda said: said.update(class_maps=[own, name]))
-
-
-def put_into_name_of_a_run(folder: Path, name: str) -> list[str]:
-    return _edit_header(folder, lambda said: said["config"].update(name=name))
 
 
 def put_into_members_of_a_run(folder: Path, name: str) -> list[str]:
@@ -145,32 +111,15 @@ def put_into_members_of_a_run(folder: Path, name: str) -> list[str]:
     return _edit_header(folder, edit)
 
 
-def put_into_configuration(folder: Path, name: str) -> list[str]:
-    said = json.dumps(name)
-    for what, text in {
-        "name": f"name = {said}\n[model]\nfamily = 'gamma-poisson'\n",
-        "family": f"[model]\nfamily = {said}\n",
-        "members": f"[model]\nfamily = 'ensemble'\nmembers = [{said}]\n",
-    }.items():
-        (folder / f"{what}.toml").write_text(text, "utf-8")
-    line = "bsg-train dataset --config {0}.toml --out run-{0}"
-    return [line.format(what) for what in ("name", "family", "members")]
-
-
 PLACES: tuple[Put, ...] = (
     put_into_files,
     put_into_class_map,
-    put_into_statistics,
     put_into_table,
-    put_into_list_of_behavior,
     put_into_mesh,
     put_into_layout,
     put_into_robot_graph,
-    put_into_dsg,
     put_into_class_map_of_a_run,
-    put_into_name_of_a_run,
     put_into_members_of_a_run,
-    put_into_configuration,
 )
 
 

@@ -11,12 +11,9 @@ import pytest
 from killed_process import start, wait_for
 from watched_folder import snapshot
 
-from bsg_data import build_dataset, export_dataset, open_source
 from bsg_data.errors import DatasetError
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
-from bsg_models.studies.comparison import EvaluationRequest
-from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import SearchRequest
 
@@ -36,14 +33,6 @@ def believe(run: Path, dataset: Path, out: Path) -> None:
     report_beliefs(BeliefRequest(run=run, graphs=graphs, out=tuple(out / name for name in names)))
 
 
-def evaluate(run: Path, dataset: Path, out: Path) -> None:
-    """A folder of results, and a page beside it."""
-    request = EvaluationRequest(
-        dataset=dataset, runs=(run,), out=out / "evaluation", html=out / "page.html", resamples=2
-    )
-    report_evaluation(request)
-
-
 def search(run: Path, dataset: Path, out: Path) -> None:
     """A folder of results, and a replay beside it."""
     request = SearchRequest.read(
@@ -60,19 +49,7 @@ def search(run: Path, dataset: Path, out: Path) -> None:
     report_search(request)
 
 
-def export(run: Path, dataset: Path, out: Path) -> None:
-    """Files in a folder that may hold others."""
-    placed = dataset.parent / "placed"
-    if not placed.exists():
-        rows = [f"home{n},hall,bed,{n},{n},0,0,0,0,9,9,2\n" for n in range(4)]
-        columns = ",".join(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
-        table = dataset.parent / "objects.csv"
-        table.write_text("".join([f"scene,room,category,x,y,z,{columns}\n", *rows]))
-        build_dataset(open_source("table", table), placed)
-    export_dataset(placed, out / "habitat", to="habitat")
-
-
-@pytest.mark.parametrize(("work", "slow"), [(believe, 1), (evaluate, 4), (search, 8), (export, 1)])
+@pytest.mark.parametrize(("work", "slow"), [(believe, 1), (search, 8)])
 def test_killed_at_any_change_of_a_file(
     work: Callable[[Path, Path, Path], None],
     slow: int,
