@@ -73,10 +73,10 @@ coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them ru
 	$(BIN)/python -m pip install --quiet 'pytest-cov>=5,<8'
 	$(PYTEST) --cov --cov-report=term-missing
 
-faults: $(INSTALLED) ## Kill, damage and feed everything in full; about an hour.
+faults: $(INSTALLED) ## Kill, damage and feed everything in full; under an hour.
 	$(PYTEST) --full tests/faults
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
-	$(BIN)/python scripts/faults/fuzz.py --minutes 25
+	$(BIN)/python scripts/faults/fuzz.py --minutes 20
 
 sentences: $(INSTALLED) ## Write tests/refusals.txt anew: the words of all errors that tests meet.
 	$(BIN)/python -m pytest -n0 --sentences $$(grep -rl 'refuses(' tests --include='test_*.py')

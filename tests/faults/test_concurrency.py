@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from refusals import refuses
 
 from bsg_data import (
     SplitRecipe,
@@ -26,7 +25,6 @@ from bsg_data import (
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.extend import HM3DFolder
 from bsg_data.files import hold
-from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.sealed_results import check_results
@@ -89,22 +87,6 @@ def test_a_command_in_the_middle_of_another(
     assert len(refused) == (other in WRITERS)
     assert read_manifest(place / "dataset") == made
     assert check_dataset(place / "dataset") == ()
-
-
-def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.tables"
-    measure = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
-    believe = BeliefRequest(run=run, dataset=dataset, split="test", out=(out,), force=True)
-    met: list[bool] = []
-
-    def interrupt(*_: object) -> None:
-        with refuses(DatasetError, "folder-busy"):
-            report_evaluation(measure)
-        met.append(True)
-
-    report_beliefs(believe, progress=interrupt)
-    assert met
-    assert check_results(out)
 
 
 def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: Path) -> None:

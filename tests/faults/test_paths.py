@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-import struct
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -57,45 +56,12 @@ def put_into_table(folder: Path, name: str) -> list[str]:
     return _build_with_layouts(folder, "--source table objects.csv")
 
 
-def put_into_mesh(folder: Path, name: str) -> list[str]:
-    """Put it into the address of a buffer, and of a texture."""
-    building = folder / "hm3d" / "train" / "00006-aaaaaaaaaaa"
-    building.mkdir(parents=True)
-    text = 'HM3D Semantic Annotations\n1,AABBCC,"chair",0\n'
-    (building / "aaaaaaaaaaa.semantic.txt").write_text(text, "utf-8")
-    tree: dict[str, Any] = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": 36, "uri": name}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
-        "images": [{"uri": name}],
-        "textures": [{"source": 0}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }
-    for number in (0, 1):
-        (building / "aaaaaaaaaaa.semantic.glb").write_bytes(_glb(tree))
-        shutil.copytree(folder / "hm3d", folder / f"hm3d-{number}")
-        tree["buffers"][0].pop("uri", None)  # now the image alone is elsewhere
-    return [f"bsg-data build --hm3d hm3d-{n} --out made-{n} --workers 1" for n in (0, 1)]
-
-
 def put_into_layout(folder: Path, name: str) -> list[str]:
     _write_table(folder, "flat")
     lines = _build_with_layouts(folder, "--source table objects.csv")
     text = f"scene: {json.dumps(name)}\nrooms: !!python/name:os.system {{}}\n"
     (folder / "layouts" / "flat.yaml").write_text(text, "utf-8")
     return lines
-
-
-def put_into_robot_graph(folder: Path, name: str) -> list[str]:
-    room = {"id": name, "label": name}
-    seen = [{"id": name, "category": name, "room": name}]
-    graph = {"scene_id": name or "home", "rooms": [room], "objects": seen}
-    (folder / "graph.json").write_text(json.dumps(graph), "utf-8")
-    return [BELIEVE.format("graph.json", "universal")]
 
 
 def put_into_class_map_of_a_run(folder: Path, name: str) -> list[str]:
@@ -115,9 +81,7 @@ PLACES: tuple[Put, ...] = (
     put_into_files,
     put_into_class_map,
     put_into_table,
-    put_into_mesh,
     put_into_layout,
-    put_into_robot_graph,
     put_into_class_map_of_a_run,
     put_into_members_of_a_run,
 )
@@ -227,12 +191,3 @@ class _Said:
 
     def model_dump_json(self) -> str:
         return json.dumps(self.said)
-
-
-def _glb(tree: dict[str, Any]) -> bytes:
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    binary = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
-    size = 12 + 8 + len(text) + 8 + len(binary)
-    head = struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON")
-    return head + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
