@@ -11,7 +11,7 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test all heavy coverage faults sentences lint format docs figures robot site bench package release test-lowest test-latest audit clean
+.PHONY: help install demo test all heavy coverage faults sentences lint format docs figures site bench package release test-lowest test-latest audit clean
 
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -73,10 +73,10 @@ coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them ru
 	$(BIN)/python -m pip install --quiet 'pytest-cov>=5,<8'
 	$(PYTEST) --cov --cov-report=term-missing
 
-faults: $(INSTALLED) ## Kill, damage and feed everything in full; about an hour.
+faults: $(INSTALLED) ## Kill, damage and feed everything in full; under an hour.
 	$(PYTEST) --full tests/faults
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
-	$(BIN)/python scripts/faults/fuzz.py --minutes 25
+	$(BIN)/python scripts/faults/fuzz.py --minutes 20
 
 sentences: $(INSTALLED) ## Write tests/refusals.txt anew: the words of all errors that tests meet.
 	$(BIN)/python -m pytest -n0 --sentences $$(grep -rl 'refuses(' tests --include='test_*.py')
@@ -95,27 +95,17 @@ docs: $(INSTALLED) ## Write the generated parts of the docs anew, and execute th
 	$(BIN)/python scripts/write_docs.py
 	$(BIN)/python scripts/site/execute.py docs/tutorials/*.md
 
-figures: demo robot ## Draw the figures of the docs; that of the explorer needs Chromium.
+figures: demo ## Draw the figures of the docs; that of the explorer needs Chromium.
 	$(BIN)/python scripts/figures/concepts.py --out docs/figures
 	$(BIN)/python scripts/figures/search.py $(DEMO)/dataset --scene 00017-sta13NdfxpY --out docs/figures/search.png
-	cp demo-robot/robot.png docs/figures/robot.png
 	$(BIN)/bsg-belief docs/home.json --out $(DEMO)/home.html --force
 	chromium --headless --no-sandbox --window-size=1200,700 --screenshot=docs/figures/explorer.png "file://$(CURDIR)/$(DEMO)/home.html"
-
-# pyrobosim brings a plugin of pytest, so it has an environment of its own.
-robot: ## Let a robot search things in the simulator pyrobosim; picture and figures in demo-robot/.
-	$(PYTHON) -m venv $(VENV)/robot
-	$(VENV)/robot/bin/python -m pip install --quiet --constraint constraints.txt --editable '.[figures,meshes]' 'pyrobosim>=5,<6'
-	rm -rf demo-robot
-	$(VENV)/robot/bin/bsg-data synth --out demo-robot/buildings --scenes 14 --seed 0
-	$(VENV)/robot/bin/bsg-data build --hm3d demo-robot/buildings --room-layouts demo-robot/buildings/layouts --out demo-robot/synthetic
-	$(VENV)/robot/bin/python scripts/measure/robot.py --data demo-robot/synthetic --out demo-robot/figures.json --picture demo-robot/robot.png
 
 site: $(INSTALLED) ## Build the documentation as a site, strictly; open site/index.html.
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 bench: $(INSTALLED) ## Time the main jobs beside what people would use instead: make bench HM3D=PATH
-	PYTHONPATH=scripts/measure:.:tests $(BIN)/python scripts/bench/speed.py $(if $(HM3D),--hm3d "$(HM3D)")
+	$(BIN)/python scripts/measure/speed.py $(if $(HM3D),--hm3d "$(HM3D)")
 
 package: $(INSTALLED) ## Build wheel and source archive into dist, and try both in fresh environments.
 	$(BIN)/python -m pip install --quiet 'build>=1.2,<2'
@@ -147,5 +137,5 @@ audit: ## Ask pip-audit for known weaknesses of what is locked; needs the networ
 	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes --requirement requirements.lock --requirement requirements-torch.lock
 
 clean: ## Remove the environment, the demos and all caches.
-	rm -rf $(VENV) $(DEMO) demo-robot build dist site *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(DEMO) build dist site *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -105,7 +105,10 @@ def _find_table(measurement: str, title: str) -> dict[str, Any]:
 def _describe_measurement(name: str) -> tuple[str, ...]:
     made = _read_figures()[name]["made"]
     date = f"{made['date']} at {made['commit']}" if "commit" in made else made["date"]
-    return name, f"`{made['command']}`", date, made.get("dataset", "–")
+    command = f"`{made['command']}`"
+    if "last_in" in made:  # the script has left the tree
+        command += f" at {made['last_in']}"
+    return name, command, date, made.get("dataset", "–")
 
 
 def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:

@@ -1,11 +1,11 @@
 """Say what a look costs, and which rooms come before another look.
 
-The simulator pyrobosim measured it (`scripts/measure/robot.py`): a robot that searches the
-furniture of a room, piece by piece, at 5 s a detection and 1 m/s between them, needs 3.1 · A^0.57
-seconds for a room of A square metres (20 storeys made from HM3D; docs/results/search.md has the
-searches). In that time it would drive as many metres. The walks through ProcTHOR's rooms that
-`estimate_hidden_share` rests on come near: until a camera has seen 80 % of what is in 12 m², they
-take 9 s, and this rule says 13.
+The simulator pyrobosim measured it (`scripts/measure/robot.py` at commit 0b7c073c): a robot that
+searches the furniture of a room, piece by piece, at 5 s a detection and 1 m/s between them, needs
+3.1 · A^0.57 seconds for a room of A square metres (20 storeys made from HM3D;
+docs/results/search.md has the searches). In that time it would drive as many metres. The walks
+through ProcTHOR's rooms that `estimate_hidden_share` rests on come near: until a camera has seen
+80 % of what is in 12 m², they take 9 s, and this rule says 13.
 """
 
 from __future__ import annotations

@@ -45,7 +45,6 @@ def feed(name: str, folder: Path, flags: Sequence[str]) -> None:
         path.mkdir(parents=True, exist_ok=True)
     for number, data in enumerate((*target.seeds().values(), *target.kept().values())):
         (corpus / f"seed-{number}").write_bytes(data)
-    words = [word.encode("utf-8", "surrogatepass") for word in target.words]
 
     def try_input(data: bytes) -> None:
         finding = bench.try_input(data)
@@ -54,7 +53,7 @@ def feed(name: str, folder: Path, flags: Sequence[str]) -> None:
 
     def mutate(data: bytes, longest: int, seed: int) -> bytes:
         if seed % 3:  # values and words where libFuzzer, which knows neither, flips bytes
-            return change(data, random.Random(seed), words=words, most=longest)
+            return change(data, random.Random(seed), most=longest)
         return bytes(atheris.Mutate(data, longest))
 
     limits = [f"-timeout={SECONDS}", f"-rss_limit_mb={MEGABYTES}", f"-max_len={target.longest}"]

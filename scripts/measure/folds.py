@@ -199,36 +199,3 @@ def view_rooms(masked: MaskedBuildings) -> Mapping[str, Bools]:
     partly = rooms & (seen.hidden_share > 0) & (seen.hidden_share < 1)
     kinds = (partly & seen.visited, partly & ~seen.visited, rooms & (seen.hidden_share == 1))
     return dict(zip(VIEWS, kinds, strict=True))
-
-
-def tally_second(
-    truth: Truth, masked: MaskedBuildings, found: Expectation, *, classes: Mapping[str, int]
-) -> Shares:
-    """Return `said/CLASS` and `true/CLASS`: predicted and true P(another one | one is seen).
-
-    They are over the rooms that show exactly one of the class and hide a part of their objects.
-    """
-    views = view_rooms(masked)
-    partly = views["half-seen"] | views["glimpsed"]
-    shares = {}
-    for name, c in classes.items():
-        cells = (partly & (truth.inputs[:, c] == 1) & ~masked.seen.withheld[:, c]).astype(float)
-        shares[f"said/{name}"] = (found.presence[:, c] * cells, cells)
-        shares[f"true/{name}"] = ((truth.hidden[:, c] > 0) * cells, cells)
-    return shares
-
-
-def tally_surroundings(truth: Truth, masked: MaskedBuildings, found: Expectation) -> Shares:
-    """Return `floor_area` and `labels`: log-loss of presence in unvisited rooms that have them."""
-    known = masked.seen.surroundings
-    said = np.clip(found.presence, 1e-6, 1 - 1e-6)
-    loss = -np.where(truth.hidden > 0, np.log(said), np.log1p(-said)).sum(axis=1)
-    unvisited = view_rooms(masked)["unvisited"]
-    shares = {}
-    for name, has in (
-        ("floor_area", np.isfinite(known.floor_area)),
-        ("labels", known.labels.any(axis=1)),
-    ):
-        rooms = (unvisited & has).astype(float)
-        shares[name] = (loss * rooms, truth.inputs.shape[1] * rooms)
-    return shares

@@ -41,7 +41,7 @@ from bsg_models.robot.nouns import (
     split_head,
     write_nouns,
 )
-from bsg_models.robot.seen_building import SeenBuilding, open_graph
+from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.found_model import WIDE_MAP
 from bsg_models.runs.predictor import Predictor
 from bsg_models.zoo.model import one_thread
@@ -52,6 +52,7 @@ MASKS = (
     MaskRecipe(strategy="rooms"),
 )
 HALF_SEEN = 1  # of MASKS
+DRAWS = 2  # of each mask
 LEAST_ROOMS = 3  # a category in fewer says too little
 RANK = 16  # of the vectors
 EVERY_ROOM = (
@@ -180,15 +181,12 @@ def word_of(category: str | None) -> str | None:
     return classes.get(category, category)
 
 
-def observe_rooms(
-    dataset: Path, models: Callable[[str], Predictor], *, draws: Sequence[int] = (0, 1)
-) -> Rooms:
+def observe_rooms(dataset: Path, models: Callable[[str], Predictor]) -> Rooms:
     """Mask the buildings of a dataset, and ask a model about each room that hides something.
 
     Args:
         dataset: in the class space of the models.
         models: scene → the model to ask, which was not trained on it where one is at hand.
-        draws: numbers of the masks.
     """
     found: dict[str, list[tuple[int, int]]] = defaultdict(list)
     states, shares, masks, scenes = [], [], [], []
@@ -196,7 +194,7 @@ def observe_rooms(
     for graph in read_scene_graphs(dataset):
         predictor, whole = models(graph.scene_id), _count_words(graph)
         for number, mask in enumerate(MASKS):
-            for draw in draws:
+            for draw in range(DRAWS):
                 partial = mask_scene(graph, mask, draw=draw, class_space=space)
                 belief = predictor(partial)
                 left = Counter((o.room_index, word_of(o.category)) for o in partial.objects)
@@ -213,7 +211,7 @@ def observe_rooms(
                     masks.append(number)
                     scenes.append(f"{graph.scene_id}/{draw}")
         print(f"{graph.scene_id}: {len(states):,} rooms", file=sys.stderr, flush=True)
-    least = LEAST_ROOMS * len(MASKS) * len(draws) / 2  # a mask hides about half
+    least = LEAST_ROOMS * len(MASKS) * DRAWS / 2  # a mask hides about half
     names = sorted(word for word, rows in found.items() if len(rows) >= least)
     counts = np.zeros((len(states), len(names)), np.float32)
     for column, word in enumerate(names):
@@ -231,19 +229,14 @@ def _count_words(graph: SceneGraph) -> dict[int, Counter[str]]:
     return counted
 
 
-def label_homes() -> list[SeenBuilding]:
-    """Return Housekeep's rooms: empty, labelled, each in a home of its own."""
-    homes = []
+def ask_labelled_rooms(predictor: Predictor) -> Floats:
+    """Return the states `[17, C]` of Housekeep's rooms: empty, labelled, each in its own home."""
+    contents = []
     for room in EVERY_ROOM:
         said = {"id": room, "room_type": room.replace("_", " "), "visited": False}
         home = {"scene_id": room, "building_kind": "home", "rooms": [said], "objects": []}
-        homes.append(open_graph(home))
-    return homes
-
-
-def ask_labelled_rooms(predictor: Predictor) -> Floats:
-    """Return the states `[17, C]` of Housekeep's rooms."""
-    return describe_state(np.array([predictor(home.graph).expected[1] for home in label_homes()]))
+        contents.append(predictor(open_graph(home).graph).expected[1])
+    return describe_state(np.array(contents))
 
 
 def read_housekeep(path: Path) -> pd.DataFrame:
@@ -379,12 +372,12 @@ def held_out_classes(hm3d: Rooms) -> tuple[str, ...]:
     return tuple(word for word in hm3d.names if word in wide and word not in narrow)
 
 
-def hold_out(sources: Sources, *, fit: Fit = TUNED, folds: int = 5, seed: int = 0) -> HeldOut:
+def hold_out(sources: Sources) -> HeldOut:
     """Predict every word outside the 45 classes by a regression without it, fold by fold.
 
     A word is left out of all sources; so are the objects of Housekeep, by their names.
     """
-    rng = np.random.default_rng(seed)
+    rng, folds = np.random.default_rng(0), 5
     hm3d, objects = sources.hm3d, sources.objects
     of_word = {w: int(rng.integers(folds)) for w in held_out_classes(hm3d)}
     of_object = {name: of_word.get(name, int(rng.integers(folds))) for name in objects["object"]}
@@ -392,7 +385,7 @@ def hold_out(sources: Sources, *, fit: Fit = TUNED, folds: int = 5, seed: int = 
     logs, precision = np.zeros(half.counts.shape), {}
     for fold in range(folds):
         out = {w for w, k in (of_word | of_object).items() if k == fold}
-        rates = learn(sources.without(out), fit=fit)
+        rates = learn(sources.without(out))
         asked = [w for w, k in of_word.items() if k == fold]
         columns = [half.names.index(word) for word in asked]
         logs[:, columns] = rates.log_rates(asked, half.states)
@@ -511,9 +504,9 @@ def learn(sources: Sources, *, fit: Fit = TUNED) -> Rates:
 def read_sources(options: argparse.Namespace) -> Sources:
     """Read what the table is learned from."""
     lexicon = read_lexicon(options.glove, options.wordnet)
-    shipped, data = Predictor(), options.leaderboard / "mixed" / "dataset"
+    shipped, mixed = Predictor(), options.leaderboard / "mixed"
     with one_thread():
-        hm3d = observe_rooms(data, fold_predictors(options.leaderboard, "mixed", "universal"))
+        hm3d = observe_rooms(mixed / "dataset", fold_predictors(mixed))
         behavior = observe_rooms(options.behavior, lambda scene: shipped)
         labelled = ask_labelled_rooms(shipped)
     return Sources(lexicon, hm3d, behavior, labelled, read_housekeep(options.housekeep))
@@ -533,28 +526,25 @@ def make_table(sources: Sources) -> NounTable:
     return distil(learn(sources), words, counted, calibration)
 
 
-def fold_predictors(board: Path, mask: str, model: str) -> Callable[[str], Predictor]:
+def fold_predictors(mixed: Path) -> Callable[[str], Predictor]:
     """Return scene → the model of a leaderboard that was not trained on it."""
-    splits = read_splits(board / mask / "dataset")
+    splits = read_splits(mixed / "dataset")
     fold_of = {scene: fold for fold, scenes in splits.items() for scene in scenes}
-    asked = {fold: Predictor(board / mask / fold / model) for fold in splits}
+    asked = {fold: Predictor(mixed / fold / "universal") for fold in splits}
     return lambda scene: asked[fold_of[scene]]
-
-
-def add_options(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
-    """Add the options that name the sources; `optional` asks for Housekeep alone."""
-    needed = not optional
-    parser.add_argument("--housekeep", type=Path, required=True, help="its objects.csv")
-    parser.add_argument("--leaderboard", type=Path, required=needed, help="of HM3D, with `mixed`")
-    parser.add_argument("--behavior", type=Path, required=needed, help="dataset of BEHAVIOR")
-    parser.add_argument("--glove", type=Path, required=needed, help="folder of GloVe 6B, 50-d")
-    parser.add_argument("--wordnet", type=Path, required=needed, help="folder of WordNet 3.0")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Make the table."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    add_options(parser)
+    for option, said in (
+        ("housekeep", "its objects.csv"),
+        ("leaderboard", "of HM3D, with `mixed`"),
+        ("behavior", "dataset of BEHAVIOR"),
+        ("glove", "folder of GloVe 6B, 50-d"),
+        ("wordnet", "folder of WordNet 3.0"),
+    ):
+        parser.add_argument(f"--{option}", type=Path, required=True, help=said)
     parser.add_argument("--out", type=Path, required=True, help="file of the table")
     options = parser.parse_args(arguments)
     sources = read_sources(options)

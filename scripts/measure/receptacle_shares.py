@@ -18,7 +18,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from furniture import say
 
 from bsg_data.arrays import Floats
 from bsg_data.files import write_bytes
@@ -28,6 +27,11 @@ SMOOTH = 0.5  # people added to both answers
 SHRINK = 0.5  # of the effects of rooms and pieces
 _LEFT_OUT = ("childs_room",)  # robots call it a bedroom
 _WORDS = {  # of Housekeep, and ours
+    "exercise_room": "gym",
+    "home_office": "office",
+    "lobby": "entrance",
+    "pantry_room": "pantry",
+    "television_room": "tv room",
     "fridge": "refrigerator",
     "washer": "washing machine",
     "dryer": "clothes dryer",
@@ -85,8 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     shares = read_shares(options.housekeep)
     rows = [
         [
-            say(room),
-            _WORDS.get(piece, piece.replace("_", " ")),
+            *(_WORDS.get(one, one.replace("_", " ")) for one in (room, piece)),
             *(f"{one:.3f}" for one in both),
             "yes" if (room, piece) in shares else "no",
         ]

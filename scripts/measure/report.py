@@ -6,8 +6,7 @@
 `leaderboard` reads the board's numbers. The others measure its models again, each on the buildings
 that it was not trained on, as the first of several seeds trained it: `masks` under every mask and
 in every view of a room, `rooms_found` in buildings that are still being found, `ablation` as
-differences from `--base`, `steps` as differences from the model before, `fixtures` by P(another one
-| one is seen), `room_size` with and without floor area and room label, `search` by the cost that
+differences from `--base`, `steps` as differences from the model before, `search` by the cost that
 beliefs save: in the paper's worlds, where a robot has looked into what it enters; and, in the last
 world that is named, where looks cost something, and for several robots. `told` is that of real
 layouts alone.
@@ -20,7 +19,6 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +31,14 @@ from folds import (
     open_dataset,
     open_folds,
     tally_likelihood,
-    tally_second,
-    tally_surroundings,
     tally_unvisited,
     tally_views,
 )
 from results import ResultsTable, format_estimate, is_told_apart, write_figures
 
-from bsg_data.errors import DatasetError
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.surroundings import EVIDENCE as SURROUNDINGS
-from bsg_models.evaluation.bootstrap import Bootstrap, estimate_value
+from bsg_data.scene.surroundings import EVIDENCE
+from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.studies.leaderboard_report import REPORT, say_means
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
@@ -74,9 +69,6 @@ SOMEWHERE = {
     "AUROC micro ↑": "presence_auroc_micro/unseen",
     "calibration error ↓": "presence_calibration_error/unseen",
 }
-SINGLE = ("refrigerator", "tv", "bathtub", "toilet", "dishwasher", "microwave", "stove")
-IN_PAIRS = ("nightstand", "pillow", "washing machine")  # this class includes dryers
-EVIDENCE = {"floor_area": "floor area", "labels": "room label"}
 WORLDS = ("star:1-10", "complete:5-10", "tree:1-10", "layout")
 PLANNERS = ("greedy-share", "expected-cost", "oracle")
 TASKS = {"single": "the first object of the class is", "all": "all objects of the class are"}
@@ -234,7 +226,7 @@ def _found(options: argparse.Namespace, name: str, number: int | None) -> Bootst
         mask=MaskRecipe(strategy="tour", fraction=1.0, rooms=number, seed=seed),
         draws=options.draws * (4 if few else 1),
         resamples=options.resamples,
-        without=tuple(SURROUNDINGS),
+        without=tuple(EVIDENCE),
     )
 
 
@@ -274,73 +266,6 @@ def report_steps(options: argparse.Namespace) -> Tables:
         f"differences {INTERVAL}; below 0 is better."
     )
     return [ResultsTable("From the paper's network to ours", ("model", *columns), rows, reading)]
-
-
-def report_fixtures(options: argparse.Namespace) -> Tables:
-    """Return P(another one | a room shows exactly one): the truth, and what each model says."""
-    names = _models(options)
-    space = open_dataset(options.leaderboard, names[0]).manifest.class_space.classes
-    classes = {name: space.index(name) for name in (*SINGLE, *IN_PAIRS) if name in space}
-    tally = partial(tally_second, classes=classes)
-    found = {name: _under(options, name, tally, mask="uniform") for name in names}
-    first = found[names[0]]
-    rows = []
-    for name in classes:
-        key = f"true/{name}"
-        if first.nodes[key]:
-            share = estimate_value(
-                first.point[key], first.resampled[key], nodes=first.nodes[key], rule="percentile"
-            )
-            said = [f"{100 * one.point[f'said/{name}']:.0f}" for one in found.values()]
-            true = format_estimate(share, digits=0, scale=100)
-            rows.append([name, str(first.nodes[key]), true, *said])
-    reading = (
-        "P(at least one more is hidden), in per cent, over all rooms and `uniform` masks that show "
-        "exactly one object of the class. The true share has a 95 % interval over buildings."
-    )
-    header = ("class", "rooms", "true", *(f"`{name}`" for name in names))
-    return [ResultsTable("Probability of a second object", header, rows, reading)]
-
-
-def report_room_size(options: argparse.Namespace) -> Tables:
-    """Return the loss in unvisited rooms, told neither, one or both of floor area and label."""
-    found = {
-        name: {
-            told: _under(options, name, tally_surroundings, mask="rooms", without=without)
-            for told, without in (
-                ("neither", tuple(EVIDENCE)),
-                *((one, tuple(other for other in EVIDENCE if other != one)) for one in EVIDENCE),
-                ("both", ()),
-            )
-        }
-        for name in _models(options)
-    }
-    nodes = next(iter(found.values()))["both"].nodes
-    tables = []
-    for one, what in EVIDENCE.items():
-        if not nodes[one]:
-            continue
-        rows = []
-        for name, told in found.items():
-            gap = told[one].difference(told["neither"], one)
-            losses = [f"{told[how].point[one]:.4f}" for how in ("neither", one, "both")]
-            relative = f"{100 * gap.value / told['neither'].point[one]:+.1f} %"
-            rows.append([f"`{name}`", *losses, format_estimate(gap, signed=True), relative])
-        reading = (
-            f"Log-loss of presence, mean over {nodes[one]:,} (room, class, mask) cells of "
-            f"unvisited rooms with a known {what}. The difference compares the {what} alone with "
-            f"neither, paired, {INTERVAL}. Below 0, the {what} helps."
-        )
-        told = ("neither area nor label", f"{what} alone", "area and label")
-        header = ("model", *told, "difference", "relative")
-        tables.append(ResultsTable(what.capitalize(), header, rows, reading))
-    if not tables:
-        raise DatasetError(
-            f"{options.leaderboard}: no unvisited room has a known floor area or room label",
-            code="evidence-unknown",
-            where=options.leaderboard,
-        )
-    return tables
 
 
 def report_searches(options: argparse.Namespace) -> Tables:
@@ -457,7 +382,6 @@ def _under(
     *,
     mask: str,
     by_fold: bool = False,
-    without: Sequence[str] = (),
 ) -> Bootstrap:
     print(f"measures {name} under {mask}", file=sys.stderr, flush=True)
     return measure(
@@ -467,7 +391,6 @@ def _under(
         draws=options.draws,
         resamples=options.resamples,
         by_fold=by_fold,
-        without=without,
     )
 
 
@@ -481,8 +404,6 @@ MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
     "rooms_found": report_rooms_found,
     "ablation": report_ablation,
     "steps": report_steps,
-    "fixtures": report_fixtures,
-    "room_size": report_room_size,
     "search": report_searches,
     "told": report_told,
 }

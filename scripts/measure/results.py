@@ -89,21 +89,17 @@ def hash_unsplit(data: Dataset) -> str:
 def format_command(argv: Sequence[str]) -> str:
     """Return a command as a reader types it in a checkout, without the folders of this machine.
 
-    Wherever it wrote, the command writes the JSON of this project. `PYTHONPATH` is that of now, if
-    it names folders of the checkout.
+    Wherever it wrote, the command writes the JSON of this project.
 
     >>> format_command(["/srv/scripts/measure/report.py", "masks", "--leaderboard=/srv/board"])
     'python scripts/measure/report.py masks --leaderboard=board'
-    >>> format_command(["scripts/measure/pouct.py", "--out", "/srv/new.json"])
-    'python scripts/measure/pouct.py --out docs/results/figures.json'
+    >>> format_command(["scripts/measure/speed.py", "--out", "/srv/new.json"])
+    'python scripts/measure/speed.py --out docs/results/figures.json'
     """
     parts = PurePath(argv[0]).parts
-    start = parts.index("scripts") if "scripts" in parts else len(parts) - 1
-    path = os.environ.get("PYTHONPATH", "")
-    here = path and not any(PurePath(one).is_absolute() for one in path.split(os.pathsep))
+    start = len(parts) - 1 - [*reversed(parts)].index("scripts") if "scripts" in parts else -1
     said = [_without_folders(before, word) for before, word in pairwise(["", *argv[1:]])]
-    command = shlex.join(["python", "/".join(parts[start:]), *said])
-    return f"PYTHONPATH={path} {command}" if here else command
+    return shlex.join(["python", "/".join(parts[start:]), *said])
 
 
 def _without_folders(before: str, word: str) -> str:

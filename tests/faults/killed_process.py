@@ -22,24 +22,16 @@ WRITES = os.O_WRONLY | os.O_RDWR
 
 @dataclass(frozen=True)
 class Ended:
-    """How a process ended.
-
-    Attributes:
-        how: `done`, `refused` for an error of the project's own, `failed` for any other, `killed`.
-        message: of the error.
-    """
+    """How a process ended: `done`, `refused` by an error of ours, `failed` by another, `killed`."""
 
     how: str
-    message: str = ""
+    message: str = ""  # of the error
 
 
 def start(work: Callable[[], object], *, inside: Path, kill_at: int | None) -> tuple[int, int]:
     """Begin a function in a copy of this process; return its number and a pipe to read from.
 
-    Args:
-        work: what to do.
-        inside: folder whose changes count.
-        kill_at: the change before which the process is killed, from 1 on; None for none.
+    It is killed before the change of number `kill_at`, from 1 on, inside a folder.
     """
     receive, send = os.pipe()
     process = os.fork()

@@ -15,19 +15,16 @@ import pytest
 from refusals import refuses
 
 from bsg_data import (
-    PairsRecipe,
     SplitRecipe,
     build_dataset,
     check_dataset,
     merge_datasets,
     read_manifest,
     split_dataset,
-    write_pairs,
     write_synthetic,
 )
-from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import BSGError, DatasetError
-from bsg_data.extend import HM3DFolder, count_frequencies
+from bsg_data.extend import HM3DFolder
 from bsg_data.files import hold
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
@@ -42,13 +39,9 @@ FOLDS = SplitRecipe(method="folds", ratios=None, folds=3)
 WRITERS: dict[str, Act] = {
     "build": lambda at: build_dataset(HM3DFolder(at / "hm3d"), at / "dataset", force=True),
     "split": lambda at: split_dataset(at / "dataset", FOLDS, force=True),
-    "pairs": lambda at: write_pairs(at / "dataset", PairsRecipe(draws=1), force=True),
     "merge": lambda at: merge_datasets([at / "other", at / "dataset"], at / "dataset", force=True),
 }
-READERS: dict[str, Act] = {
-    "check": lambda at: check_dataset(at / "dataset"),
-    "info": lambda at: count_frequencies(Dataset.open(at / "dataset")),
-}
+READERS: dict[str, Act] = {"check": lambda at: check_dataset(at / "dataset")}
 
 
 @pytest.fixture
@@ -95,31 +88,6 @@ def test_a_command_in_the_middle_of_another(
     assert len(refused) == (other in WRITERS)
     assert read_manifest(place / "dataset") == made
     assert check_dataset(place / "dataset") == ()
-
-
-def test_two_sets_of_synthetic_buildings_do_not_mix(tmp_path: Path) -> None:
-    out = tmp_path / "buildings"
-    writing = write_synthetic(out, scenes=3, seed=1)
-    next(writing)
-    with refuses(DatasetError, "folder-busy"):
-        list(write_synthetic(out, scenes=3, seed=2, force=True))
-    list(writing)
-    assert len(list(out.rglob("*.semantic.txt"))) == 3
-
-
-def test_two_commands_into_one_folder(dataset: Path, run: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    measure = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
-    met: list[bool] = []
-
-    def interrupt(*_: object) -> None:
-        with refuses(DatasetError, "folder-busy"):
-            report_evaluation(measure)
-        met.append(True)
-
-    report_evaluation(measure, progress=interrupt)
-    assert met
-    assert check_results(out)
 
 
 def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from bsg_data import (
     SplitRecipe,
     build_dataset,
     check_dataset,
-    merge_datasets,
     open_source,
     split_dataset,
     write_pairs,
@@ -45,9 +44,3 @@ def test_what_is_empty_is_sound_and_can_be_measured(row: str, tmp_path: Path) ->
     report = report_evaluation(request)
     assert report.report.is_file()
     assert len(report.figures) == (3 if "hall" in row else 1)
-    others = f"scene,room,category\n{text}".replace("home", "house")
-    (tmp_path / "others.csv").write_text(others)
-    build_dataset(open_source("table", tmp_path / "others.csv"), tmp_path / "others")
-    merged = merge_datasets([dataset, tmp_path / "others"], tmp_path / "merged")
-    assert merged.totals.scenes == 18
-    assert check_dataset(tmp_path / "merged") == ()

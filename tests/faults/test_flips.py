@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import random
-import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import BSGError
 from bsg_models.studies.sealed_results import check_results
 from bsg_models.training.training import train_run
@@ -59,13 +57,6 @@ def _choose(folder: Path, number: int) -> Iterator[tuple[Path, int, int]]:
 
 def test_in_a_dataset(dataset: Path, full: bool) -> None:
     assert find_missed(dataset, lambda: bool(check_dataset(dataset)), full=full) == []
-
-
-def test_in_a_manifest_every_command_finds_it(dataset: Path, tmp_path: Path, full: bool) -> None:
-    (tmp_path / "alone").mkdir()
-    shutil.copy(dataset / "dataset.json", tmp_path / "alone")
-    look = lambda: read_manifest(tmp_path / "alone") is None  # noqa: E731
-    assert find_missed(tmp_path / "alone", look, full=full) == []
 
 
 def test_in_a_run(dataset: Path, tmp_path: Path, full: bool) -> None:

@@ -37,16 +37,13 @@ PAYLOADS = (
     f'" onmouseover="{RUN}" onfocus="{RUN}" onclick="{RUN}" autofocus x="',
     f"javascript:{RUN}",
     f'<a href="javascript:{RUN}">click</a>',
-    f'<iframe srcdoc="<script>{RUN}</script>"></iframe>',
     f"</style><script>{RUN}</script><style>*{{background:url(https://example.invalid/x)}}",
     f"</title></textarea></svg><script>{RUN}</script>",
     f'<meta http-equiv="refresh" content="0;url=javascript:{RUN}">',
     '<base href="https://example.invalid/"><link rel=stylesheet href="https://example.invalid/x">',
     f"{{{{ self.__init__.__globals__ }}}}{{% set x = 1 %}}${{{RUN}}}`{RUN}`",
-    f"\\u003cscript>{RUN}\\u003c/script>",
     f"\u2028{RUN}\u2029{RUN}//",
     f"\u202e{RUN}\u2066\ufeff\x00\x1b]0;x\x07",
-    f"&lt;script&gt;{RUN}&lt;/script&gt;&#60;img src=x onerror={RUN}&#62;",
     "__proto__",
     f"]]>{RUN}/*",
     f"';{RUN};//\\",
@@ -54,25 +51,15 @@ PAYLOADS = (
 MARKUP = (
     f"<script>{RUN}</script>",
     f'<script src="data:text/javascript,{RUN}"></script>',
-    f'<script type="module">{RUN}</script>',
     f'<img src="x" onerror="{RUN}">',
-    f"<svg><animate onbegin='{RUN}' attributeName=x dur=1s></svg>",
-    f'<svg><script href="data:text/javascript,{RUN}"></script></svg>',
     f'<iframe srcdoc="<script>{RUN}</script>"></iframe>',
-    f'<iframe src="javascript:{RUN}"></iframe>',
     f'<iframe src="data:text/html,<script>{RUN}</script>"></iframe>',
     f'<object data="data:text/html,<script>{RUN}</script>"></object>',
-    f'<embed src="data:text/html,<script>{RUN}</script>">',
     f'<a id="bait" href="javascript:{RUN}">bait</a>',
     '<form action="https://example.invalid/"><button id="bait">bait</button></form>',
     '<img src="https://example.invalid/picture.png">',
-    '<link rel="stylesheet" href="https://example.invalid/x.css">',
     '<style>body { background: url("https://example.invalid/x.png") }</style>',
-    '<p style="background: url(https://example.invalid/y.png)">styled</p>',
     '<base href="https://example.invalid/"><img src="relative.png">',
-    '<video autoplay src="https://example.invalid/x.webm"></video>',
-    '<link rel="prefetch" href="https://example.invalid/p"><link rel="preload" as="script" '
-    'href="https://example.invalid/q.js">',
 )
 CLICKS = "button, select, input, summary, polygon, g.room, circle, .legend span, h1, a"
 
@@ -85,22 +72,18 @@ def explorer(first: int) -> str:
         number = next(turn)
         return f"{PAYLOADS[number % len(PAYLOADS)]}{number - first}"
 
-    classes = tuple(name() for _ in range(8))
-    space = ClassSpace.of(name(), classes)
-    squares = [((3.0 * k, 0.0), (3.0 * k + 2, 0.0), (3.0 * k + 2, 2.0)) for k in range(5)]
-    rooms = tuple(
-        KnownRoom(name(), 0.5, k > 0, name(), footprint=square if k < 4 else None, floor_index=k)
-        for k, square in enumerate(squares)
+    space = ClassSpace.of(name(), tuple(name() for _ in range(8)))
+    square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0))
+    rooms = (
+        KnownRoom(name(), 0.5, True, name(), footprint=square, floor_index=0),
+        KnownRoom(name(), 0.5, False, name()),
     )
-    objects = tuple(
-        SeenObject(name(), 1 + k % 5, name(), name(), k if k < 8 else None) for k in range(12)
-    )
-    partial = PartialGraph(name(), space, 0.5, rooms, objects, ((1, 2), (2, 3)), source=name())
+    objects = tuple(SeenObject(name(), 1 + k % 2, name(), name(), k) for k in range(8))
+    partial = PartialGraph(name(), space, 0.5, rooms, objects, ((1, 2),), source=name())
     inputs = partial.histograms().astype(float)
     believed = Expectation(inputs, poisson(np.full(inputs.shape, 0.7)))
     belief = believe(partial, believed, model=name())
-    truth = np.ceil(belief.expected).astype(int)
-    return explorer_page([ShownBelief(belief, truth), ShownBelief(belief)])
+    return explorer_page([ShownBelief(belief, np.ceil(belief.expected).astype(int))])
 
 
 def replay(first: int) -> str:
@@ -118,20 +101,16 @@ def report(first: int, folder: Path) -> str:
     """Return a report in which every name is a payload, with an explorer in its frame."""
     names = [PAYLOADS[(first + k) % len(PAYLOADS)] for k in range(8)]
     (folder / "figure.png").write_bytes(b"\x89PNG\r\n\x1a\n")
-    path = folder / "made.html"
     write_report(
-        path,
+        folder / "made.html",
         title=names[0],
         facts=names[1:3],
         findings={names[3]: {names[4]: [names[5]]}},
-        tables=[
-            Table(names[6], names[:2], [names[2:4]]),
-            Table(names[7], names, [names], folded=True),
-        ],
+        tables=[Table(names[7], names, [names], folded=True)],
         figures={names[1]: folder / "figure.png"},
         explorer=explorer(first),
     )
-    return path.read_text("utf-8")
+    return (folder / "made.html").read_text("utf-8")
 
 
 def pages(first: int, folder: Path) -> dict[str, str]:
@@ -232,23 +211,6 @@ def test_the_policy_refuses_what_no_page_escaped(browser: Any, tmp_path: Path, k
         page.wait_for_timeout(100)
     assert [fault for fault in faults if "ran in" in fault or "asked for" in fault] == []
     assert len(refused) > 5
-
-
-@pytest.mark.heavy
-def test_scripts_of_a_page_cannot_make_markup_from_text(browser: Any, tmp_path: Path) -> None:
-    (tmp_path / "page.html").write_text(explorer(0), "utf-8")
-    with watch(browser, tmp_path / "page.html") as (page, _, _):
-        before = page.locator("b").count()
-        for sink in (
-            "document.body.innerHTML = '<b>x</b>'",
-            "document.write('<b>x</b>')",
-            "document.body.insertAdjacentHTML('beforeend', '<b>x</b>')",
-        ):
-            refusal = page.evaluate(
-                "(code) => { try { " + sink + "; return ''; } catch (e) { return e.name; } }", ""
-            )
-            assert refusal == "TypeError", sink
-        assert page.locator("b").count() == before
 
 
 def test_every_page_has_its_policy_before_anything_else(tmp_path: Path) -> None:

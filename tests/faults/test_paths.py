@@ -9,9 +9,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-import struct
 import sys
-import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,17 +17,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from conftest import working_in
-from dsg_files import robot_graph
 from watched_folder import snapshot, watch
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.manifest import MANIFEST
-from bsg_data.sources.hm3d_stats import MEMBER
 from bsg_models.runs.checkpoint import load_checkpoint, save_checkpoint
 from bsg_models.runs.run_folder import BEST
 
 Put = Callable[[Path, str], list[str]]  # puts a name into a folder; returns the commands to try
-STATISTICS = "Scene Name,Region #,# Unique Categories,# Objects,Object Instances in Region,Category"
 READ_DATASET = [
     "bsg-data check dataset",
     "bsg-data info dataset",
@@ -56,48 +51,9 @@ def put_into_class_map(folder: Path, name: str) -> list[str]:
     return _edit_manifest(folder, lambda said: said["sources"][0].update(class_map=entry))
 
 
-def put_into_statistics(folder: Path, name: str) -> list[str]:
-    row = f'"{name}",0,1,1,chair_1\n00006-aaaaaaaaaaa,0,1,1,bed_1\n'
-    with zipfile.ZipFile(folder / "s.zip", "w") as archive:
-        archive.writestr(name or "none", f"{STATISTICS}\nflat,0,1,1,bed_1\n")
-        archive.writestr(MEMBER, f"{STATISTICS}\n{row}")
-    return _build_with_layouts(folder, "--source hm3d-stats s.zip")
-
-
 def put_into_table(folder: Path, name: str) -> list[str]:
     _write_table(folder, name)
     return _build_with_layouts(folder, "--source table objects.csv")
-
-
-def put_into_list_of_behavior(folder: Path, name: str) -> list[str]:
-    said = {"scenes": {name: {"kitchen_0": {"fridge-abcdef": 1}}}}
-    (folder / "list.json").write_text(json.dumps(said), "utf-8")
-    return _build_with_layouts(folder, "--source behavior list.json")
-
-
-def put_into_mesh(folder: Path, name: str) -> list[str]:
-    """Put it into the address of a buffer, and of a texture."""
-    building = folder / "hm3d" / "train" / "00006-aaaaaaaaaaa"
-    building.mkdir(parents=True)
-    text = 'HM3D Semantic Annotations\n1,AABBCC,"chair",0\n'
-    (building / "aaaaaaaaaaa.semantic.txt").write_text(text, "utf-8")
-    tree: dict[str, Any] = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": 36, "uri": name}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
-        "images": [{"uri": name}],
-        "textures": [{"source": 0}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-    }
-    for number in (0, 1):
-        (building / "aaaaaaaaaaa.semantic.glb").write_bytes(_glb(tree))
-        shutil.copytree(folder / "hm3d", folder / f"hm3d-{number}")
-        tree["buffers"][0].pop("uri", None)  # now the image alone is elsewhere
-    return [f"bsg-data build --hm3d hm3d-{n} --out made-{n} --workers 1" for n in (0, 1)]
 
 
 def put_into_layout(folder: Path, name: str) -> list[str]:
@@ -108,33 +64,9 @@ def put_into_layout(folder: Path, name: str) -> list[str]:
     return lines
 
 
-def put_into_robot_graph(folder: Path, name: str) -> list[str]:
-    room = {"id": name, "label": name}
-    seen = [{"id": name, "category": name, "room": name}]
-    graph = {"scene_id": name or "home", "rooms": [room], "objects": seen}
-    (folder / "graph.json").write_text(json.dumps(graph), "utf-8")
-    return [BELIEVE.format("graph.json", "universal")]
-
-
-def put_into_dsg(folder: Path, name: str) -> list[str]:
-    graph = robot_graph()
-    for node in graph["nodes"]:
-        node["attributes"]["name"] = name
-    graph["metadata"] = {"labelspace": name, "labelspaces": {"_l2p0": [[3, name]]}}
-    (folder / "dsg.json").write_text(json.dumps(graph), "utf-8")
-    return [
-        f"{BELIEVE.format('dsg.json', 'universal')} --labels mpcat40",
-        "bsg-belief dsg.json --labels mpcat40 --out annotated.dsg.json",
-    ]
-
-
 def put_into_class_map_of_a_run(folder: Path, name: str) -> list[str]:
     own = {"name": name, "spellings": "raw_category,category,class\nbed,bed,bed\n"}
     return _edit_header(folder, lambda said: said.update(class_maps=[own, name]))
-
-
-def put_into_name_of_a_run(folder: Path, name: str) -> list[str]:
-    return _edit_header(folder, lambda said: said["config"].update(name=name))
 
 
 def put_into_members_of_a_run(folder: Path, name: str) -> list[str]:
@@ -145,32 +77,13 @@ def put_into_members_of_a_run(folder: Path, name: str) -> list[str]:
     return _edit_header(folder, edit)
 
 
-def put_into_configuration(folder: Path, name: str) -> list[str]:
-    said = json.dumps(name)
-    for what, text in {
-        "name": f"name = {said}\n[model]\nfamily = 'gamma-poisson'\n",
-        "family": f"[model]\nfamily = {said}\n",
-        "members": f"[model]\nfamily = 'ensemble'\nmembers = [{said}]\n",
-    }.items():
-        (folder / f"{what}.toml").write_text(text, "utf-8")
-    line = "bsg-train dataset --config {0}.toml --out run-{0}"
-    return [line.format(what) for what in ("name", "family", "members")]
-
-
 PLACES: tuple[Put, ...] = (
     put_into_files,
     put_into_class_map,
-    put_into_statistics,
     put_into_table,
-    put_into_list_of_behavior,
-    put_into_mesh,
     put_into_layout,
-    put_into_robot_graph,
-    put_into_dsg,
     put_into_class_map_of_a_run,
-    put_into_name_of_a_run,
     put_into_members_of_a_run,
-    put_into_configuration,
 )
 
 
@@ -278,12 +191,3 @@ class _Said:
 
     def model_dump_json(self) -> str:
         return json.dumps(self.said)
-
-
-def _glb(tree: dict[str, Any]) -> bytes:
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    binary = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
-    size = 12 + 8 + len(text) + 8 + len(binary)
-    head = struct.pack("<4sIII4s", b"glTF", 2, size, len(text), b"JSON")
-    return head + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary

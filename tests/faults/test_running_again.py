@@ -11,12 +11,9 @@ import pytest
 from killed_process import start, wait_for
 from watched_folder import snapshot
 
-from bsg_data import build_dataset, export_dataset, open_source
 from bsg_data.errors import DatasetError
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
-from bsg_models.studies.comparison import EvaluationRequest
-from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import SearchRequest
 from bsg_models.training.training import train_run
@@ -39,14 +36,6 @@ def believe(run: Path, dataset: Path, out: Path) -> None:
     report_beliefs(BeliefRequest(run=run, graphs=graphs, out=tuple(out / name for name in names)))
 
 
-def evaluate(run: Path, dataset: Path, out: Path) -> None:
-    """A folder of results, and a page beside it."""
-    request = EvaluationRequest(
-        dataset=dataset, runs=(run,), out=out / "evaluation", html=out / "page.html", resamples=2
-    )
-    report_evaluation(request)
-
-
 def search(run: Path, dataset: Path, out: Path) -> None:
     """A folder of results with a replay."""
     request = SearchRequest.read(
@@ -62,18 +51,6 @@ def search(run: Path, dataset: Path, out: Path) -> None:
     report_search(request)
 
 
-def export(run: Path, dataset: Path, out: Path) -> None:
-    """Files in a folder that may hold others."""
-    placed = dataset.parent / "placed"
-    if not placed.exists():
-        rows = [f"home{n},hall,bed,{n},{n},0,0,0,0,9,9,2\n" for n in range(4)]
-        columns = ",".join(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
-        table = dataset.parent / "objects.csv"
-        table.write_text("".join([f"scene,room,category,x,y,z,{columns}\n", *rows]))
-        build_dataset(open_source("table", table), placed)
-    export_dataset(placed, out / "habitat", to="habitat")
-
-
 def train(_: Path, dataset: Path, out: Path) -> None:
     """A run, and what a stopped one goes on from beside it."""
     small = ["model.width=4", "model.depth=1", "training.epochs=2", "training.validate_every=1"]
@@ -81,9 +58,7 @@ def train(_: Path, dataset: Path, out: Path) -> None:
     train_run(validate_config(tables, source="test"), dataset, out / "run")
 
 
-@pytest.mark.parametrize(
-    ("work", "slow"), [(believe, 1), (evaluate, 4), (search, 8), (export, 1), (train, 4)]
-)
+@pytest.mark.parametrize(("work", "slow"), [(believe, 1), (search, 8), (train, 4)])
 def test_killed_at_any_change_of_a_file(
     work: Callable[[Path, Path, Path], None],
     slow: int,

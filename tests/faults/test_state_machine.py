@@ -53,19 +53,12 @@ Kill = int | None
 
 @dataclass(frozen=True)
 class Made:
-    """All that the bytes of a dataset depend on.
-
-    Attributes:
-        buildings: numbers of its buildings.
-        seed: of its split; None without one.
-        draws: of its pairs; None without.
-        merged: whether another dataset was merged with it.
-    """
+    """All that the bytes of a dataset depend on."""
 
     buildings: frozenset[int]
-    seed: int | None = None
-    draws: int | None = None
-    merged: bool = False
+    seed: int | None = None  # of its split
+    draws: int | None = None  # of its pairs
+    merged: bool = False  # with another dataset
 
 
 class Reference:
@@ -269,21 +262,9 @@ class House(RuleBasedStateMachine):
         return cells, tuple(splits.items()), tuple(rows)
 
     def change(
-        self,
-        work: Callable[[], object],
-        new: Made | None,
-        *,
-        refused: bool,
-        kill: Kill,
+        self, work: Callable[[], object], new: Made | None, *, refused: bool, kill: Kill
     ) -> None:
-        """Run a command that changes the dataset, and see that what is there is what may be.
-
-        Args:
-            work: the command.
-            new: what it makes.
-            refused: whether it must refuse.
-            kill: the change before which it is killed.
-        """
+        """Run a command that makes `new`, or must be refused; see that what is there may be."""
         old, torn = self.made, self.torn
         ended = self.run(work, kill=kill)
         if ended.how == "killed":

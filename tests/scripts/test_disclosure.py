@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +30,11 @@ def change(
     save_checkpoint(path, old.header.model_copy(update=header or {}), {**old.tensors, **tensors})
 
 
-def test_a_model_that_counts_discloses_nothing(dataset: Path, run: Path) -> None:
-    found = find_disclosed(run / "best.safetensors", Dataset.open(dataset))
-    assert found.faults == ()
-    assert found.scenes == 12
-    assert "none of these was found" in str(found)
-
-
 def test_rows_of_buildings_are_found(dataset: Path, run: Path) -> None:
     data, path = Dataset.open(dataset), run / "best.safetensors"
+    found = find_disclosed(path, data)
+    assert (found.faults, found.scenes) == ((), 12)
+    assert "none of these was found" in str(found)
     room = data.cells(data.scene_ids[0])[1]
     change(
         path,
@@ -53,17 +48,12 @@ def test_rows_of_buildings_are_found(dataset: Path, run: Path) -> None:
 
 def test_words_that_name_a_building_are_found(dataset: Path, run: Path) -> None:
     data, path = Dataset.open(dataset), run / "best.safetensors"
-    train = data.splits["train"]
-    hash_of_one = train[0].partition("-")[2]
+    hash_of_one = data.splits["train"][0].partition("-")[2]
     change(path, header={"vocabulary": ("wall", "towel rail", hash_of_one)})
     found = find_disclosed(path, data)
     assert f"its header names the building {hash_of_one}" in found.faults
     assert "2 categories are in fewer than 4 training buildings" in " ".join(found.faults)
     assert found.least_scenes == 0
-    change(path, header={"vocabulary": ("floor", "wall")})
-    found = find_disclosed(path, data)
-    assert found.faults == ()
-    assert found.least_scenes == len(train)  # a wall is in every building
 
 
 class Knowing(BeliefModel):
@@ -102,13 +92,3 @@ def test_the_attack_tells_what_is_known_by_heart(dataset: Path) -> None:
     assert found.inside < found.outside
     assert found.buildings == (8, 4)
     assert found.error == pytest.approx(np.sqrt(13 / (12 * 32)))  # by hand
-
-
-def test_the_attack_guesses_where_nothing_is_known(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    both = masked(data, data.scene_ids)
-    found = measure_membership(Knowing({}), both, both)
-    assert found.auc == 0.5
-    assert found.inside == found.outside
-    again = replace(both, draws=both.draws + 1)  # a building counts once, whatever its draws
-    assert measure_membership(Knowing({}), both, again).buildings == (12, 12)

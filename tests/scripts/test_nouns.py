@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from any_word import LEAST_HIDDEN, areas, report_housekeep
-from conftest import SHARED
 from nouns import (
     EVERY_ROOM,
     HALF_SEEN,
@@ -16,7 +14,6 @@ from nouns import (
     Lexicon,
     Rooms,
     Sources,
-    average_precision,
     calibrate,
     distil,
     learn,
@@ -58,14 +55,6 @@ def planted() -> Sources:
 FIT = Fit(basis=2, ridge=1.0, taxonomy=0.0, kin=0.0)
 
 
-def test_a_word_that_was_left_out_goes_where_its_like_goes(planted: Sources) -> None:
-    rates = learn(planted.without({"cookh", "washh"}), fit=FIT)
-    kitchen, bathroom = np.log([[4.0, 0.2], [0.2, 4.0]])
-    said = np.exp(rates.log_rates(["cookh", "washh"], np.stack([kitchen, bathroom])))
-    assert said[0, 0] > 4 * said[1, 0]
-    assert said[1, 1] > 4 * said[0, 1]
-
-
 def test_a_table_says_what_the_regression_says(planted: Sources) -> None:
     rates = learn(planted, fit=FIT)
     calibration = Calibration(0.3, 0.5, 2.0)
@@ -89,32 +78,3 @@ def test_calibration_finds_the_shift_that_was_made() -> None:
     found = calibrate(HeldOut(tuple("abcde"), logs, shares, hidden, scenes, {}))
     assert found.shift == pytest.approx(0.5, abs=0.2)
     assert found.slope == pytest.approx(0.7, abs=0.1)
-
-
-def test_average_precision_is_that_of_the_definition() -> None:
-    scores, correct = np.array([0.9, 0.8, 0.7, 0.6]), np.array([0.0, 1.0, 1.0, 0.0])
-    assert average_precision(scores, correct) == pytest.approx((1 / 2 + 2 / 3) / 2)
-
-
-def test_the_area_is_the_share_of_pairs_in_the_right_order() -> None:
-    hidden = np.zeros((2 * LEAST_HIDDEN, 2))
-    hidden[:LEAST_HIDDEN, 0] = 1
-    hidden[:1, 1] = 1  # too seldom to be measured
-    scores = np.arange(2.0 * LEAST_HIDDEN)[::-1, None].repeat(2, axis=1)
-    scores[LEAST_HIDDEN - 1] = -1  # the last of the five comes below all others
-    found = areas(hidden, scores)
-    assert found[0] == pytest.approx(1 - 1 / LEAST_HIDDEN)
-    assert np.isnan(found[1])
-
-
-@pytest.mark.heavy
-@pytest.mark.skipif(not (SHARED.parent / "housekeep").is_dir(), reason="needs ../shared/housekeep")
-def test_the_benchmark_has_the_published_figures_beside_ours() -> None:
-    found = report_housekeep(SHARED.parent / "housekeep" / "objects.csv")
-    rows = {name: cells[0] for name, *cells in found.rows}
-    published = [
-        rows[name] for name in ("GloVe, tuned", "RoBERTa, tuned", "language model, not tuned")
-    ]
-    assert published == ["0.671", "0.657", "0.525"]  # as Housekeep's evaluator gives them
-    ours = float(rows["ours"].partition(" ")[0])
-    assert 0.525 < ours < 1

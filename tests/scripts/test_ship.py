@@ -72,7 +72,6 @@ def test_models_are_made_twice_with_the_same_bytes(
     [
         (("--only", "univresal"), "did you mean universal?"),
         (("--only", "behavior"), "behavior needs --behavior"),
-        (("--config-of", "rooms=mixture"), "no shipped model 'rooms'"),
         (("--set", "mixture:model.typse=2"), "did you mean types?"),
     ],
 )
@@ -88,15 +87,3 @@ def test_what_cannot_be_made_is_said(
     assert SHIP.main(["--pooled", str(dataset), *folders, *only, *words]) == 1
     assert said in capsys.readouterr().err
     assert not (tmp_path / "weights").exists()
-
-
-def test_another_dataset_in_the_same_work_folder_is_refused(dataset: Path, tmp_path: Path) -> None:
-    config = SHIP.configure("mixture", config_of={}, settings={})
-    assert config.model.types == 16
-    work = tmp_path / "mixture" / "dataset"
-    copy = SHIP.prepare_dataset(dataset, work, config, SHIP.SPLIT, force=False)
-    assert SHIP.prepare_dataset(dataset, work, config, SHIP.SPLIT, force=False) == copy
-    with (dataset / "dataset.json").open("a") as file:
-        file.write("\n")
-    with pytest.raises(SHIP.DatasetError, match="copy of another dataset"):
-        SHIP.prepare_dataset(dataset, work, config, SHIP.SPLIT, force=False)

@@ -178,6 +178,30 @@ def _read_labels(folder: Path, data: bytes) -> object:
     return load_label_space(put(folder, suffix, data))
 
 
+def _read_belief(folder: Path, data: bytes) -> object:
+    return read_belief(put(folder, ".json", data))
+
+
+def _read_layout(folder: Path, data: bytes) -> object:
+    return _lay_out(_BUILDING, read_layout(put(folder, ".yaml", data)))
+
+
+def _read_mesh(folder: Path, data: bytes) -> object:
+    return list(read_parts(put(folder, ".glb", data)))
+
+
+def _read_predictions(folder: Path, data: bytes) -> object:
+    return read_predictions(put(folder, ".parquet", data), most_rows=10_000)
+
+
+def _read_robot(folder: Path, data: bytes) -> object:
+    return read_robot_graph(put(folder, "graph.json", data), class_map=load_map())
+
+
+def _read_dsg(folder: Path, data: bytes) -> object:
+    return read_source(open_source("spark-dsg", put(folder, ".json", data)), load_map())
+
+
 def _seeds(*data: bytes) -> Callable[[], dict[str, bytes]]:
     return lambda: {str(number): one for number, one in enumerate(data)}
 
@@ -189,123 +213,56 @@ def _packed_too(data: bytes) -> Callable[[], dict[str, bytes]]:
 _HYDRA = b"label_names:\n- {label: 5, name: chair}\n- {label: 6, name: '7', category: x}\n"
 _STATISTICS = f'{",".join(HEADER)},\n00001-abcdefghi01,-1,1,1,lamp_9\ns,5,1,2,"a, b_7:c_8"\n'
 _MAP = b'raw_category,category,class\nchair,chair,chair\n"a, b",sofa,\nWall,wall,\n'
+_STRUCTURE = b"category\nwall\n"
+_LABELS = b'label,name,category\n5,chair,\n6,"a, b",sofa\n'
 _CLASSES = b"index,class,definition\n0,chair,A seat.\n1,bed,To sleep in.\n"
 _HOUSES = encode(_PROCTHOR) + b"\n" + encode(_PROCTHOR).replace(b"room|4", b"room|7") + b"\n"
 _ROBOT = (Path(__file__).parents[3] / "docs" / "home.json").read_bytes()
 
 TARGETS = (
     Target(
-        name="annotation",
-        read=_read_annotation,
-        seeds=_seeds(_ANNOTATION.encode(), _ANNOTATION.replace("\n", "\r\n").encode("utf-8-sig")),
-        words=('"chair"', ",-1", "\n", "\u2028", "unknown", "999999999"),
+        "annotation",
+        _read_annotation,
+        _seeds(_ANNOTATION.encode(), _ANNOTATION.replace("\n", "\r\n").encode("utf-8-sig")),
     ),
+    Target("behavior", _read_behavior, _seeds(encode({"success": True, "scenes": _SCENES}))),
+    Target("belief-json", _read_belief, lambda: {"belief": _make_belief()}, most=60_000),
+    Target("class-map", _read_class_map, _seeds(_MAP, b"\0".join((_MAP, _CLASSES, _STRUCTURE)))),
     Target(
-        name="behavior",
-        read=_read_behavior,
-        seeds=_seeds(encode({"success": True, "scenes": _SCENES})),
-        words=("scenes", "_int", "_garden", "house_double_floor_lower", "../x"),
+        "configuration",
+        _read_configuration,
+        lambda: {"ceci-sage": write_toml(find_config("ceci-sage")).encode()},
     ),
+    Target("house", _read_house, _packed_too(HOUSE.encode()), most=4_000),
+    Target("label-space", _read_labels, _seeds(_HYDRA, _LABELS)),
+    Target("layout", _read_layout, _seeds(_LAYOUT)),
+    Target("mesh", _read_mesh, lambda: {"colours": _make_mesh()}, most=4_000),
     Target(
-        name="belief-json",
-        read=lambda folder, data: read_belief(put(folder, ".json", data)),
-        seeds=lambda: {"belief": _make_belief()},
-        words=("class_map", "class_space", "version", "blind", "partial", "hm3d45-v1"),
-        most=60_000,
-    ),
-    Target(
-        name="class-map",
-        read=_read_class_map,
-        seeds=_seeds(_MAP, b"\0".join((_MAP, _CLASSES, b"category\nwall\n"))),
-        words=("chair", "bed", "category", "\0", '"', "\r\n", "unknown", "2,x,y\n"),
-    ),
-    Target(
-        name="configuration",
-        read=_read_configuration,
-        seeds=lambda: {name: write_toml(find_config(name)).encode() for name in ("ceci-sage",)},
-        words=(
-            "training",
-            "\0seed=",
-            "1979-05-27",
-            "nan",
-            "[[model]]",
-            "'''",
-            "1e400",
-            "{x={x=1}}",
-        ),
-    ),
-    Target(
-        name="house",
-        read=_read_house,
-        seeds=_packed_too(HOUSE.encode()),
-        words=("ASCII 1.1", "nan", "inf", "-1", "1e308", "\nR ", "\nO ", "\nV ", "\nP ", "#"),
-        most=4_000,
-    ),
-    Target(
-        name="label-space",
-        read=_read_labels,
-        seeds=_seeds(_HYDRA, b'label,name,category\n5,chair,\n6,"a, b",sofa\n'),
-        words=("label", "name", "4294967296", "&a", "*a", "<<: ", "? ", "'", '"', ".nan"),
-    ),
-    Target(
-        name="layout",
-        read=lambda folder, data: _lay_out(_BUILDING, read_layout(put(folder, ".yaml", data))),
-        seeds=_seeds(_LAYOUT),
-        words=("room_3", "&a", "*a", "<<: ", "!!python/object:x", "|\n", "%YAML 1.2", ".nan", "{"),
-    ),
-    Target(
-        name="mesh",
-        read=lambda folder, data: list(read_parts(put(folder, ".glb", data))),
-        seeds=lambda: {"colours": _make_mesh()},
-        words=("KHR_draco_mesh_compression", "sparse", "uri", "byteStride", "matrix", "MAT4"),
-        most=4_000,
-    ),
-    Target(
-        name="object-table",
-        read=_read_table,
-        seeds=lambda: {
+        "object-table",
+        _read_table,
+        lambda: {
             "text": _TABLE,
             "packed": gzip.compress(b"scene\troom\tcategory\na\t1\tchair\n", mtime=0),
             "parquet": _to_parquet({"scene": ["a"], "room": [1.0], "category": ["bed"]}),
         },
-        words=("scene", "connected", "1e308", "nan", ";", '"', "\r\n", "\t", "../x", "PAR1"),
+    ),
+    Target("predictions", _read_predictions, lambda: {"": _to_parquet(_PREDICTIONS)}, most=4_000),
+    Target(
+        "procthor",
+        _read_houses,
+        _seeds(_HOUSES, b"[" + encode(_PROCTHOR) + b"]", gzip.compress(_HOUSES, mtime=0)),
     ),
     Target(
-        name="predictions",
-        read=lambda folder, data: read_predictions(put(folder, ".parquet", data), most_rows=10_000),
-        seeds=lambda: {"whole": _to_parquet(_PREDICTIONS)},
-        words=("PAR1", "int8", "double", "binary", "p2"),
-        most=4_000,
-    ),
-    Target(
-        name="procthor",
-        read=_read_houses,
-        seeds=_seeds(_HOUSES, b"[" + encode(_PROCTHOR) + b"]", gzip.compress(_HOUSES, mtime=0)),
-        words=("room|999999", "children", "floorPolygon", "\n", "[", "]", "1e308", "|4|"),
-    ),
-    Target(
-        name="robot-json",
-        read=lambda folder, data: read_robot_graph(
-            put(folder, "graph.json", data), class_map=load_map()
-        ),
-        seeds=_seeds(_ROBOT, b'\xef\xbb\xbf{"scene_id": "s", "rooms": []}'),
-        words=("hidden_share", "room_type", "partial", "withheld", "\\ud800", "1e9"),
+        "robot-json",
+        _read_robot,
+        _seeds(_ROBOT, b'\xef\xbb\xbf{"scene_id": "s", "rooms": []}'),
         most=8_000,
     ),
+    Target("spark-dsg", _read_dsg, lambda: {"graph": encode(robot_graph())}, most=8_000),
     Target(
-        name="spark-dsg",
-        read=lambda folder, data: read_source(
-            open_source("spark-dsg", put(folder, ".json", data)), load_map()
-        ),
-        seeds=lambda: {"graph": encode(robot_graph())},
-        words=("labelspaces", "bsg", "layer_names", "mesh", "partition"),
-        most=8_000,
-    ),
-    Target(
-        name="statistics-zip",
-        read=_read_statistics,
-        seeds=_seeds(_STATISTICS.encode(), _pack(_STATISTICS.encode())),
-        words=(*HEADER, "../secret", ":", "_", "PK\x01\x02", "PK\x05\x06", "\r\n", '"'),
+        "statistics-zip",
+        _read_statistics,
+        _seeds(_STATISTICS.encode(), _pack(_STATISTICS.encode())),
     ),
 )
 ROWS = tuple(target.name for target in TARGETS)

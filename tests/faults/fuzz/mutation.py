@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Sequence
+import re
 from typing import Any
 
 _HOSTILE: tuple[str, ...] = (  # as JSON's text, since Python could not write some
@@ -16,6 +16,31 @@ _HOSTILE: tuple[str, ...] = (  # as JSON's text, since Python could not write so
     *('"\\u202e"', '"\\u001b[2J"', "[true]", '[""]', '[{"":0}]', "[[0,0]]", "1000000000000"),
 )
 _NUMBERS = (b"0", b"-1", b"4294967295", b"9" * 40, b"1e999", b"nan", b"-0", b"0.5")
+_WORDS = tuple(
+    word.encode()
+    for word in (
+        *(
+            '"',
+            ",-1",
+            "\n",
+            "\r\n",
+            "\t",
+            "\0",
+            ";",
+            "#",
+            "\u2028",
+            "../x",
+            "unknown",
+            "nan",
+            "inf",
+        ),
+        *("&a", "*a", "<<: ", "? ", "|\n", "!!python/object:x", "%YAML 1.2", ".nan", "[[model]]"),
+        *("'''", "{x={x=1}}", "\0seed=", "1979-05-27", "1e308", "1e400", "4294967296", "-1"),
+        *("\nR ", "\nO ", "\nV ", "PAR1", "PK\x01\x02", "PK\x05\x06", "sparse", "uri", "MAT4"),
+        *("labelspaces", "layer_names", "withheld", "hidden_share", "class_space", "room|999999"),
+    )
+)
+_TOKEN = re.compile(rb"[-\w.]+")
 _LONG = (b"9" * 5_000, b"[" * 2_000, b"{a=" * 1_500, b"\n" * 2_000, b"- " * 1_500)
 
 
@@ -85,7 +110,7 @@ def _places(document: Any) -> list[tuple[Any, Any]]:
     return found
 
 
-def change_bytes(data: bytes, random: random.Random, *, words: Sequence[bytes]) -> bytes:
+def change_bytes(data: bytes, random: random.Random) -> bytes:
     """Return an input with a few bytes, lines, numbers or words of it changed."""
     changed = bytearray(data)
     for _ in range(random.choice((1, 1, 2, 3, 8))):
@@ -100,21 +125,22 @@ def change_bytes(data: bytes, random: random.Random, *, words: Sequence[bytes]) 
             del changed[at:end]
         elif what == 3:
             changed[at:at] = changed[at:end] * random.choice((1, 2, 50))
-        elif what == 4 and words:
-            changed[at:at] = random.choice(words)
-        elif what == 5 and words:
-            changed[at:end] = random.choice(words)
-        elif what == 6:
-            changed[at:end] = random.choice(_NUMBERS if random.random() < 0.9 else _LONG)
+        elif what == 4:
+            changed[at:at] = random.choice(_WORDS)
+        elif what == 5:
+            changed[at:end] = random.choice(_WORDS)
+        elif what == 6 and (tokens := [*_TOKEN.finditer(changed)]):
+            start, end = random.choice(tokens).span()
+            changed[start:end] = random.choice(_NUMBERS if random.random() < 0.9 else _LONG)
         else:
             del changed[at + random.randrange(200) :]
     return bytes(changed)
 
 
-def change(data: bytes, random: random.Random, *, words: Sequence[bytes], most: int) -> bytes:
+def change(data: bytes, random: random.Random, *, most: int) -> bytes:
     """Return another input that is much like this one."""
     if is_json(data) and random.random() < 0.8:
         changed = change_document(data, random)
         if changed is not None and len(changed) <= most:
             return changed
-    return change_bytes(data, random, words=words)[:most]
+    return change_bytes(data, random)[:most]

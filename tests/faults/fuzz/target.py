@@ -7,13 +7,13 @@ import io
 import itertools
 import json
 import os
-import shutil
 import tempfile
 import traceback
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from bsg_data.errors import BSGError
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
@@ -21,7 +21,7 @@ from bsg_data.sources.source import Source
 
 CORPUS = Path(__file__).parent / "corpus"
 MEMORY = Path("/dev/shm")
-PACKAGES = ("bsg_data", "bsg_models", "bsg_cli")
+PACKAGES = ("bsg_data", "bsg_models", "bsg_cli", "cli")
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,13 @@ class Target:
         name: of the reader; that of its folder in `corpus/`, too.
         read: puts an input where the reader wants it, an empty folder at first, and reads it.
         seeds: makes sound inputs by name, as small as they can be.
-        words: that inputs are made of, beside those of the seeds.
         most: bytes of a seed; changed inputs have up to `longest`.
-        examples: changed inputs that CI tries: fewer where a reader is slow.
     """
 
     name: str
     read: Callable[[Path, bytes], object]
     seeds: Callable[[], Mapping[str, bytes]]
-    words: tuple[str, ...] = ()
     most: int = 2_000
-    examples: int = 40
 
     @property
     def longest(self) -> int:
@@ -54,14 +50,8 @@ class Target:
         return {path.name: path.read_bytes() for path in sorted((CORPUS / self.name).glob("*"))}
 
 
-@dataclass(frozen=True)
-class Finding:
-    """What a reader must not do.
-
-    Attributes:
-        key: the same for findings of one cause.
-        text: all that is known of it.
-    """
+class Finding(NamedTuple):
+    """What a reader must not do: the same key for findings of one cause, and all that is known."""
 
     key: str
     text: str
@@ -72,29 +62,24 @@ class Bench:
 
     A context: it changes the working directory of this process, where it makes temporary files, and
     what it does about warnings.
-
-    Args:
-        target: that is tried.
-        memory: where the folder is made; in memory if it is not said.
     """
 
-    def __init__(self, target: Target, *, memory: Path | None = None) -> None:
+    def __init__(self, target: Target) -> None:
         self.target = target
-        self._memory = memory or (MEMORY if os.access(MEMORY, os.W_OK) else None)
 
     def __enter__(self) -> Bench:
         """Make the folder, and read the seeds, so that all is imported."""
+        memory = MEMORY if os.access(MEMORY, os.W_OK) else None
         with contextlib.ExitStack() as stack:
-            root = stack.enter_context(tempfile.TemporaryDirectory(prefix="fuzz", dir=self._memory))
+            root = stack.enter_context(tempfile.TemporaryDirectory(prefix="fuzz", dir=memory))
             self.folder, self._elsewhere = Path(root, "input"), Path(root, "elsewhere")
             self.folder.mkdir()
             self._elsewhere.mkdir()
             for data in self.target.seeds().values():  # what libraries make at import is not ours
                 self.target.read(self.folder, data)
-            stack.callback(os.chdir, Path.cwd())
             stack.callback(setattr, tempfile, "tempdir", tempfile.tempdir)
             tempfile.tempdir = str(self._elsewhere)
-            os.chdir(self._elsewhere)
+            stack.enter_context(contextlib.chdir(self._elsewhere))
             stack.enter_context(warnings.catch_warnings())
             warnings.simplefilter("error")
             self._stack = stack.pop_all()
@@ -120,20 +105,14 @@ class Bench:
         if said.tell():
             return Finding(f"{self.target.name} prints", said.getvalue())
         if strays := [path.name for path in self._elsewhere.iterdir()]:
-            self._clear()
             return Finding(f"{self.target.name} writes", f"in the working directory: {strays}")
         return None
-
-    def _clear(self) -> None:
-        shutil.rmtree(self._elsewhere)
-        self._elsewhere.mkdir()
-        os.chdir(self._elsewhere)
 
 
 def _describe(error: BaseException) -> Finding:
     """Name an error by its type and the last function of ours that it went through."""
     frames = traceback.extract_tb(error.__traceback__)
-    ours = [f for f in frames if any(f"/{p}/" in f.filename for p in (*PACKAGES, "cli"))]
+    ours = [f for f in frames if any(f"/{package}/" in f.filename for package in PACKAGES)]
     last = ours[-1] if ours else frames[-1]
     key = f"{type(error).__name__} in {Path(last.filename).name}, {last.name}"
     return Finding(key, "".join(traceback.format_exception(error)))
@@ -154,9 +133,9 @@ def put(folder: Path, name: str, data: bytes) -> Path:
     return path
 
 
-def load_map(name: str = DEFAULT_CLASS_MAP) -> ClassMap:
+def load_map() -> ClassMap:
     """Load a class map, without what it remembers of the names that it was asked for."""
-    class_map = load_class_map(name)
+    class_map = load_class_map(DEFAULT_CLASS_MAP)
     class_map._resolved.clear()
     return class_map
 

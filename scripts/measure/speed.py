@@ -1,0 +1,328 @@
+"""Measure how fast the main jobs are beside what people would use instead, and write the tables.
+
+    python scripts/measure/speed.py --hm3d PATH --out docs/results/figures.json
+    python scripts/measure/speed.py --only texts meshes   # prints two rows
+
+Each row compares two ways to do the same work, which take turns in one run on one core; the least
+seconds of processor count. Without HM3D's annotations, buildings are synthetic.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import torch
+import trimesh
+from results import ResultsTable, write_figures
+from torch import nn
+from torch.nn.functional import dropout, mse_loss, relu
+from torch_geometric.data import Data
+from torch_geometric.data import Dataset as GraphDataset
+from torch_geometric.loader import DataLoader
+from torch_geometric.nn import GCNConv
+
+from bsg_data.build import build_dataset
+from bsg_data.checks.dataset import check_dataset
+from bsg_data.dataset.dataset import Dataset
+from bsg_data.dataset.manifest import Totals
+from bsg_data.dataset.splits import split_dataset
+from bsg_data.observation.pairs import write_pairs
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.tables import format_text
+from bsg_models import (
+    EvaluationRequest,
+    find_config,
+    open_graph,
+    override,
+    report_evaluation,
+    train_run,
+    validate_config,
+)
+from bsg_models.zoo.model import one_thread
+
+TESTS = Path(__file__).parents[2] / "tests"
+BUILDINGS = 145  # as many as HM3D's of the train split that are public
+MESHES, EPOCHS = 2, 50
+GROWTH = (100, 400, 2000)  # the first is what a command takes to start
+ROOMS = (250, 1000)
+HEADER = ("work", "compared with", "ours", "theirs", "ratio", "target", "met")
+READING = (
+    "Both times of a row come from the same run and the same work; they are seconds of processor. "
+    "With target “≥”, ours must be at least that many times as fast; with “≤”, ours may take at "
+    "most that many times as long."
+)
+
+
+class Speed(NamedTuple):
+    """The seconds of the same work in two ways, and the target of their ratio.
+
+    `faster` says whether the target is how many times as fast ours should be at least; otherwise it
+    is how many times as long ours may take at most.
+    """
+
+    what: str
+    against: str
+    ours: float
+    theirs: float
+    target: float
+    faster: bool = False
+
+    def cells(self) -> tuple[str, ...]:
+        """Return the cells of a row under `HEADER`.
+
+        >>> Speed("a step", "an MLP", 0.0021, 0.001, target=2.5).cells()
+        ('a step', 'an MLP', '2.1 ms', '1 ms', '2.1 ×', '≤ 2.5 ×', 'met')
+        """
+        ratio = self.theirs / self.ours if self.faster else self.ours / self.theirs
+        met = ratio >= self.target if self.faster else ratio <= self.target
+        times = (f"{s:.3g} s" if s >= 1 else f"{1000 * s:.3g} ms" for s in (self.ours, self.theirs))
+        target = f"{'≥' if self.faster else '≤'} {self.target:g} ×"
+        return self.what, self.against, *times, f"{ratio:.3g} ×", target, "met" if met else "missed"
+
+
+def time_both(
+    ours: Callable[[], object], theirs: Callable[[], object], *, repeats: int = 5
+) -> tuple[float, float]:
+    """Return the least seconds of processor of each of two calls, which take turns."""
+    taken = [(time_call(ours), time_call(theirs)) for _ in range(repeats)]
+    return min(one for one, _ in taken), min(other for _, other in taken)
+
+
+def time_call(call: Callable[[], object]) -> float:
+    """Return the seconds of processor that a call takes."""
+    began = time.process_time()
+    call()
+    return time.process_time() - began
+
+
+# Building and reading
+
+
+def build(raw: Path, out: Path) -> Totals:
+    """Build a dataset anew, and return what it holds."""
+    return build_dataset(HM3DFolder(raw), out, force=True).totals
+
+
+def prepare(dataset: Path) -> None:
+    """Split a dataset, and draw its pairs."""
+    split_dataset(dataset, SplitRecipe(), force=True)
+    write_pairs(dataset, PairsRecipe(draws=1), force=True)
+
+
+def measure_texts(raw: Path, folder: Path) -> Iterator[Speed]:
+    """Yield what a build of annotations takes beside pandas reading them."""
+    files, names = sorted(raw.rglob("*.semantic.txt")), ["id", "colour", "name", "region"]
+
+    def read() -> int:
+        return len(pd.concat([pd.read_csv(f, skiprows=1, header=None, names=names) for f in files]))
+
+    assert build(raw, folder / "dataset").objects == read()
+    ours, theirs = time_both(lambda: build(raw, folder / "dataset"), read)
+    what = f"a build of the texts of {len(files)} buildings"
+    yield Speed(what, "pandas reading the same texts", ours, theirs, target=3)
+
+
+def measure_meshes(_: Path, folder: Path) -> Iterator[Speed]:
+    """Yield what a build of full-size meshes takes beside trimesh reading them and their pixels."""
+    sys.path.append(str(TESTS))
+    from painted_meshes import Painting, write_painted
+
+    write_painted(folder / "raw", scenes=MESHES, seed=0, painting=Painting(size="full"))
+
+    def load() -> None:
+        for file in sorted((folder / "raw").rglob("*.glb")):
+            for part in trimesh.load_scene(file).geometry.values():
+                np.asarray(part.visual.material.baseColorTexture)
+
+    ours, theirs = time_both(lambda: build(folder / "raw", folder / "dataset"), load, repeats=3)
+    against = "trimesh.load of the same files, textures unpacked"
+    yield Speed(f"a build of {MESHES} full-size meshes", against, ours, theirs, target=3)
+
+
+# Training
+
+
+def measure_training(raw: Path, folder: Path) -> Iterator[Speed]:
+    """Yield what a training of the paper's network takes beside a loop in plain PyG.
+
+    Ours also measures the val buildings, and writes checkpoints.
+    """
+    build(raw, folder / "dataset")
+    prepare(folder / "dataset")
+    tables = find_config("ceci-gcn").model_dump(mode="json")
+    config = validate_config(override(tables, [f"training.epochs={EPOCHS}"]), source="ceci-gcn")
+    training, model = config.training, config.model
+    graphs = HalfSeen(Dataset.open(folder / "dataset"))
+    sizes = [45, *[model.width] * (model.depth - 1), 45]
+
+    def ours() -> None:
+        for _ in train_run(config, folder / "dataset", folder / "run", force=True):
+            pass
+
+    def theirs() -> None:
+        network = PlainGCN(sizes, model.dropout)
+        rate, decay = training.learning_rate, training.decay
+        optimiser = torch.optim.Adam(network.parameters(), lr=rate, weight_decay=decay)
+        loader = DataLoader(graphs, batch_size=training.batch_size, shuffle=True)
+        for batch in (one for _ in range(EPOCHS) for one in loader):
+            optimiser.zero_grad()
+            mse_loss(network(batch), batch.y).backward()
+            optimiser.step()
+
+    taken = time_both(ours, theirs, repeats=3)
+    what = f"a training of `ceci-gcn`, {EPOCHS} epochs"
+    yield Speed(what, "the same network in plain PyG, masks drawn by a loop", *taken, 5, True)
+
+
+class HalfSeen(GraphDataset):
+    """The training buildings as stars, of whose objects half are hidden."""
+
+    def __init__(self, data: Dataset) -> None:
+        super().__init__()
+        self.cells = [data.cells(scene) for scene in data.splits["train"]]
+        self.objects = [
+            np.argwhere(cells).repeat(cells[cells > 0], axis=0).tolist() for cells in self.cells
+        ]
+
+    def len(self) -> int:
+        """Return the number of buildings."""
+        return len(self.cells)
+
+    def get(self, idx: int) -> Data:
+        """Return a building of whose objects a loop has hidden half."""
+        x, y, objects = self.cells[idx].copy(), self.cells[idx].copy(), self.objects[idx]
+        for room, kind in random.sample(objects, len(objects) // 2):
+            x[room, kind] -= 1
+        x[0], y[0] = x.sum(axis=0), y.sum(axis=0)
+        rooms = torch.arange(1, len(x))
+        star = torch.stack([rooms, torch.zeros_like(rooms)])
+        edges = torch.cat([star, star.flip(0)], dim=1)
+        return Data(x=torch.from_numpy(x).float(), y=torch.from_numpy(y).float(), edge_index=edges)
+
+
+class PlainGCN(nn.Module):
+    """The paper's network."""
+
+    def __init__(self, sizes: Sequence[int], share: float) -> None:
+        super().__init__()
+        self.convolutions = nn.ModuleList(GCNConv(a, b) for a, b in pairwise(sizes))
+        self.norms = nn.ModuleList(nn.BatchNorm1d(width) for width in sizes[1:-1])
+        self.share = share
+
+    def forward(self, batch: Any) -> torch.Tensor:
+        """Return the predicted totals."""
+        x = batch.x
+        for convolution, norm in zip(self.convolutions, self.norms, strict=False):
+            x = dropout(relu(norm(convolution(x, batch.edge_index))), self.share, self.training)
+        return self.convolutions[-1](x, batch.edge_index)
+
+
+# As the data grow
+
+
+def measure_growth(_: Path, folder: Path) -> Iterator[Speed]:
+    """Yield what one more building costs among many, and among few."""
+    paths = [folder / str(number) for number in GROWTH]
+    for path, number in zip(paths, GROWTH, strict=True):
+        list(write_synthetic(path / "raw", scenes=number, seed=0))
+    jobs: dict[str, Callable[[Path], object]] = {
+        "build": lambda path: build(path / "raw", path / "dataset"),
+        "split, pairs": lambda path: prepare(path / "dataset"),
+        "check": lambda path: check_dataset(path / "dataset"),
+        "evaluate": evaluate,
+    }
+    least, few, many = GROWTH
+    for name, run in jobs.items():
+        # The first turn imports; it is not counted.
+        _, start, one, other = (time_call(partial(run, path)) for path in (paths[0], *paths))
+        ours, theirs = (other - start) / (many - least), (one - start) / (few - least)
+        what = f"{name}: one more building of {many:,}"
+        yield Speed(what, f"one more of {few:,}", ours, theirs, target=1.1)
+
+
+def evaluate(path: Path) -> None:
+    """Evaluate a shipped model on the test buildings."""
+    shutil.rmtree(path / "evaluation", ignore_errors=True)
+    out = path / "evaluation"
+    report_evaluation(EvaluationRequest(runs=("mixture",), dataset=path / "dataset", out=out))
+
+
+def measure_decisions(_: Path, __: Path) -> Iterator[Speed]:
+    """Yield what a decision takes among many rooms beside one among few."""
+    few, many = (open_graph(make_grid(number)) for number in ROOMS)
+
+    def decide(seen: Any) -> None:
+        seen.searched("0")  # so that nothing is known already
+        assert seen.next_room("microwave", here="0") in seen.rooms
+
+    ours, theirs = time_both(lambda: decide(many), lambda: decide(few))
+    what, square = f"where to go, {ROOMS[1]:,} rooms", (ROOMS[1] / ROOMS[0]) ** 2
+    yield Speed(what, f"the same, {ROOMS[0]} rooms", ours, theirs, target=square)
+
+
+def make_grid(rooms: int) -> dict[str, Any]:
+    """Return the graph of a robot in a grid of rooms, a third of which connect across."""
+    draw, wide = random.Random(0), int(np.ceil(rooms**0.5))
+    kinds = ("bedroom", "kitchen", "bathroom", "living room", "hallway", "office", "closet")
+    places = [[4 * (n % wide), 4 * (n // wide), 0] for n in range(rooms)]
+    said = [
+        {"id": str(n), "room_type": draw.choice(kinds), "position": place}
+        for n, place in enumerate(places)
+    ]
+    along = [[str(n), str(n - 1)] for n in range(1, rooms) if n % wide]
+    down = [n for n in range(wide, rooms) if n % wide == 0 or draw.random() < 1 / 3]
+    ways = along + [[str(n), str(n - wide)] for n in down]
+    return {"scene_id": "grid", "rooms": said, "adjacency": ways}
+
+
+JOBS: Mapping[str, Callable[[Path, Path], Iterator[Speed]]] = {
+    "texts": measure_texts,
+    "meshes": measure_meshes,
+    "training": measure_training,
+    "growth": measure_growth,
+    "decisions": measure_decisions,
+}
+TABLES = {
+    "Beside what you would use instead": ("texts", "meshes", "training"),
+    "As the data grow": ("growth", "decisions"),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, print the rows, and write the tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--hm3d", type=Path, help="folder with annotations of HM3D")
+    parser.add_argument("--out", type=Path, help="JSON of figures")
+    parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS))
+    options = parser.parse_args(argv)
+    rows: dict[str, list[tuple[str, ...]]] = {title: [] for title in TABLES}
+    for job in options.only:
+        with tempfile.TemporaryDirectory() as folder, one_thread():
+            raw = options.hm3d or Path(folder, "raw")
+            if options.hm3d is None:
+                list(write_synthetic(raw, scenes=BUILDINGS, seed=0))
+            found = [one.cells() for one in JOBS[job](raw, Path(folder))]
+        rows[next(title for title, jobs in TABLES.items() if job in jobs)] += found
+        print(format_text(found, header=HEADER), flush=True)
+    if options.out:
+        tables = [ResultsTable(title, HEADER, rows[title], READING) for title in TABLES]
+        write_figures(options.out, "speed", tables, argv=[__file__, *(argv or sys.argv[1:])])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
