@@ -101,8 +101,8 @@ def rewrite_links(markdown: str, place: str) -> str:
 
     >>> rewrite_links("[maps](mappings/README.md#rules)", "index.md")
     '[maps](class-maps.md#rules)'
-    >>> rewrite_links("[masks](../docs/masks.md)", "class-maps.md")
-    '[masks](masks.md)'
+    >>> rewrite_links("[robots](../docs/robot.md)", "class-maps.md")
+    '[robots](robot.md)'
     """
     sources = {there: source for source, there in ELSEWHERE.items()}
     source = sources.get(place, f"docs/{place}")

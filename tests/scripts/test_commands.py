@@ -84,7 +84,7 @@ def test_a_command_that_lacks_something_is_refused(monkeypatch: pytest.MonkeyPat
 
 def test_every_figure_has_its_whole_command_on_a_page() -> None:
     figures = json.loads((RESULTS / "figures.json").read_text("utf-8"))
-    pages = "".join(page.read_text("utf-8") for page in RESULTS.glob("*.md"))
+    pages = "".join(page.read_text("utf-8") for page in RESULTS.parent.rglob("*.md"))
     for name, one in figures.items():
         command, last_in = one["made"]["command"], one["made"].get("last_in")
         assert f"| {name} | `{command}` {f'at {last_in} ' if last_in else ''}|" in pages
