@@ -37,7 +37,7 @@ def list_expected() -> dict[str, list[str]]:
         "a robot's graph": [
             size(bounds.ROBOT),
             f"{bounds.MAX_ROBOT_ROOMS:,} rooms",
-            f"{bounds.MAX_ROBOT_OBJECTS:,} objects",
+            f"{bounds.MAX_ROBOT_OBJECTS:,} objects with {bounds.MAX_ROBOT_LETTERS:,} letters",
             f"{bounds.MAX_CORNERS} corners",
             f"{bounds.MAX_ALL_CORNERS:,} of all",
             f"{bounds.MAX_ROBOT_PAIRS:,} pairs",

@@ -65,6 +65,7 @@ MAX_GRAPH_LABELS = 100_000  # of a layer of it, named
 BELIEF = 256 * MIB  # a belief graph, JSON
 MAX_ROBOT_ROOMS = 5_000  # a model takes about 100 kB for each where their shares are not known
 MAX_ROBOT_OBJECTS = 50_000  # each takes a kilobyte while a graph is read
+MAX_ROBOT_LETTERS = 1_000_000  # of its words for objects, each word once: each is read by rules
 MAX_ROBOT_WORDS = 10_000  # of its detector; the largest published vocabulary has some thousands
 MAX_ROBOT_PAIRS = 100_000  # of connected rooms; 5,000 rooms of a building have some 10,000
 MAX_ROBOT_TYPES = 150_000  # labels of the types of all rooms; a classifier has 60 to 400

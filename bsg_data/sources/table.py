@@ -497,10 +497,11 @@ def _read_rows(
             notes["rows of a building alone, left out"] += 1
             continue
         row = _parse_row(where, given)
-        objects += row.count or 1
+        objects += max(row.count or 1, len(row.connected))
         if objects > MAX_OBJECT_ROWS:
             message = (
-                f"{path}: over {MAX_OBJECT_ROWS:,} rows or objects; split it into several tables"
+                f"{path}: over {MAX_OBJECT_ROWS:,} rows, objects or names of connected rooms; "
+                "split it into several tables"
             )
             raise SourceError(message, code="table-too-long", where=path)
         if row.count == 0 and not row.room:

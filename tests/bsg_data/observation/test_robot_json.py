@@ -16,6 +16,7 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import (
+    MAX_ROBOT_LETTERS,
     MAX_ROBOT_OBJECTS,
     MAX_ROBOT_PAIRS,
     MAX_ROBOT_ROOMS,
@@ -395,6 +396,16 @@ def test_a_graph_has_a_bound_of_objects() -> None:
     said = {"scene_id": "huge", "rooms": [], "objects": objects}
     with refuses(RobotGraphError, "graph-malformed", where="huge.json", golden=False):
         parse_robot_graph(said, path=Path("huge.json"))
+
+
+def test_a_graph_has_a_bound_of_letters_of_different_words() -> None:
+    """Rules read each word: half a hundred thousand of a hundred letters took a minute."""
+    word = "x" * 500
+    few = {"rooms": [], "objects": [{"category": word}] * 2_001}
+    assert len(parse_robot_graph(few, path=Path("few.json")).objects) == 2_001
+    many = [{"category": f"{word[:-6]}{n:06}"} for n in range(MAX_ROBOT_LETTERS // 500 + 1)]
+    with pytest.raises(RobotGraphError, match="expected at most 1,000,000 letters of different"):
+        parse_robot_graph({"rooms": [], "objects": many}, path=Path("many.json"))
 
 
 def test_what_is_reported_in_python_is_of_numbers_that_a_file_can_hold() -> None:

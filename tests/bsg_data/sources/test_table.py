@@ -209,6 +209,17 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path, text: bytes, code: s
         ObjectTable(path).find()
 
 
+def test_names_of_connected_rooms_count_as_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three thousand rooms that all connect took 2 GB."""
+    monkeypatch.setattr("bsg_data.sources.table.MAX_OBJECT_ROWS", 20)
+    path = tmp_path / "objects.csv"
+    path.write_text("scene,room,category,connected\na,2,,\n" + "a,1,,2;2;2;2\n" * 5)
+    with pytest.raises(SourceError, match="names of connected rooms"):
+        ObjectTable(path).find()
+
+
 def test_the_same_rows_in_every_kind_of_file(tmp_path: Path) -> None:
     path = write_table(tmp_path, *ROWS)
     text = path.read_text("utf-8")
