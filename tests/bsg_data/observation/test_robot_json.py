@@ -527,7 +527,7 @@ MANY_KEYS = {f"k{number}": 0 for number in range(100_000)}
         ({"scene_id": "a", "rooms": [], **MANY_KEYS}, "'k0' is no key; known are format, version"),
         ({"scene_id": "a", "rooms": [{"id": "k", **MANY_KEYS}]}, "room 'k': 'k0' is no key"),
         ({"scene_id": "a", "rooms": [], "detector": {"a": 0}}, "detector.a: Input should be a"),
-        (MANY_KEYS, "expected at most 5,000 rooms, found 100,000"),
+        (MANY_KEYS, "expected at most 3,000 rooms, found 100,000"),
     ],
 )
 def test_a_graph_with_very_many_keys_is_refused_for_the_first(said: Any, why: str) -> None:
