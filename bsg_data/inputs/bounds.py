@@ -54,6 +54,7 @@ S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
 MAX_LISTED = 100_000  # rooms and objects of such a list; the longest real one has 36,538
 MAX_LISTED_SCENES = 1_000  # of such a list; the longest real one has 51
 TABLE = 512 * MIB  # of objects, CSV, or parquet as it unpacks
+MAX_LETTERS_OF_OBJECTS = 6_000_000  # of their names in a building or a table, each name once
 MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects
 MAX_LINE = MIB  # characters of a line of CSV, bytes of one of a house
 

@@ -48,7 +48,7 @@ from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Point, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
-from bsg_data.sources.assembly import assemble, place_room
+from bsg_data.sources.assembly import assemble, place_room, require_few_letters
 from bsg_data.sources.foreign_record import Metres
 from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
@@ -510,6 +510,8 @@ def _read_rows(
         if row.count == 0:
             row = replace(row, category="", count=None)
         spelt.setdefault(row.scene, []).append((row, line))
+    categories = {row.category for rows in spelt.values() for row, _ in rows}
+    require_few_letters(categories, where=str(path))
     if not spelt:
         message = f"{path}: no row; expected an object a row"
         raise SourceError(message, code="source-empty", where=path)

@@ -220,6 +220,19 @@ def test_names_of_connected_rooms_count_as_rows(
         ObjectTable(path).find()
 
 
+def test_letters_of_different_names_have_a_bound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rules read each name: a million of a hundred letters took minutes."""
+    monkeypatch.setattr("bsg_data.sources.assembly.MAX_LETTERS_OF_OBJECTS", 20)
+    path = tmp_path / "objects.csv"
+    path.write_text("scene,room,category\n" + "a,1,abcdefghij\n" * 5)
+    assert len(ObjectTable(path).find().scenes) == 1
+    path.write_text(path.read_text() + "a,1,abcdefghik\nb,1,abcdefghil\n")
+    with pytest.raises(SourceError, match="letters of different names"):
+        ObjectTable(path).find()
+
+
 def test_the_same_rows_in_every_kind_of_file(tmp_path: Path) -> None:
     path = write_table(tmp_path, *ROWS)
     text = path.read_text("utf-8")
