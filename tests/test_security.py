@@ -37,7 +37,7 @@ def list_expected() -> dict[str, list[str]]:
         "a robot's graph": [
             size(bounds.ROBOT),
             f"{bounds.MAX_ROBOT_ROOMS:,} rooms",
-            f"{bounds.MAX_ROBOT_OBJECTS:,} objects",
+            f"{bounds.MAX_ROBOT_OBJECTS:,} objects with {bounds.MAX_ROBOT_LETTERS:,} letters",
             f"{bounds.MAX_CORNERS} corners",
             f"{bounds.MAX_ALL_CORNERS:,} of all",
             f"{bounds.MAX_ROBOT_PAIRS:,} pairs",
@@ -54,6 +54,7 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_GRAPH_LABELS:,} labels",
         ],
         "an annotation of HM3D": [size(bounds.ANNOTATION), f"{bounds.MAX_INSTANCES:,} objects"],
+        "names of objects of a building or a table": [f"{bounds.MAX_LETTERS_OF_OBJECTS:,} letters"],
         "a table of objects": [size(bounds.TABLE), f"{bounds.MAX_OBJECT_ROWS:,} rows"],
         "a house of ProcTHOR": [
             size(bounds.MAX_HOUSE),

@@ -54,6 +54,7 @@ S3DIS = BEHAVIOR = 64 * MIB  # lists of labels and of rooms, JSON
 MAX_LISTED = 100_000  # rooms and objects of such a list; the longest real one has 36,538
 MAX_LISTED_SCENES = 1_000  # of such a list; the longest real one has 51
 TABLE = 512 * MIB  # of objects, CSV, or parquet as it unpacks
+MAX_LETTERS_OF_OBJECTS = 6_000_000  # of their names in a building or a table, each name once
 MAX_OBJECT_ROWS = 1_500_000  # of such a table: 15 times HM3D's objects
 MAX_LINE = MIB  # characters of a line of CSV, bytes of one of a house
 
@@ -63,10 +64,11 @@ SPARK_DSG = 256 * MIB  # JSON or binary
 MAX_GRAPH_NODES, MAX_GRAPH_EDGES = 200_000, 1_000_000  # of Hydra's graph, of all layers
 MAX_GRAPH_LABELS = 100_000  # of a layer of it, named
 BELIEF = 256 * MIB  # a belief graph, JSON
-MAX_ROBOT_ROOMS = 5_000  # a model takes about 100 kB for each where their shares are not known
+MAX_ROBOT_ROOMS = 3_000  # a model takes about 100 kB for each where their shares are not known
 MAX_ROBOT_OBJECTS = 50_000  # each takes a kilobyte while a graph is read
+MAX_ROBOT_LETTERS = 1_000_000  # of its words for objects, each word once: each is read by rules
 MAX_ROBOT_WORDS = 10_000  # of its detector; the largest published vocabulary has some thousands
-MAX_ROBOT_PAIRS = 100_000  # of connected rooms; 5,000 rooms of a building have some 10,000
+MAX_ROBOT_PAIRS = 100_000  # of connected rooms; 3,000 rooms of a building have some 6,000
 MAX_ROBOT_TYPES = 150_000  # labels of the types of all rooms; a classifier has 60 to 400
 MAX_ROBOT_KINDS = 5_000  # different ones of these
 MAX_ROBOT_LOOKS = 2_000  # that found nothing

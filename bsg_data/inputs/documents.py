@@ -99,6 +99,17 @@ def _require_bounded(text: bytes, *, keys: int) -> None:
             raise ValueError(f"expected at most {bound:,} {what}, found {found:,}")
     if next(islice(_KEY.finditer(text), keys, None), None) is not None:
         raise ValueError(f"expected at most {keys:,} keys, found more")
+    if keys > MAX_KEYS and next(islice(_KEY.finditer(text), MAX_KEYS, None), None) is not None:
+        _require_few_kinds(text)
+
+
+def _require_few_kinds(text: bytes) -> None:
+    """Refuse keys that all differ; of those that do not, a document holds one."""
+    kinds: set[bytes] = set()
+    for one in _KEY.finditer(text):
+        kinds.add(text[text.rfind(b'"', 0, one.start()) + 1 : one.start()])
+        if len(kinds) > MAX_KEYS:
+            raise ValueError(f"expected at most {MAX_KEYS:,} different keys, found more")
 
 
 def parse_yaml(data: bytes) -> Any:

@@ -50,6 +50,7 @@ from bsg_data.first_fault import Keyed, Listed, keep_one_unknown
 from bsg_data.inputs.bounds import (
     MAX_ALL_CORNERS,
     MAX_ROBOT_KINDS,
+    MAX_ROBOT_LETTERS,
     MAX_ROBOT_LOOKS,
     MAX_ROBOT_OBJECTS,
     MAX_ROBOT_PAIRS,
@@ -226,6 +227,19 @@ def _count_parts(rooms: Any) -> Any:
     return rooms
 
 
+def _count_letters(objects: Any) -> Any:
+    """Refuse objects with too many long and different words."""
+    listed = objects if _is_list(objects) and len(objects) <= MAX_ROBOT_OBJECTS else ()
+    words = {
+        one["category"]
+        for one in listed
+        if isinstance(one, dict) and isinstance(one.get("category"), str)
+    }
+    what = "letters of different words for objects"
+    _require_few(sum(map(len, words)), MAX_ROBOT_LETTERS, what)
+    return objects
+
+
 def _count_things(looks: Any) -> Any:
     """Refuse looks for too many different things."""
     listed = looks if _is_list(looks) and len(looks) <= MAX_ROBOT_LOOKS else ()
@@ -258,7 +272,9 @@ class _Graph(SaidRecord):
     rooms: Annotated[
         Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS), BeforeValidator(_count_parts)
     ]
-    objects: Annotated[Listed[_Object], Field(max_length=MAX_ROBOT_OBJECTS)] = ()
+    objects: Annotated[
+        Listed[_Object], Field(max_length=MAX_ROBOT_OBJECTS), BeforeValidator(_count_letters)
+    ] = ()
     adjacency: Annotated[Listed[tuple[Id, Id]], Field(max_length=MAX_ROBOT_PAIRS)] = ()
     # A list of words, or the name of a vocabulary; or word → class, as `encode_robot_graph` writes.
     detector: Annotated[Keyed[Text, Text | None] | None, BeforeValidator(_list_words)] = None

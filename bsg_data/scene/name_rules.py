@@ -45,22 +45,25 @@ def resolve(
     *,
     known: Callable[[str], bool],
     vocabulary: Container[str] = (),
+    most_words: int = _MOST_WORDS,
+    is_whole: bool = False,
 ) -> Iterator[tuple[str, Rule]]:
     """Yield the listed names that a name can stand for, with the rule that gives each.
 
     Nothing comes after a name that is listed itself, or that `synonyms` (name → listed name) leads
     to the empty name: its last word misleads. `names` are readings of one name, normalised, the
     best first: as it is, and taken apart. None is `known` itself. `vocabulary`
-    has the synonyms that are words of a vocabulary.
+    has the synonyms that are words of a vocabulary. No listed name has more than `most_words`.
+    `is_whole` leaves out the rule of the head noun.
     """
     readings = [_split(name) for name in names]
     for words in readings:
-        if whole := tuple(_explain(words, synonyms, known, vocabulary)):
+        if whole := tuple(_explain(words, synonyms, known, vocabulary, most_words)):
             yield from takewhile(itemgetter(0), whole)
             return
-    for words in readings:
+    for words in () if is_whole else readings:
         for tail in list_tails(words):
-            if found := tuple(_explain(tail, synonyms, known, vocabulary)):
+            if found := tuple(_explain(tail, synonyms, known, vocabulary, most_words)):
                 yield from ((other, "head noun") for other, _ in found[:1] if other)
                 return
 
@@ -96,8 +99,11 @@ def _explain(
     synonyms: Mapping[str, str],
     known: Callable[[str], bool],
     vocabulary: Container[str],
+    most_words: int,
 ) -> Iterator[tuple[str, Rule]]:
     """Yield what some words can stand for as they are: the empty name for a name that misleads."""
+    if len(words) > most_words + 1:  # two words may be written as one
+        return
     spaced = " ".join(words)
     joined = (
         " ".join([*words[:i], words[i] + words[i + 1], *words[i + 2 :]])
@@ -188,7 +194,7 @@ def mend(name: str, index: Mapping[str, list[str]], *, real: Container[str]) -> 
     for i, said in enumerate(words):
         if not SHORT <= len(said) <= _LONG or said in real or said in index.get(said, ()):
             continue
-        near = {word for left in _leave_out(said) for word in index.get(left, ())}
+        near = {word for left in index.keys() & _leave_out(said) for word in index[left]}
         for word in sorted(near):
             if is_typo(said, word):
                 yield " ".join([*words[:i], word, *words[i + 1 :]])

@@ -48,7 +48,7 @@ from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Point, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
-from bsg_data.sources.assembly import assemble, place_room
+from bsg_data.sources.assembly import assemble, place_room, require_few_letters
 from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import ask_if_meant, list_some, meant_names
@@ -501,10 +501,11 @@ def _read_rows(
             notes["rows of a building alone, left out"] += 1
             continue
         row = _parse_row(where, given)
-        objects += row.count or 1
+        objects += max(row.count or 1, len(row.connected))
         if objects > MAX_OBJECT_ROWS:
             message = (
-                f"{path}: over {MAX_OBJECT_ROWS:,} rows or objects; split it into several tables"
+                f"{path}: over {MAX_OBJECT_ROWS:,} rows, objects or names of connected rooms; "
+                "split it into several tables"
             )
             raise SourceError(message, code="table-too-long", where=path)
         if row.count == 0 and not row.room:
@@ -513,6 +514,8 @@ def _read_rows(
         if row.count == 0:
             row = replace(row, category="", count=None)
         spelt.setdefault(row.scene, []).append((row, line))
+    categories = {row.category for rows in spelt.values() for row, _ in rows}
+    require_few_letters(categories, where=str(path))
     return spelt
 
 

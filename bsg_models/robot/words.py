@@ -32,6 +32,7 @@ MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
 _OFFERED = 3  # nouns offered in an error
 _REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be forgotten in turn
+_MOST_BEFORE = 5  # words before the last one of a listed thing, and more
 _LISTED = 8  # rooms listed in an error
 _LABELS = 3  # kinds of rooms in a note
 # What follows says where a thing is, not what it is.
@@ -177,12 +178,15 @@ def find_everyday(word: str) -> Thing | None:
     return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
 
 
-def _find_listed(word: str) -> Thing | None:
+def _find_listed(word: str, *, is_part: bool = False) -> Thing | None:
+    """Return the thing that a name is listed as; `is_part`: the name is the end of another."""
     said = _name_only(word)
     before, head = split_head(said)
     if thing := find_thing(said) or find_thing(" ".join([*before, head])):
         return thing
-    known = load_class_map().classify(said)
+    class_map = load_class_map()
+    # What is known of names is kept; of their ends, head nouns and typos count for nothing below.
+    known = class_map.classify_whole(said) if is_part else class_map.classify(said)
     # Other names may be read as a wider thing: a mattress is a bed to the class map.
     is_renamed = known.role == "left-out" or known.rule not in (None, "head noun", "spelling")
     return find_thing(str(known.category)) if is_renamed else None
@@ -216,8 +220,8 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     known = load_class_map().classify(said)
     is_known = known.role != "unmapped" and known.rule != "head noun"
     if not is_known and not find_everyday(word):
-        for number in range(1, len(before) + 1):
-            if thing := _find_listed(" ".join([*before[number:], head])):
+        for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
+            if thing := _find_listed(" ".join([*before[number:], head]), is_part=True):
                 return thing, tuple(before[:number])
     return None, ()
 

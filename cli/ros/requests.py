@@ -37,7 +37,8 @@ from bsg_models.robot.words import find_room
 from bsg_models.search.knowledge import Task
 
 MOST_CHARACTERS = 65_536  # of a text
-MOST_ROOMS, MOST_OBJECTS = 2_000, 20_000  # that are kept; a broken detector may never stop
+# That are kept: a broken detector may never stop. A file holds as many, whatever their names.
+MOST_ROOMS, MOST_OBJECTS = 2_000, 10_000
 _MOST_NAMES, _MOST_ROBOTS = 20, 10  # in a list
 _LONGEST = 100  # characters of a name
 

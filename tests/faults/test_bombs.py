@@ -341,7 +341,7 @@ PILES: dict[str, dict[str, object]] = {
         "looks": [{"room": "k", "thing": f"z{n}e mug"} for n in range(MAX_ROBOT_SOUGHT)],
     },
     "long names": {
-        "objects": [{"room": "k", "category": f"q{n}w {'ab cd ' * 75}"} for n in range(49_000)]
+        "objects": [{"room": "k", "category": f"q{n}w {'abc def ' * 11}"} for n in range(10_000)]
     },
 }
 LARGEST = {

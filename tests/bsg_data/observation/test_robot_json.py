@@ -16,6 +16,7 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import (
+    MAX_ROBOT_LETTERS,
     MAX_ROBOT_OBJECTS,
     MAX_ROBOT_PAIRS,
     MAX_ROBOT_ROOMS,
@@ -397,6 +398,16 @@ def test_a_graph_has_a_bound_of_objects() -> None:
         parse_robot_graph(said, path=Path("huge.json"))
 
 
+def test_a_graph_has_a_bound_of_letters_of_different_words() -> None:
+    """Rules read each word: half a hundred thousand of a hundred letters took a minute."""
+    word = "x" * 500
+    few = {"rooms": [], "objects": [{"category": word}] * 2_001}
+    assert len(parse_robot_graph(few, path=Path("few.json")).objects) == 2_001
+    many = [{"category": f"{word[:-6]}{n:06}"} for n in range(MAX_ROBOT_LETTERS // 500 + 1)]
+    with pytest.raises(RobotGraphError, match="expected at most 1,000,000 letters of different"):
+        parse_robot_graph({"rooms": [], "objects": many}, path=Path("many.json"))
+
+
 def test_what_is_reported_in_python_is_of_numbers_that_a_file_can_hold() -> None:
     near = (np.float64(1), np.int64(2), np.float32(0.5))
     room = check_report(KnownRoom("hall", 1.0, position=near, floor_area=np.float64(9)))
@@ -516,7 +527,7 @@ MANY_KEYS = {f"k{number}": 0 for number in range(100_000)}
         ({"scene_id": "a", "rooms": [], **MANY_KEYS}, "'k0' is no key; known are format, version"),
         ({"scene_id": "a", "rooms": [{"id": "k", **MANY_KEYS}]}, "room 'k': 'k0' is no key"),
         ({"scene_id": "a", "rooms": [], "detector": {"a": 0}}, "detector.a: Input should be a"),
-        (MANY_KEYS, "expected at most 5,000 rooms, found 100,000"),
+        (MANY_KEYS, "expected at most 3,000 rooms, found 100,000"),
     ],
 )
 def test_a_graph_with_very_many_keys_is_refused_for_the_first(said: Any, why: str) -> None:

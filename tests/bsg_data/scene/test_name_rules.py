@@ -34,6 +34,14 @@ def test_rules_by_hand(name: str, first: tuple[str, str] | None) -> None:
     assert next(found, None) == first
 
 
+def test_a_name_of_many_words_asks_for_few() -> None:
+    asked: list[str] = []
+    name = " ".join(f"qzx{chr(97 + n)}" for n in range(12))
+    found = resolve([name], {}, known=lambda one: bool(asked.append(one)), most_words=3)
+    assert next(found, None) is None
+    assert len(asked) < 40, "of the ends that some listed name may be, not of all"
+
+
 @given(st.text(max_size=40))
 def test_of_any_text_only_listed_names_come_out(name: str) -> None:
     for other, _ in resolve([name], SYNONYMS, known=LISTED.__contains__):

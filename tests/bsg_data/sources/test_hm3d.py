@@ -252,3 +252,13 @@ def test_a_malformed_row_of_statistics_is_named(tmp_path: Path, row: str) -> Non
     (ref,) = source.find().scenes
     with refuses(AnnotationError, "line-malformed", f"{path / MEMBER}, line 3"):
         source.read(ref, load_class_map())
+
+
+def test_an_annotation_has_a_bound_of_letters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bsg_data.sources.assembly.MAX_LETTERS_OF_OBJECTS", 2)
+    write_scene(tmp_path, "00006-HkseAnWCgqk", annotation_text({0: ["bed"]}))
+    folder = HM3DFolder(tmp_path)
+    with pytest.raises(SourceError, match="letters of different names"):
+        folder.read(folder.find().scenes[0], load_class_map())

@@ -187,6 +187,30 @@ def test_a_file_that_is_no_table_is_refused(tmp_path: Path, text: bytes, code: s
         open_source("table", path).find()
 
 
+def test_names_of_connected_rooms_count_as_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three thousand rooms that all connect took 2 GB."""
+    monkeypatch.setattr("bsg_data.sources.table.MAX_OBJECT_ROWS", 20)
+    path = tmp_path / "objects.csv"
+    path.write_text("scene,room,category,connected\na,2,,\n" + "a,1,,2;2;2;2\n" * 5)
+    with pytest.raises(SourceError, match="names of connected rooms"):
+        open_source("table", path).find()
+
+
+def test_letters_of_different_names_have_a_bound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rules read each name: a million of a hundred letters took minutes."""
+    monkeypatch.setattr("bsg_data.sources.assembly.MAX_LETTERS_OF_OBJECTS", 20)
+    path = tmp_path / "objects.csv"
+    path.write_text("scene,room,category\n" + "a,1,abcdefghij\n" * 5)
+    assert len(open_source("table", path).find().scenes) == 1
+    path.write_text(path.read_text() + "a,1,abcdefghik\nb,1,abcdefghil\n")
+    with pytest.raises(SourceError, match="letters of different names"):
+        open_source("table", path).find()
+
+
 def test_the_same_rows_in_every_kind_of_file(tmp_path: Path) -> None:
     path = write_table(tmp_path, *ROWS)
     text = path.read_text("utf-8")
