@@ -14,6 +14,8 @@ from watched_folder import snapshot
 from bsg_data.errors import DatasetError
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
+from bsg_models.studies.comparison import EvaluationRequest
+from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import SearchRequest
 from bsg_models.training.training import train_run
@@ -34,6 +36,14 @@ def believe(run: Path, dataset: Path, out: Path) -> None:
     names = ("a.json", "a.html", "b.json")
     graphs = (open_graph_file(path),)
     report_beliefs(BeliefRequest(run=run, graphs=graphs, out=tuple(out / name for name in names)))
+
+
+def evaluate(run: Path, dataset: Path, out: Path) -> None:
+    """A folder of results, and a page beside it."""
+    request = EvaluationRequest(
+        dataset=dataset, runs=(run,), out=out / "evaluation", html=out / "page.html", resamples=2
+    )
+    report_evaluation(request)
 
 
 def search(run: Path, dataset: Path, out: Path) -> None:
@@ -58,7 +68,7 @@ def train(_: Path, dataset: Path, out: Path) -> None:
     train_run(validate_config(tables, source="test"), dataset, out / "run")
 
 
-@pytest.mark.parametrize(("work", "slow"), [(believe, 1), (search, 8), (train, 4)])
+@pytest.mark.parametrize(("work", "slow"), [(believe, 1), (evaluate, 4), (search, 8), (train, 4)])
 def test_killed_at_any_change_of_a_file(
     work: Callable[[Path, Path, Path], None],
     slow: int,

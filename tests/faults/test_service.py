@@ -26,6 +26,7 @@ pytestmark = pytest.mark.heavy
 COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
 HONEST = {"map": {"kitchen": ["sink", "stove"], "hall": []}, "things": "microwave", "here": "hall"}
 JSON = {"Content-Type": "application/json"}
+SIZE = 8_300_000
 TELLER = itertools.count()
 
 
@@ -46,11 +47,58 @@ def _connect(address: str, said: bytes) -> socket.socket:
     return client
 
 
+def send_lists(address: str) -> None:
+    """The slowest JSON that the bounds allow."""
+    body = b'{"things": "cup", "map": {"hall": [' + b"[]," * 1_400_000 + b'"x"]}}'
+    assert (
+        httpx2.post(f"{address}/find", content=body, headers=JSON, timeout=600).status_code != 200
+    )
+
+
+def send_numbers(address: str) -> None:
+    """As many bytes as the bounds allow, as an agent's map in a text."""
+    question = {"map": "[" + "1," * (SIZE // 2 - 100) + "1]", "things": "cup"}
+    said = {"name": "find_things", "arguments": question}
+    call = {"jsonrpc": "2.0", "id": 1, "method": "tools/call", "params": said}
+    httpx2.post(f"{address}/mcp", json=call, timeout=600)
+
+
 def say_strange_words(address: str) -> None:
     """A map of twenty thousand words that nobody has said before."""
     turn = next(TELLER)
     rooms = {f"room {one}": [f"w{turn} {one} {n}" for n in range(40)] for one in range(500)}
     httpx2.post(f"{address}/expect", json={"map": rooms}, timeout=600)
+
+
+def leave_at_once(address: str) -> None:
+    """Ask what takes long, and leave."""
+    rooms = {f"room {one}": ["chair"] for one in range(500)}
+    with suppress(httpx2.TimeoutException):
+        httpx2.post(f"{address}/find", json={"map": rooms, "things": "cup"}, timeout=0.2)
+
+
+def hold_half_headers(address: str) -> None:
+    """Hold two hundred connections that never say their headers."""
+    half = b"POST /find HTTP/1.1\r\nHost: localhost\r\nX-Slow: "
+    held = [_connect(address, half) for _ in range(220)]
+    time.sleep(1)
+    for one in held:
+        one.close()
+
+
+def hold_half_bodies(address: str) -> None:
+    """Hold as many that never say their question."""
+    half = b"POST /find HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    held = [_connect(address, half + b"Content-Length: 100\r\n\r\n{") for _ in range(220)]
+    time.sleep(1)
+    for one in held:
+        one.close()
+
+
+def send_too_large(address: str) -> None:
+    """A question above the bound."""
+    with suppress(httpx2.TransportError):
+        httpx2.post(f"{address}/find", content=b" " * 4 * SIZE, headers=JSON, timeout=600)
 
 
 def never_read(address: str) -> None:
@@ -64,7 +112,16 @@ def never_read(address: str) -> None:
     client.close()
 
 
-HOSTILE = (say_strange_words, never_read)
+HOSTILE: tuple[Callable[[str], None], ...] = (
+    send_lists,
+    send_numbers,
+    say_strange_words,
+    leave_at_once,
+    hold_half_headers,
+    hold_half_bodies,
+    send_too_large,
+    never_read,
+)
 
 
 @pytest.mark.parametrize("hostile", HOSTILE, ids=lambda one: one.__name__)
