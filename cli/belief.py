@@ -31,6 +31,7 @@ from bsg_data.tables import format_text
 
 if TYPE_CHECKING:
     from bsg_models.belief.graph_file import GraphFile
+    from bsg_models.studies.belief_report import BeliefReport, RoomBelief
 
 _MOST_ROWS = 60
 _MANIFEST = "dataset.json"  # in every dataset; the module that defines it is slow to import
@@ -132,8 +133,10 @@ def main(
     if find:
         answer = _ask(files[0], model, find, search, as_json=as_json, note=note)
     if options["out"] or not find:
+        from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
+
         mask = {"strategy": options.pop("mask"), "fraction": options.pop("fraction")}
-        request = bsg_models.BeliefRequest(
+        request = BeliefRequest(
             run=model,
             graphs=tuple(files),
             dataset=dataset,
@@ -142,7 +145,7 @@ def main(
             **options,
         )
         with progress_bar("belief", unit="graph") as progress:
-            report = bsg_models.report_beliefs(request, progress=progress)
+            report = report_beliefs(request, progress=progress)
         if not find:
             _print_report(report, files, as_json=as_json, note=note)
         if request.out and not as_json:
@@ -187,7 +190,7 @@ def _require_formats(paths: Sequence[Path]) -> None:
 
 
 def _print_report(
-    report: bsg_models.BeliefReport,
+    report: BeliefReport,
     files: Sequence[GraphFile],
     *,
     as_json: bool,
@@ -294,7 +297,7 @@ def _read_robots(said: Sequence[str]) -> dict[str, str]:
     return robots
 
 
-def _encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
+def _encode_room(room: RoomBelief) -> dict[str, Any]:
     unseen = [
         {"class": c.name, "presence": round(c.probability, 4), "expected": round(c.expected, 4)}
         for c in room.unseen
@@ -302,7 +305,7 @@ def _encode_room(room: bsg_models.RoomBelief) -> dict[str, Any]:
     return {**room._asdict(), "expected_more": round(room.expected_more, 3), "unseen": unseen}
 
 
-def _print_rooms(report: bsg_models.BeliefReport) -> None:
+def _print_rooms(report: BeliefReport) -> None:
     """Print what is believed of each room as a table, and how much there is in all."""
     rows = []
     for room in report.rooms[:_MOST_ROWS]:

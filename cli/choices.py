@@ -9,11 +9,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem
 
-import bsg_models
 from bsg_data import registry
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.inputs.bounded_file import read_bytes
@@ -23,6 +23,9 @@ from bsg_data.scene.class_map import list_class_maps
 from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO as MODELS
+
+if TYPE_CHECKING:
+    from bsg_models.zoo.config import RunConfig
 
 __all__ = ["MASKS", "MODELS", "PLANNERS"]  # registries: they read their names on first use
 MOST_SCENES = 10_000_000  # of one seed
@@ -36,15 +39,18 @@ def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None
         raise click.UsageError(str(error)) from error
 
 
-def load_config(name: str, settings: tuple[str, ...] = ()) -> bsg_models.RunConfig:
+def load_config(name: str, settings: tuple[str, ...] = ()) -> RunConfig:
     """Return the configuration of a zoo name or a TOML file, with its overrides."""
+    # Imported here: a help must not wait for it.
+    from bsg_models.zoo.config import find_config, override, read_config, validate_config
+
     if name in MODELS or not (name.endswith(".toml") or Path(name).is_file()):
         require_known("model", [name], MODELS)
-        tables = bsg_models.find_config(name).model_dump(mode="json")
+        tables = find_config(name).model_dump(mode="json")
     else:
-        tables = bsg_models.read_config(Path(name))
+        tables = read_config(Path(name))
     source = f"--config {name}" + (" with its --set" if settings else "")
-    return bsg_models.validate_config(bsg_models.override(tables, settings), source=source)
+    return validate_config(override(tables, settings), source=source)
 
 
 Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
@@ -71,7 +77,13 @@ def complete_names_or_files(names: Callable[[], Iterable[str]]) -> Complete:
     return complete
 
 
-complete_model = complete_names_or_files(lambda: bsg_models.shipped_names())
+def _list_shipped() -> tuple[str, ...]:
+    from bsg_models.runs.found_model import shipped_names
+
+    return shipped_names()
+
+
+complete_model = complete_names_or_files(_list_shipped)
 complete_class_map = complete_names_or_files(list_class_maps)
 
 

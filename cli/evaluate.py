@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 import bsg_data
-import bsg_models
 from bsg_cli.options import (
     PATH,
     dataset_argument,
@@ -59,12 +58,17 @@ def main(model: tuple[str, ...], as_json: bool, **options: Any) -> None:
         raise click.UsageError("nothing to measure; give --model NAME or --predictions FILE")
     if options["write_predictions"] is not None and not model:
         raise click.UsageError("--write-predictions writes what a model predicts; give --model too")
+    # Imported here: a help or a typo must not wait for torch.
+    from bsg_models.evaluation.verdict import explain
+    from bsg_models.studies.comparison import EvaluationRequest
+    from bsg_models.studies.evaluation_report import headline_rows, report_evaluation
+
     models = tuple(Path(one) if Path(one).exists() else one for one in model)
     recipe = bsg_data.MaskRecipe(strategy=options.pop("mask"), fraction=options.pop("fraction"))
     fresh = bsg_data.PairsRecipe(mask=recipe)
-    request = bsg_models.EvaluationRequest(runs=models, fresh=fresh, **options)
+    request = EvaluationRequest(runs=models, fresh=fresh, **options)
     with progress_bar("evaluate", unit="building") as progress:
-        report = bsg_models.report_evaluation(request, progress=progress)
+        report = report_evaluation(request, progress=progress)
     comparison = report.comparison
     for note in (*comparison.notes, *report.notes):
         print_note(note)
@@ -73,9 +77,9 @@ def main(model: tuple[str, ...], as_json: bool, **options: Any) -> None:
         return
     names = list(comparison.estimates)
     if comparison.has_verdicts:
-        verdicts = bsg_models.explain(comparison.bootstraps, runs=comparison.runs)
+        verdicts = explain(comparison.bootstraps, runs=comparison.runs)
         print_text("\n".join(verdicts) + "\n")
-    print_text(format_text(bsg_models.headline_rows(comparison), header=["", *names]))
+    print_text(format_text(headline_rows(comparison), header=["", *names]))
     figures = f"figures beside them: {len(report.figures)}"
     print_text(f"\nall metrics: {report.report}; per class: {report.classes}; {figures}")
     if options["html"] is None:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 import bsg_data
-import bsg_models
 from bsg_cli.choices import MASKS, MODELS, complete_list, load_config, require_known
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import (
@@ -24,6 +23,9 @@ from bsg_cli.options import (
 )
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar, worker_pool
 from bsg_data.tables import format_text
+
+if TYPE_CHECKING:
+    from bsg_models.zoo.config import RunConfig
 
 _STEPS = {"train": "run", "measure": "model"}  # step of the work → its unit
 
@@ -73,8 +75,15 @@ def main(
     require_known("mask", names or (), MASKS)
     chosen = _choose_models(models)
     out = out or Path("leaderboard")
-    bsg_models.refuse_finished(out, force=force)
-    recipe = bsg_models.LeaderboardRecipe.model_validate({"masks": names, **options})
+    from bsg_models.studies.leaderboard import LeaderboardRecipe, make_leaderboard
+    from bsg_models.studies.leaderboard_report import (
+        refuse_finished,
+        report_leaderboard,
+        summary_rows,
+    )
+
+    refuse_finished(out, force=force)
+    recipe = LeaderboardRecipe.model_validate({"masks": names, **options})
     folds = f"{recipe.folds} folds of {len(recipe.masks)} masks, each with {recipe.draws} draws"
     folds += f", by {recipe.seeds} seeds" if recipe.seeds > 1 else ""
     print_note(f"{len(chosen)} models in {folds}")
@@ -85,7 +94,7 @@ def main(
                 what: stack.enter_context(progress_bar(what, unit=unit))
                 for what, unit in _STEPS.items()
             }
-            board = bsg_models.make_leaderboard(
+            board = make_leaderboard(
                 *(dataset, out, chosen, recipe),
                 executor=executor,
                 progress=lambda what, done, total: bars[what](done, total),
@@ -93,18 +102,18 @@ def main(
     except KeyboardInterrupt:
         print_note(f"{out}: finished runs are kept; run the same command again to continue")
         raise
-    report = bsg_models.report_leaderboard(board, out)
+    report = report_leaderboard(board, out)
     for note in report.notes:
         print_note(note)
     for mask, results in board.results.items():
-        header, rows = bsg_models.summary_rows(results)
+        header, rows = summary_rows(results)
         print_text(f"`{mask}` masks:\n{format_text(rows, header=header)}\n")
     print_text(f"page: {report.page}; every metric: {report.report}")
     print_text("figures:")
     print_text("\n".join(f"  {path}" for path in report.figures))
 
 
-def _choose_models(models: str | None) -> dict[str, bsg_models.RunConfig]:
+def _choose_models(models: str | None) -> dict[str, RunConfig]:
     """Return the models of a list of zoo names and TOML files with commas; None: all of the zoo."""
     if models is None:
         return {name: load_config(name) for name in MODELS}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,6 +15,9 @@ from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, prin
 from bsg_cli.train import print_run
 from bsg_data.errors import BSGError
 from bsg_data.tables import format_text
+
+if TYPE_CHECKING:
+    from bsg_models.studies.run_summary import RunSummary
 
 
 @click.group("bsg-models", cls=CommandGroup)
@@ -36,7 +40,10 @@ def list_models(as_json: bool) -> None:
     Example:
       bsg-models list
     """
-    models = bsg_models.list_shipped()
+    # Imported here, as in the other commands: a help must not wait for it.
+    from bsg_models.runs.model_card import list_shipped
+
+    models = list_shipped()
     if as_json:
         print_json([model.model_dump(mode="json", exclude={"card", "config"}) for model in models])
         return
@@ -63,7 +70,10 @@ def show(name: str) -> None:
       bsg-models show universal
       bsg-models show run
     """
-    model = bsg_models.summarise_model(name)
+    from bsg_models.runs.model_card import summarise_model
+    from bsg_models.studies.run_summary import summarise_run
+
+    model = summarise_model(name)
     facts = [
         ("name", f"{model.name} ({model.kind})"),
         ("model of the zoo", model.zoo_name),
@@ -77,10 +87,10 @@ def show(name: str) -> None:
     print_text(format_text(facts, header=("checkpoint", "")))
     if model.kind == "run":
         print_text("")
-        _print_training(bsg_models.summarise_run(name))
+        _print_training(summarise_run(name))
 
 
-def _print_training(summary: bsg_models.RunSummary) -> None:
+def _print_training(summary: RunSummary) -> None:
     """Print what a run is and how it was trained."""
     print_run(summary)
     print_text(
@@ -106,10 +116,12 @@ def verify(paths: tuple[Path, ...]) -> None:
       bsg-models verify run
       bsg-models verify run/evaluation search
     """
+    from bsg_models.studies.sealed_results import check_results
+
     faults = 0
     for path in paths:
         try:
-            files = bsg_models.check_results(path)
+            files = check_results(path)
         except BSGError as error:
             print_note(f"Error: {error}")
             faults += 1
@@ -147,5 +159,7 @@ def export(name: str, file: Path, force: bool) -> None:
     Example:
       bsg-models export universal universal.onnx
     """
-    beside = bsg_models.export_onnx(name, file, force=force)
+    from bsg_models.training.onnx_file import export_onnx
+
+    beside = export_onnx(name, file, force=force)
     print_text(f"written: {file}, {beside}")

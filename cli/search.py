@@ -7,7 +7,6 @@ from typing import Any, get_args
 
 import click
 
-import bsg_models
 from bsg_cli.choices import (
     PLANNERS,
     classes_of_dataset,
@@ -161,12 +160,18 @@ def main(
     require_known("world", [world.partition(":")[0] for world in graphs or ()], _WORLDS)
     if "none" in model and len(model) > 1:
         raise click.UsageError("--model none excludes other models; give one of them")
-    runs = () if model == ("none",) else tuple(map(bsg_models.locate_run, model))
+    # Imported here: a help or a typo must not wait for SciPy and pandas.
+    from bsg_models.runs.found_model import locate_run
+    from bsg_models.studies.savings import tabulate_savings
+    from bsg_models.studies.search_report import report_search
+    from bsg_models.studies.search_request import SearchRequest, choose_default_run
+
+    runs = () if model == ("none",) else tuple(map(locate_run, model))
     if not model:
-        runs, note = bsg_models.choose_default_run(dataset, planners=chosen, split=options["split"])
+        runs, note = choose_default_run(dataset, planners=chosen, split=options["split"])
         if note:
             print_note(note)
-    request = bsg_models.SearchRequest.read(
+    request = SearchRequest.read(
         dataset,
         runs=runs,
         planners=chosen,
@@ -175,7 +180,7 @@ def main(
         **options,
     )
     with worker_pool(workers) as executor, progress_bar("search", unit="building") as progress:
-        report = bsg_models.report_search(request, executor=executor, progress=progress)
+        report = report_search(request, executor=executor, progress=progress)
     for note in report.notes:
         print_note(note)
     if as_json:
@@ -184,7 +189,7 @@ def main(
     number = len(report.sought)
     sought = f"any of {number} classes" if number > 12 else ", ".join(report.sought)
     print_text(f"artifacts: {sought}; model: {report.model or 'none'}")
-    for table in bsg_models.tabulate_savings(report.results):
+    for table in tabulate_savings(report.results):
         print_text(f"\n{table.caption}\n{format_text(table.rows, header=table.header)}")
     print_text(f"\nall results: {report.report}; files:")
     print_text("\n".join(f"  {path}  {what}" for what, path in report.written.items()))

@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 import bsg_data
-import bsg_models
 from bsg_cli.choices import MODELS, complete_names_or_files, load_config
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
 from bsg_data.results import name_staged
+
+if TYPE_CHECKING:
+    from bsg_models.runs.run_folder import EpochReport
+    from bsg_models.studies.run_summary import RunSummary
+    from bsg_models.zoo.config import RunConfig
 
 
 @click.command("bsg-train", cls=Command)
@@ -63,23 +68,29 @@ def main(
         settings = (*settings, f"seed={seed}")
     config = load_config(config_name, settings)
     if prints:
-        print_text(bsg_models.write_toml(config), nl=False)
+        from bsg_models.zoo.config import write_toml
+
+        print_text(write_toml(config), nl=False)
         return
     if dataset is None or out is None:
         raise click.UsageError("expected DATASET and --out; --print alone needs neither")
     _note_other_mask(config, dataset)
+    # Imported here, as in the other commands: a help or a typo must not wait for torch.
+    from bsg_models.studies.run_summary import summarise_run
+    from bsg_models.training.training import train_run
+
     try:
         with _bar(config) as draw:
-            bsg_models.train_run(config, dataset, out, force=force, progress=draw)
+            train_run(config, dataset, out, force=force, progress=draw)
     except KeyboardInterrupt:
         if name_staged(out).is_dir():
             print_note(f"{name_staged(out)}: the same command goes on with this training")
         raise
-    print_run(bsg_models.summarise_run(out))
+    print_run(summarise_run(out))
     print_text(f"next: bsg-evaluate {dataset} --model {out}")
 
 
-def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
+def _note_other_mask(config: RunConfig, dataset: Path) -> None:
     """Print a note if a model trains under another mask than that of the stored pairs."""
     manifest, choice = bsg_data.read_manifest(dataset), config.data
     warn_of_recordings(manifest)
@@ -99,7 +110,7 @@ def _note_other_mask(config: bsg_models.RunConfig, dataset: Path) -> None:
         )
 
 
-def print_run(summary: bsg_models.RunSummary) -> None:
+def print_run(summary: RunSummary) -> None:
     """Print what a run is, and how good its best epoch was."""
     header, checkpoint = summary.header, summary.checkpoint
     config, members = header.config, header.members
@@ -120,12 +131,12 @@ def print_run(summary: bsg_models.RunSummary) -> None:
 
 
 @contextmanager
-def _bar(config: bsg_models.RunConfig) -> Iterator[Callable[[bsg_models.EpochReport], None]]:
+def _bar(config: RunConfig) -> Iterator[Callable[[EpochReport], None]]:
     """Yield a callback that draws a bar with epochs and losses."""
     with progress_bar(config.name, unit="epoch") as progress:
         val = "-"
 
-        def draw(report: bsg_models.EpochReport) -> None:
+        def draw(report: EpochReport) -> None:
             nonlocal val
             if report.val_loss is not None:
                 val = f"{report.val_loss:.3f}"

@@ -147,7 +147,8 @@ def test_an_answer_imports_nothing_heavy() -> None:
     graph = str(REPOSITORY / "docs" / "home.json")
     code = (
         f"{WITHOUT_HEAVY}import bsg_models\n"
-        "for name in bsg_models.shipped_names():\n"
+        "from bsg_models.runs.found_model import shipped_names\n"
+        "for name in shipped_names():\n"
         f"    bsg_models.open_graph({graph!r}, model=name).where('microwave', here='hall')\n"
         "from bsg_cli.belief import main\n"
         f"sys.argv[1:] = [{graph!r}, '--find', 'microwave', '--from', 'living']\n"

@@ -25,12 +25,13 @@ from PIL import Image
 
 from bsg_data import Dataset
 from bsg_data.files import PLAIN_TEXT
-from bsg_models import SearchRequest, locate_run, study_search
+from bsg_models import study_search
 from bsg_models.rendering.plan import PlannedRoom
 from bsg_models.rendering.replay import Replay, Visit, Walk
+from bsg_models.runs.found_model import locate_run
 from bsg_models.studies.replay import replay_search
 from bsg_models.studies.savings import summarise
-from bsg_models.studies.search_request import choose_buildings
+from bsg_models.studies.search_request import SearchRequest, choose_buildings
 
 FRAME_MS, LAST_MS = 1200, 5000  # milliseconds that a frame and the last frame are shown
 _WIDTH, _DPI = 10.0, 120  # inches

@@ -43,15 +43,10 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.tables import format_text
-from bsg_models import (
-    EvaluationRequest,
-    find_config,
-    open_graph,
-    override,
-    report_evaluation,
-    train_run,
-    validate_config,
-)
+from bsg_models import find_config, open_graph, train_run
+from bsg_models.studies.comparison import EvaluationRequest
+from bsg_models.studies.evaluation_report import report_evaluation
+from bsg_models.zoo.config import override, validate_config
 from bsg_models.zoo.model import one_thread
 
 TESTS = Path(__file__).parents[2] / "tests"

@@ -90,7 +90,8 @@ def test_a_file_that_is_no_checkpoint_is_refused_before_torch_is_imported(tmp_pa
     code = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from bsg_models import CheckpointError, check_results\n"
+        "from bsg_models import CheckpointError\n"
+        "from bsg_models.studies.sealed_results import check_results\n"
         "try:\n"
         "    check_results(Path(sys.argv[1]))\n"
         "except CheckpointError as error:\n"
