@@ -161,6 +161,9 @@ def _say_nothing(_: str) -> None:
 
 def _find_dataset(paths: Sequence[Path]) -> Path | None:
     """Return the dataset among the paths; None if all are graphs."""
+    for path in paths:
+        if str(path) != "-":
+            path.stat()  # that there is none comes before what else is wrong
     folders = [path for path in paths if path.is_dir()]
     if not folders:
         return None

@@ -40,6 +40,7 @@ from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType, check_room_type
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings
+from bsg_data.scene.things import classify_seen
 from bsg_data.spelling import show_value
 
 GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
@@ -353,7 +354,7 @@ def _adapter_of(*, is_room: bool) -> TypeAdapter[Any]:
 
 def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
     """Return the graph with the classes that another class map gives its objects."""
-    found = [class_map.classify(obj.raw_category) for obj in graph.objects]
+    found = [classify_seen(obj.raw_category, class_map) for obj in graph.objects]
     words = graph.detector
     return replace(
         graph,

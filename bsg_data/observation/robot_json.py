@@ -99,6 +99,7 @@ from bsg_data.scene.surroundings import (
     check_building_kind,
     guess_building_kind,
 )
+from bsg_data.scene.things import classify_seen
 from bsg_data.scene.vocabularies import vocabulary_words
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
@@ -540,7 +541,7 @@ def _classify(
 ) -> tuple[str | None, int | None]:
     """Return the corrected name and the class of a word, which a document may state."""
     if isinstance(by, ClassMap):
-        known = by.classify(word)
+        known = classify_seen(word, by)
         return known.category, known.class_index
     if stated is None:
         return corrected, None
@@ -592,6 +593,12 @@ def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
         meant, known = _MEANT.get(of, {}).get(wrong.casefold()), _KEYS[of]
         asked = f"did you mean {meant}?" if meant else ask_if_meant(wrong, known)
         hint = asked or f"known are {', '.join(known)}"
+        if not (of or asked or "rooms" in document) and isinstance(document.get(wrong), list):
+            more = sorted(document.keys() & (set(known) - {"scene_id", *_FACTS_OF_MAPS}))
+            hint = (
+                f"beside its rooms, the simplest map takes only {' and '.join(_FACTS_OF_MAPS)}; for "
+                f"{', '.join(more) or 'more'}, list the rooms under `rooms` (docs/belief.md)"
+            )
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
     elif path == ["rooms"] and fault["type"] == "tuple_type":
         what = f"{what}, found {show_value(document.get('rooms'))}; {_MAP_HINT}"

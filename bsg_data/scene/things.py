@@ -19,13 +19,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.class_map import normalise_names
+from bsg_data.scene.class_map import Classified, ClassMap, normalise_names
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.scene.name_rules import LONGEST, singulars, take_apart
 from bsg_data.scene.room_label import known_label
@@ -49,6 +49,11 @@ class Thing:
     # that only other buildings have are among them: divide by the sum over the rooms that there are
     rooms: tuple[tuple[str, float], ...]
     home: float  # P(a home has at least one)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All its names."""
+        return self.name, *self.spellings
 
     def probability_in(self, label: str) -> float:
         """Return P(a search begins in a room with a label), or with the label models read for it.
@@ -90,6 +95,20 @@ def find_thing(word: str) -> Thing | None:
     return None
 
 
+def classify_seen(word: str, class_map: ClassMap) -> Classified:
+    """Classify a robot's word as a question for it is: also by the other names of its thing.
+
+    >>> from bsg_data import load_class_map
+    >>> classify_seen("telly", load_class_map()).category
+    'tv'
+    """
+    known = class_map.classify(word)
+    if known.role == "unmapped" and (thing := find_thing(word)):
+        counted = (class_map.classify(name) for name in class_map.classes if name in thing.names)
+        return next((replace(one, rule="synonym") for one in counted), known)
+    return known
+
+
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     things = []
@@ -100,7 +119,7 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
         shares = tuple([(room, weight / total) for room, weight in weights.items()])
         spellings = tuple(said.split(_SEPARATOR)) if said else ()
         things.append(Thing(name, spellings, wider or None, shares, float(home) / 100))
-    names = [(one, thing) for thing in things for one in (thing.name, *thing.spellings)]
+    names = [(one, thing) for thing in things for one in thing.names]
     spelled = _spell([one for one, _ in names])
     listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}

@@ -6,7 +6,7 @@ once, and is made anew after every look. `bsg_models.search.orders` says what it
 
 - A thing of which one is known for sure is found. If all are, the robot goes where they are; there
   it need not search.
-- A room in which a look has missed waits for others (`leave_out`), and comes last in the order.
+- A room in which a look has missed waits for others (`leave_out`).
 - To find `all`, those that are known for sure do not count, because nobody has to look for them.
 - What is behind a closed door does not count, as long as something else is left, and a thing that
   is nearly sure to be there does not count beside others.
@@ -55,19 +55,28 @@ class Decision:
     things: tuple[int, ...]
     is_known: bool = False
 
-    def candidates(self, *here: int) -> Bools:
-        """Return the rooms that may be named, `[N]`, for robots in some rooms."""
-        likely = self.finds > _NOTHING
-        rooms = np.asarray(likely.any(axis=1))
-        beside = np.isin(np.arange(len(rooms)), here)
-        again = beside & rooms & (self.again | ~likely).all(axis=1)
-        missed = np.where(likely, self.missed, 0.0).max(axis=1)
-        return leave_out(rooms, missed, self.likely, again=again)
+    @property
+    def rooms(self) -> Bools:
+        """The rooms that are left to search, `[N]`."""
+        return np.asarray((self.finds > _NOTHING).any(axis=1))
 
-    def left_out(self, *here: int) -> list[int]:
-        """Return the rooms that wait for another look."""
-        rooms = (self.finds > _NOTHING).any(axis=1) & ~self.candidates(*here)
-        return [int(node) for node in np.flatnonzero(rooms)]
+    def candidates(self, *here: int, among: Bools | None = None) -> Bools:
+        """Return the rooms that may be named, `[N]`, for robots in some rooms.
+
+        A room that waits for another, to which one robot may go, does not wait for the next robot.
+        """
+        left = self.rooms if among is None else among.copy()
+        missed = np.where(self.finds > _NOTHING, self.missed, 0.0).max(axis=1)
+        free = leave_out(left, missed, self.likely, again=left & self.just_looked(*here))
+        for _ in here[1:]:
+            left[np.where(free & left, self.likely, -1.0).argmax()] = False
+            free |= leave_out(left, missed, self.likely, again=np.zeros_like(left))
+        return free
+
+    def just_looked(self, *here: int) -> Bools:
+        """Return the rooms of robots that looked there last, `[N]`."""
+        beside = np.isin(np.arange(len(self.finds)), here)
+        return beside & (self.again | (self.finds <= _NOTHING)).all(axis=1)
 
     @property
     def likely(self) -> Floats:
@@ -154,11 +163,23 @@ def choose_likeliest(decision: Decision) -> int | None:
 
 
 def order_rooms(decision: Decision, ways: Ways, look: Floats, *, here: int) -> list[int]:
-    """Return the nodes in the order in which a robot looks into them; see `choose_room`."""
-    rooms, single = decision.candidates(here), decision.task == "single"
-    costs = ways.costs + _look(decision, look)
-    order: list[int] = order_search(costs, here, rooms, decision.finds, single=single).tolist()
-    return order + decision.left_out(here)
+    """Return the nodes in the order in which a robot looks into them; see `choose_room`.
+
+    A room that waits for others comes as soon as the rule of `leave_out` lets it.
+    """
+    costs, single = ways.costs + _look(decision, look), decision.task == "single"
+    left, order = decision.rooms, list[int]()
+    free = decision.candidates(here)
+    while free.any():
+        at = order[-1] if order else here
+        for node in order_search(costs, at, free, decision.finds, single=single).tolist():
+            order.append(node)
+            left[node] = free[node] = False
+            now = decision.candidates(among=left)
+            if (now & ~free).any():
+                free = now
+                break
+    return order
 
 
 def choose_rooms(
@@ -169,6 +190,8 @@ def choose_rooms(
         return [choose_room(decision, ways, look, here=here[0], planner="expected-cost")]
     rooms, single = decision.candidates(*here), decision.task == "single"
     costs = np.minimum(ways.costs, _FAR) + _look(decision, look)
+    # Who has just looked there leaves it to another.
+    costs += np.diag(np.where(decision.just_looked(*here), _FAR, 0.0))
     chosen = send_team(costs, np.array(here), rooms, decision.finds, single=single)
     named = zip(here, chosen.tolist(), strict=True)
     return [node if node >= 0 and np.isfinite(ways.costs[at, node]) else None for at, node in named]

@@ -161,7 +161,7 @@ def _doubt_room(
         if missed.keys() <= {None}:
             return 1.0
         none: Floats = np.zeros(0)  # it is on a piece that was seen
-        known = furnish(meaning.said, room, seen, classes=(), unseen=none)
+        known = furnish(meaning.kept_as, room, seen, classes=(), unseen=none)
         return 1.0 if known is None else known.overlooked(missed)
 
     @cache

@@ -30,7 +30,7 @@ from bsg_data.recipes import read_number
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import area_of
-from bsg_data.scene.things import find_receptacle
+from bsg_data.scene.things import classify_seen, find_receptacle
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.belief.pieces import kind_of
 from bsg_models.robot.answers import EXPLORE
@@ -168,7 +168,7 @@ class ToldBuilding:
         within = read_number("saw: within", within, most=math.inf)
         where = f"saw {thing[:SHOWN]!r}"
         score = self._score(where, score, age=age, stays=stays)
-        known = self._words.own.class_map.classify(thing)
+        known = classify_seen(thing, self._words.own.class_map)
         facts = (index, thing, known.category, known.class_index, position, score)
         before = {obj.name: obj for obj in self.graph.objects}.get(object_id or "")
         piece = None if on is None else self._find_piece(on, index).name

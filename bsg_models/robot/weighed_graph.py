@@ -192,7 +192,7 @@ class WeighedGraph:
         """Return where in a room a thing may be; None if it stands by itself."""
         belief = self.believe(Asked.OWN)[1]
         return furnish(
-            meaning.said,
+            meaning.kept_as,
             self.whole.rooms[node - 1],
             self.pieces_of(node),
             classes=self._words.own.classes,

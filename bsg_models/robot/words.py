@@ -24,7 +24,7 @@ from bsg_data.scene.class_map import (
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.scene.name_rules import LONGEST, SHORT, index_words, is_typo, mend, singulars
 from bsg_data.scene.room_label import read_room
-from bsg_data.scene.things import Thing, find_thing, list_things
+from bsg_data.scene.things import Thing, find_keeping, find_thing, list_things
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.robot.nouns import Noun, NounTable, looks_of, split_head
 
@@ -83,6 +83,13 @@ class Meaning:
     def said(self) -> str:
         """The name without its place and marks."""
         return _name_only(self.word)
+
+    @property
+    def kept_as(self) -> str:
+        """The first of its names of which it is known on which furniture such things are."""
+        alike = self.is_exact or self.is_mended
+        names = (self.said, self.thing.name if self.thing else "", self.class_name if alike else "")
+        return next((one for one in names if one and find_keeping(one) is not None), self.said)
 
     @property
     def is_class(self) -> bool:
@@ -239,12 +246,12 @@ def tell_apart(word: str) -> frozenset[str]:
 @cache
 def _letters() -> dict[str, list[str]]:
     """Return the words of everyday things, to find one that is spelled alike."""
-    return index_words(name for thing in list_things() for name in (thing.name, *thing.spellings))
+    return index_words(name for thing in list_things() for name in thing.names)
 
 
 def counts(class_name: str, thing: Thing) -> bool:
     """Return whether a class counts just these things: a couch, but not the wallets among bags."""
-    return class_name in (thing.name, *thing.spellings)
+    return class_name in thing.names
 
 
 def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) -> str:

@@ -119,7 +119,7 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
         (("dataset", "dataset"), 2),
         (("dataset", "--find", "sink"), 2),
         (("dataset", "--labels", "mpcat40"), 2),
-        (("home.json", "--mask", "rooms"), 2),
+        ((str(OFFICE), "--mask", "rooms"), 2),
         ((".",), 2),
     ],
 )

@@ -206,7 +206,8 @@ def test_the_simplest_map_says_what_its_document_says() -> None:
         ({"kitchen": ["sink"], "hall": ["lamp", 5]}, "hall.1: Input should be a valid string"),
         ({"": []}, ".[key]: String should have at least 1 character"),
         ({"x" * 10_000: []}, f"{'x' * 80}.[key]: String should have at most 500 characters"),
-        ({"kitchen": ["sink"], "scene_id": "home"}, "'kitchen' is no key"),
+        ({"kitchen": ["sink"], "scene_id": "home"}, "'kitchen' is no key; beside its rooms"),
+        ({"kitchen": ["sink"], "looks": []}, "'kitchen' is no key; beside its rooms"),
         (
             {"kitchen": ["cup"] * 60_000, "hall": ["cup"] * 40_001},
             "expected at most 50,000 things",

@@ -611,3 +611,31 @@ def test_red_shoes_are_no_running_shoes_for_being_red() -> None:
     sought = {place.room: place.seen for place in seen.where("red running shoes")}
     assert sought == {"hall": (), "bedroom": ("red running shoes 1",)}
     assert all(place.seen for place in seen.where("red shoes"))
+
+
+def test_a_room_where_a_look_missed_comes_back_before_rooms_that_are_far_less_likely() -> None:
+    rooms = {"kitchen": ["sink"], "living room": ["sofa"], "bedroom": [], "bath": [], "hall": []}
+    seen = open_graph(rooms)
+    seen.looked("kitchen", "mug")
+    plan = seen.explain("mug", here="hall")
+    assert [step.room for step in plan][:2] == ["living room", "kitchen"]
+    assert len({step.room for step in plan}) == len(rooms)
+    sent = seen.next_rooms({"a": "hall", "b": "bath"}, "mug")
+    assert {*sent.values()} == {"kitchen", "living room"}
+    # Who has just looked there leaves the second look to the other.
+    assert seen.next_rooms({"a": "kitchen", "b": "hall"}, "mug")["a"] == "living room"
+
+
+def test_a_map_and_a_question_read_a_word_alike() -> None:
+    for word in ("telly", "television", "loo", "settee"):
+        seen = open_graph({"living room": [word], "kitchen": []})
+        place = seen.where(word)[0]
+        assert (place.room, place.seen) == ("living room", (f"{word} 1",))
+        assert seen.graph.objects[0].class_index == seen.understand(word).class_index
+        assert not any("without a class" in note for note in seen.notes)
+
+
+@pytest.mark.parametrize(("typo", "thing"), [("chiar", "chair"), ("wardrob", "wardrobe")])
+def test_a_typo_does_not_put_furniture_on_furniture(typo: str, thing: str) -> None:
+    seen = open_graph({"living room": ["desk", "sofa"], "kitchen": ["kitchen counter"]})
+    assert [p.pieces for p in seen.where(typo)] == [p.pieces for p in seen.where(thing)] == [(), ()]
