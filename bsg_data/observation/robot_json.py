@@ -596,8 +596,8 @@ def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
         if not (of or asked or "rooms" in document) and isinstance(document.get(wrong), list):
             more = sorted(document.keys() & (set(known) - {"scene_id", *_FACTS_OF_MAPS}))
             hint = (
-                f"beside its rooms, the simplest map takes only {' and '.join(_FACTS_OF_MAPS)}; for "
-                f"{', '.join(more) or 'more'}, list the rooms under `rooms` (docs/belief.md)"
+                f"beside its rooms, the simplest map takes only {' and '.join(_FACTS_OF_MAPS)}; "
+                f"for {', '.join(more) or 'more'}, list the rooms under `rooms` (docs/belief.md)"
             )
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
     elif path == ["rooms"] and fault["type"] == "tuple_type":

@@ -5,7 +5,6 @@ One command runs inside the other: when that has the lock, or while it works.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
