@@ -21,7 +21,9 @@ from bsg_data.first_fault import keep_one_unknown
 from bsg_data.spelling import SHOWN, show_value
 from bsg_data.tables import make_line
 
+MAX_SEED = 2**63 - 1  # what TOML, torch and a table of numbers can hold
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]  # of things, or a probability
+Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]  # of random draws
 
 
 class Record(BaseModel):
@@ -88,7 +90,7 @@ class SplitRecipe(Record):
     """
 
     method: Literal["ratios", "official", "folds"] = "ratios"
-    seed: int = Field(default=0, ge=0)
+    seed: Seed = 0
     ratios: tuple[float, float, float] | None = (0.8, 0.1, 0.1)
     folds: int | None = Field(default=None, ge=2, le=10_000)
 
@@ -166,7 +168,7 @@ class MaskRecipe(Record):
     strategy: str = Field(default="uniform", pattern=r"^[a-z][a-z0-9-]*$")
     fraction: Fraction = 0.5
     rooms: int | None = Field(default=None, ge=1)
-    seed: int = Field(default=0, ge=0)
+    seed: Seed = 0
     withhold: Fraction = 0.0
     detector: Fraction = 0.0
     parts: bool = False

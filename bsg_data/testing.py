@@ -29,7 +29,15 @@ from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.class_space import load_class_space
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.scene_graph import BUILDING, Box, Room, SceneGraph, SceneObject, is_scene_id
+from bsg_data.scene.scene_graph import (
+    BUILDING,
+    Box,
+    Room,
+    SceneGraph,
+    SceneObject,
+    is_file_name,
+    is_scene_id,
+)
 from bsg_data.sources.catalogue import SOURCES, open_source
 from bsg_data.sources.hm3d import HEADER, HM3DFolder
 
@@ -306,7 +314,7 @@ class ExportContract:
         named: list[str] = []
         for graph in self.graphs():
             named += self.encode(graph).files
-        assert all(is_scene_id(name) for name in named)
+        assert all(is_file_name(name) for name in named)
         assert len(set(named)) == len(named)
 
     def test_rooms_and_objects_are_counted(self) -> None:

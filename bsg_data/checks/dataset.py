@@ -68,20 +68,25 @@ def check_dataset(
     while True:
         manifest, sha256 = read_hashed_manifest(Path(dataset))
         data = Dataset(Path(dataset), manifest, {}, sha256)  # nothing held: all is read again
+        strays = list_strays(data.path, manifest)
         faults = _check_once(data, progress)
-        if not faults or _is_still(data):
+        if not faults or _is_still(data, strays):
             return faults
 
 
-def _is_still(data: Dataset) -> bool:
-    """Say whether no command has written a dataset meanwhile, so that its faults are its own."""
+def _is_still(data: Dataset, strays: Sequence[str]) -> bool:
+    """Say whether no command has written a dataset meanwhile, so that its faults are its own.
+
+    One that had replaced the manifest before removes the old files, which are the `strays`.
+    """
     try:
         with hold(data.path):
             pass
     except DatasetError as error:
         if error.code == "folder-busy":
             raise
-    return hash_manifest(data.path) == data.sha256
+    is_same = hash_manifest(data.path) == data.sha256
+    return is_same and list_strays(data.path, data.manifest) == strays
 
 
 def _check_once(data: Dataset, progress: Callable[[int, int], None] | None) -> tuple[Fault, ...]:

@@ -12,7 +12,7 @@ from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.results import write_results
-from bsg_data.scene.scene_graph import is_scene_id
+from bsg_data.scene.scene_graph import is_file_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def export_dataset(
         for done, graph in enumerate(data.read_graphs(), start=1):
             encoded = row.encode(graph, data.manifest.class_space.classes)
             for name, content in encoded.files.items():
-                if not is_scene_id(name):
+                if not is_file_name(name):
                     message = f"scene {graph.scene_id!r}: {name!r} is no file name"
                     raise DatasetError(message, code="file-name", where=graph.scene_id)
                 (staged / name).write_bytes(content)

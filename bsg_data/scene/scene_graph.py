@@ -24,12 +24,18 @@ BUILDING = 0  # index of the building, which holds the objects of the null regio
 # A plan says so, a door, stairs, the boxes of two rooms, a robot that went there, or whoever made
 # the data.
 ADJACENCY_METHODS = ("layout", "door", "stairs", "boxes", "robot", "given")
-_SCENE_ID = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]{0,199}")
+_FILE_NAME = re.compile(r"[^./\\\x00-\x1f\x7f][^/\\\x00-\x1f\x7f]*")
+_LONGEST_ID = 200  # letters; names of files add a suffix
+
+
+def is_file_name(name: object) -> bool:
+    """Say whether a value can name a file of a scene: no path, and no dot first."""
+    return isinstance(name, str) and _FILE_NAME.fullmatch(name) is not None
 
 
 def is_scene_id(name: object) -> bool:
-    """Say whether a value can be a scene id: a file name without path or leading dot."""
-    return isinstance(name, str) and _SCENE_ID.fullmatch(name) is not None
+    """Say whether a value can be a scene id: the start of the name of a file."""
+    return isinstance(name, str) and len(name) <= _LONGEST_ID and is_file_name(name)
 
 
 @dataclass(frozen=True, slots=True)

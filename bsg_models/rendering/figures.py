@@ -136,7 +136,8 @@ def plot_learning_curve(
     if reports:
         best = reports[-1].best_epoch
         axes.axvline(best, color=_TRUE, linewidth=0.8, linestyle="--", label=f"best, epoch {best}")
-    axes.set_yscale("log")
+    if any(loss > 0 for loss in losses):  # none is where no building has an object
+        axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xlabel("epoch")

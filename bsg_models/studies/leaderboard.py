@@ -38,7 +38,7 @@ from bsg_data.files import AnyPath, hold, refuse_links, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import MaskRecipe, PairsRecipe, Record, SplitRecipe
+from bsg_data.recipes import MAX_SEED, Fraction, MaskRecipe, PairsRecipe, Record, Seed, SplitRecipe
 from bsg_data.results import name_staged, refuse_datasets, write_folder
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap, average_seeds
@@ -60,11 +60,11 @@ class LeaderboardRecipe(Record):
 
     # kinds of masks to measure on; a model without its own mask is trained on each
     masks: tuple[str, ...] = ("uniform", "rooms")
-    fraction: float = 0.5  # share of the objects that they hide
-    folds: int = 5  # number of folds; every building is tested on once
-    draws: int = 5  # masks of every building
-    seed: int = 0  # of the folds, the masks and the trainings
-    seeds: int = Field(default=1, ge=1)  # number that train each model: seed, seed + 1, …
+    fraction: Fraction = 0.5  # share of the objects that they hide
+    folds: int = Field(default=5, ge=2, le=10_000)  # every building is tested on once
+    draws: int = Field(default=5, ge=1, le=1_000_000)  # masks of every building
+    seed: Seed = 0  # of the folds, the masks and the trainings
+    seeds: int = Field(default=1, ge=1, le=1_000)  # number that train each model: seed, seed + 1, …
     resamples: int = 200  # number of bootstrap resamples of the buildings
 
     @field_validator("masks")
@@ -199,16 +199,20 @@ def _fit_to(
 ) -> RunConfig:
     """Return a configuration for one kind of mask, one fold and one of the leaderboard's seeds.
 
-    That seed, the leaderboard's own plus the number `seed`, is added to the configuration's seeds.
-    A mask that the configuration names is kept.
+    That seed, the leaderboard's own plus the number `seed`, is added to the configuration's seeds;
+    after the largest seed comes 0. A mask that the configuration names is kept.
     """
-    more = recipe.seed + seed
+    more = _add(recipe.seed, seed)
     drawn = MaskRecipe(strategy=mask, fraction=recipe.fraction, seed=more)
     if config.data.own_strategy:
         own = config.data.mask
-        drawn = own.model_copy(update={"seed": own.seed + more})
+        drawn = own.model_copy(update={"seed": _add(own.seed, more)})
     data = config.data.under(drawn).model_copy(update={"fold": fold})
-    return config.model_copy(update={"data": data, "seed": config.seed + more})
+    return config.model_copy(update={"data": data, "seed": _add(config.seed, more)})
+
+
+def _add(seed: int, more: int) -> int:
+    return (seed + more) % (MAX_SEED + 1)
 
 
 def run_of(folder: Path, name: str, fold: int, *, seed: int = 0) -> Path:

@@ -13,7 +13,7 @@ from bsg_data.dataset.manifest import require_class_space
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.observation.masks import MASKS
-from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.recipes import MaskRecipe, Record, Seed
 from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.runs.checkpoint import read_header
@@ -60,7 +60,7 @@ class StudyRecipe(Record):
     draws: int = Field(default=10, ge=1)  # masks of every building; the searches take turns
     strategy: str = "uniform"  # of the masks, which say what the robot saw before its search
     fraction: float = Field(default=0.5, gt=0, le=1)  # share of the objects that a mask hides
-    seed: int = Field(default=0, ge=0)  # of all random draws
+    seed: Seed = 0  # of all random draws
     # cost of a look: 0, and a robot has looked into every room that it passes, as in the paper; a
     # number; or `usual`, by the size of the room, as for a robot's decision
     look: Annotated[float, Field(ge=0, le=1e6)] | Literal["usual"] = 0.0

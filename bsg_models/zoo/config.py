@@ -26,7 +26,7 @@ from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import CONFIG, MAX_NESTING
 from bsg_data.inputs.documents import parse_toml
-from bsg_data.recipes import Exploration, MaskRecipe, Record
+from bsg_data.recipes import Exploration, MaskRecipe, Record, Seed
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import ZOO
@@ -40,7 +40,7 @@ class RunConfig(Record):
 
     # Of the model, as in the zoo; by default the name of its family, the longest has 24 characters.
     name: str = Field(default="", max_length=1_000)
-    seed: int = Field(default=0, ge=0, lt=2**63)  # of all random draws
+    seed: Seed = 0  # of all random draws
     model: SerializeAsAny[ModelConfig]  # settings of its family
     data: DataConfig = DataConfig()  # what it is trained on
     training: TrainingConfig = TrainingConfig()  # models fitted by counting ignore it

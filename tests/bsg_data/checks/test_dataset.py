@@ -342,3 +342,10 @@ def test_a_dataset_that_was_replaced_during_a_check_is_checked_again(dataset: Pa
 
     assert check_dataset(dataset, progress=replace_it) == ()
     assert parts.count(1) == 2
+
+
+def test_what_a_command_removes_after_its_commit_is_no_fault(dataset: Path) -> None:
+    """The manifest is new when the check begins, and the old files go while it reads."""
+    old = dataset / "pairs" / "old-01234567.parquet"
+    old.write_bytes(b"replaced")
+    assert check_dataset(dataset, progress=lambda *_: old.unlink(missing_ok=True)) == ()

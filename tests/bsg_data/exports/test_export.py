@@ -67,6 +67,12 @@ def test_nothing_is_left_of_an_export_that_fails(
     assert not (tmp_path / "out").exists()
 
 
+def test_the_longest_scene_id_names_files(tmp_path: Path) -> None:
+    write_graph(tmp_path / "graphs" / f"{'a' * 200}.json")
+    build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "dataset")
+    assert export_dataset(tmp_path / "dataset", tmp_path / "out", to="habitat").files == 1
+
+
 def test_an_unknown_export_is_refused(robots: Path, tmp_path: Path) -> None:
     with pytest.raises(RecipeError):
         export_dataset(robots, tmp_path / "out", to="habitats")
