@@ -10,7 +10,6 @@ from torch_geometric.loader import DataLoader
 from bsg_data.dataset.dataset import Dataset, read_cells, read_splits
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import DatasetError
 from bsg_data.observation.observation import stack
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
@@ -94,9 +93,3 @@ def test_the_pairs_of_a_fold_are_those_of_its_scenes(dataset: Path) -> None:
         scenes = scenes_of(data, part, fold=1)  # type: ignore[arg-type]
         assert masked.seen.scene_ids == tuple(s for s in scenes for _ in range(2))
         assert masked.draws.tolist() == [0, 1] * len(scenes)
-
-
-def test_missing_pairs_are_refused(dataset: Path) -> None:
-    split_dataset(dataset, SplitRecipe(ratios=(0.5, 0.5, 0.0)), force=True)
-    with pytest.raises(DatasetError):
-        MaskedGraphs.stored(dataset, "train")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +10,15 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_data.observation.partial_graph import KnownRoom, Look, SeenObject
+from bsg_data.observation.partial_graph import KnownRoom, SeenObject
 from bsg_data.scene.things import find_keeping, find_receptacle, read_shares
 from bsg_models.belief.document import decode_belief, encode_belief, to_networkx
 from bsg_models.belief.formats import read_belief, write_belief
 from bsg_models.belief.pieces import find_pieces, furnish
 from bsg_models.errors import BeliefFileError
-from bsg_models.robot import missed_looks
 from bsg_models.robot.answers import NOT_SEEN, Destination, Piece
 from bsg_models.robot.decision import choose_room
-from bsg_models.robot.destinations import list_spots
-from bsg_models.robot.missed_looks import MissedLook, MissedPieces, doubt_objects
 from bsg_models.robot.seen_building import SeenBuilding, open_graph
-from bsg_models.robot.weighed_graph import WeighedGraph
 
 FLAT: dict[str, Any] = {
     "scene_id": "flat",
@@ -270,16 +265,6 @@ def test_of_hundreds_of_pieces_the_likeliest_and_that_of_the_robot_are_weighed(
     assert weighed == [1 + 60 + 100 + 1], "the building, the rests, the pieces, and the bin"
 
 
-def test_looks_at_every_piece_leave_little_of_what_was_seen_on_none_of_them() -> None:
-    seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": []})
-    before = seen.where("cup")[0].probability
-    for piece in ("fridge 1", "counter 1"):
-        seen.looked("kitchen", "cup", at=piece, chance=1.0)
-    (cup,) = [obj for obj in seen.graph.objects if obj.raw_category == "cup"]
-    assert before == 1
-    assert cup.name not in seen.where("cup")[0].seen
-
-
 def test_a_piece_is_named_by_its_id_or_its_word() -> None:
     seen = flat()
     seen.looked("kitchen", "milk", at="refrigerator")
@@ -332,65 +317,3 @@ def test_every_object_below_another_is_followed_once() -> None:
         found = find_pieces([*pile, SeenObject("table", 1, "table", None, None)])
         assert Counted.reads <= 2 * len(pile)
         assert found.on == ({} if below is None else dict.fromkeys(map(str, range(100)), "table"))
-
-
-def test_things_that_were_seen_are_gone_through_once_for_all_pieces_of_a_room() -> None:
-    class Counted(list[SeenObject]):
-        times = 0
-
-        def __iter__(self) -> Iterator[SeenObject]:
-            Counted.times += 1
-            return super().__iter__()
-
-    tables = [SeenObject(f"t{n}", 1, "table", None, None) for n in range(9)]
-    mugs = Counted(SeenObject(f"m{n}", 1, "mug", None, None, on=f"t{n}") for n in range(9))
-    seen = find_pieces([*tables, *mugs])
-    Counted.times = 0
-    room = KnownRoom("k", hidden_share=0.5)
-    furniture = furnish("mug", room, seen, classes=(), unseen=np.zeros(0))
-    assert furniture is not None
-    spots = list_spots(furniture, mugs, node=1, on=seen.on, missed=MissedPieces({}))
-    assert [spot.seen for spot in spots] == [*((f"m{n}",) for n in range(9)), ()]
-    assert Counted.times == 1
-
-
-def test_looks_are_weighed_once_for_each_word_that_was_seen(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    furnished, asked = [], []
-    furnish_ = missed_looks.furnish
-    monkeypatch.setattr(
-        missed_looks, "furnish", lambda *a, **k: furnished.append(a) or furnish_(*a, **k)
-    )
-    words = ["table"] * 50 + ["mug"] * 50
-    objects = [
-        {"id": str(n), "room": "k", "category": word, "score": 0.9} for n, word in enumerate(words)
-    ]
-    seen = open_graph({"rooms": [{"id": "k"}], "objects": objects})
-    meaning = seen.understand("mug")
-    look = MissedLook(Look(1, "mug", 0.8, "1"), meaning)
-    left = doubt_objects(
-        seen.graph, [look], names=lambda _: lambda w: asked.append(w) or w == "mug"
-    )
-    assert (len(furnished), sorted(asked)) == (1, ["mug", "table"])
-    scores = {obj.raw_category: obj.score for obj in left.objects}
-    assert scores["table"] == 0.9
-    assert 0.5 < (scores["mug"] or 0) < 0.9
-
-
-def test_a_question_looks_a_thing_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
-    look_up = WeighedGraph._look_up
-    monkeypatch.setattr(
-        WeighedGraph,
-        "_look_up",
-        lambda self, meaning: asked.append(meaning.word) or look_up(self, meaning),
-    )
-    seen = flat()
-    seen.where("mug", here="kitchen")
-    seen.anywhere("mug")
-    seen.next_place("mug", here="kitchen")
-    assert asked == ["mug"]
-    seen.looked("kitchen", "mug")
-    seen.anywhere("mug")
-    assert asked == ["mug", "mug"]

@@ -59,33 +59,6 @@ def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
     assert seen.next_room("couch", here="kitchen") == "waiting-room"
 
 
-def test_a_saved_building_goes_on_with_the_same_answers(seen: SeenBuilding, tmp_path: Path) -> None:
-    """What was told is in the file, also a share that is uncertain."""
-    seen.entered("kitchen", floor_in_view=0.5)
-    seen.saw("kitchen", "sink", object_id="7a")
-    seen.saw(None, "zzqx thing")
-    seen.searched("waiting-room")
-    seen.discovered("store", beside="kitchen", room_type="storage", position=(1.0, 2.0, 0.0))
-    write_belief(seen.belief(), tmp_path / "saved.json")
-    again = open_graph(tmp_path / "saved.json", model="mixture")
-    assert again.graph == seen.graph
-    assert not again.graph.rooms[1].share.is_certain
-    for thing in ("microwave", "sink", "shoes"):
-        assert again.where(thing, here="kitchen") == seen.where(thing, here="kitchen")
-        assert again.next_room(thing, here="kitchen") == seen.next_room(thing, here="kitchen")
-    again.searched("kitchen")
-    seen.searched("kitchen")
-    assert again.where("microwave") == seen.where("microwave")
-
-
-def test_the_room_where_the_robot_is_counts_until_it_is_searched(seen: SeenBuilding) -> None:
-    assert seen.next_room("sink", here="kitchen") == "kitchen"
-    seen.searched("kitchen")
-    assert seen.next_room("sink", here="kitchen") != "kitchen"
-    seen.searched("waiting-room")
-    assert seen.next_room("sink", here="meeting-room") == "meeting-room"
-
-
 def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
     seen.entered("kitchen", floor_in_view=0.75)
     assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
@@ -93,15 +66,6 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
     assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
     with refuses(RecipeError, "share-twice", "kitchen"):
         seen.entered("kitchen", floor_in_view=0.75, hidden_share=0.5)
-
-
-def test_a_room_type_that_models_do_not_know_is_a_note(seen: SeenBuilding) -> None:
-    before = seen.notes
-    seen.discovered("galley", room_type="Küche")
-    place, word = sorted(set(seen.notes) - set(before))
-    assert "'Küche' as unknown (nearest: kitchen)" in word
-    assert place.startswith("galley: neither position nor connection")
-    assert len(seen.where("stove")) == len(seen.rooms)
 
 
 def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> None:
@@ -127,12 +91,10 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.saw("kitchen", "cup", score=1.5),
         lambda seen: seen.saw("kitchen", "cup", score=0.5, age=1.0, stays=2.0),
         lambda seen: seen.saw("kitchen", "cup", age=1.0),
-        lambda seen: seen.saw("kitchen", "cup", age=-1.0, stays=2.0),
         lambda seen: seen.saw("kitchen", "cup", age=1.0, stays=0.0),
         lambda seen: seen.saw("kitchen", "cup", position=(0, 0, 0), within=-1),
         lambda seen: seen.saw("kitchen", 3),
         lambda seen: seen.looked("kitchen", "cup", chance=1.2),
-        lambda seen: seen.looked("kitchen", "cup", chance=float("nan")),
         lambda seen: seen.looked("kitchen", "zzqx"),
         lambda seen: seen.looked("attic", "cup"),
         lambda seen: seen.looked("kitchen", 3),
@@ -141,13 +103,9 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.searched("kitchen", found=["sofa"]),  # that is in another room
         lambda seen: seen.searched("kitchen", found=5),
         lambda seen: seen.saw("kitchen", "cup", stays=2.0),
-        lambda seen: seen.looked("meeting-room", "zzqx"),  # where nothing is known
-        lambda seen: seen.discovered("explore"),
         lambda seen: seen.describe("attic", label="x"),
-        lambda seen: seen.describe("kitchen", floor_area=-1.0),
         lambda seen: seen.describe("kitchen", beside="kitchen"),
         lambda seen: seen.more_rooms(-1),
-        lambda seen: seen.more_rooms(2.5),
     ],
 )
 def test_what_cannot_be_is_refused_and_changes_nothing(
@@ -168,23 +126,6 @@ def test_threads_may_tell_and_ask_at_once(seen: SeenBuilding) -> None:
     with ThreadPoolExecutor(3) as pool:
         assert list(pool.map(tell, range(3))) == [3, 3, 3]
     assert len(seen.graph.objects) == 18 + 3 * 40
-
-
-def test_a_walk_through_a_building(seen: SeenBuilding) -> None:
-    before = seen.graph
-    assert seen.next_room("sink") == "kitchen"
-    assert seen.saw("B: shared kitchen", "fridge") == "saw 19"
-    assert seen.saw("kitchen", "kettle", object_id="k") == "k"
-    assert "refrigerator" not in {one.name for one in seen.expected("kitchen") if not one.seen}
-    seen.searched("kitchen")
-    assert seen.expected("kitchen") == ()
-    assert seen.where("sink")[-1].probability == 0
-    seen.discovered("pantry", beside=["kitchen"], room_type="pantry", floor_area=4.0)
-    assert seen.rooms[-1] == "pantry"
-    assert next(p for p in seen.where("sink", here="pantry") if p.room == "kitchen").cost == 1
-    seen.entered("pantry", hidden_share=0.25)
-    assert seen.graph.rooms[-1].hidden_share == 0.25
-    assert before == read_robot_graph(OFFICE), "a graph that was kept does not change"
 
 
 def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) -> None:
@@ -211,15 +152,10 @@ def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) ->
         seen.next_room([])
 
 
-@pytest.mark.parametrize("how", ["name", "copy"])
-def test_a_model_for_any_use_is_not_helped_by_one_for_research(how: str, tmp_path: Path) -> None:
-    (tmp_path / "folder").mkdir()
+def test_a_model_for_any_use_is_not_helped_by_one_for_research(tmp_path: Path) -> None:
+    """Nor a copy of it."""
     shutil.copy(find_shipped("behavior"), tmp_path / "mine.safetensors")
-    models = {
-        "name": "behavior",
-        "copy": tmp_path / "folder" / ".." / "mine.safetensors",
-    }
-    seen = open_graph(OFFICE, model=models[how])
+    seen = open_graph(OFFICE, model=tmp_path / "mine.safetensors")
     assert seen.asked("shoes") == "things-v1", "the table of things is free, too"
     with refuses(RecipeError, "thing-unknown", "sextant"):
         seen.where("sextant")
@@ -253,15 +189,9 @@ def test_a_thing_that_no_model_counts_is_judged_and_found(
 @pytest.mark.parametrize(
     "words",
     [
-        ("garbage bin", "bin", "GarbageCan", "trash can", "waste basket", "garbge bin"),
-        ("tv", "telly", "television set", "tv screen", "tv_monitor"),
         ("toilet paper", "toilet roll", "loo roll", "tolet roll", "ToiletPaper_1"),
-        ("remote control", "remote contrl", "RemoteControl"),
         ("air fryer", "AirFryer", "airfryer", "AirFryer_2", "air-fryer"),
         ("egg", "eggs", "box of eggs", "BoxOfEggs"),
-        ("toothbrush", "toothbrsh", "the toothbrush"),
-        ("vacuum cleaner", "vaccum cleaner", "hoover"),
-        ("couch", "sofa", "settee"),
         ("defibrillator", "defib", "AED", "defibrilator"),
     ],
 )
@@ -280,7 +210,7 @@ def test_all_spellings_of_a_thing_get_one_answer(words: tuple[str, ...]) -> None
 
 @pytest.mark.parametrize(
     ("narrow", "wide", "room"),
-    [("wallet", "bag", "hall"), ("tie", "clothes", "bedroom"), ("cot", "double bed", "bedroom")],
+    [("wallet", "bag", "hall"), ("cot", "double bed", "bedroom")],
 )
 def test_a_wider_thing_is_not_the_narrow_one(narrow: str, wide: str, room: str) -> None:
     """A double bed is no cot, and a wallet is not where bags are."""
@@ -294,29 +224,6 @@ def test_the_id_of_a_thing_that_is_gone_does_not_come_back(seen: SeenBuilding) -
     mug = seen.saw("kitchen", "mug")
     seen.gone(mug)
     assert seen.saw("kitchen", "hat") != mug
-
-
-def test_ids_may_be_numbers(seen: SeenBuilding) -> None:
-    seen.discovered(5, beside=["kitchen"])  # type: ignore[arg-type]
-    name = seen.saw("5", "mug", object_id=7)  # type: ignore[arg-type]
-    assert (name, seen.where("mug")[0].room) == ("7", "5")
-
-
-def test_the_table_of_things_says_how_many_homes_have_one() -> None:
-    """In a home with a hall and a kitchen, nothing seen: keys are surely somewhere."""
-    rooms = {"kitchen": [], "hall": [], "bedroom": [], "bathroom": [], "living room": []}
-    home = open_graph(rooms)
-    for thing, least in (("keys", 0.98), ("scissors", 0.95), ("umbrella", 0.85)):
-        assert home.anywhere(thing) >= least
-    assert home.anywhere("defibrillator") < 0.05
-    assert home.where("keys")[0].room == "hall"
-    assert home.where("toothbrush")[0].room == "bathroom"
-    ward = open_graph(
-        {"patient room": [], "nurse station": [], "medication room": [], "toilet": []}
-    )
-    assert ward.graph.building_kind == "hospital"
-    assert ward.anywhere("wheelchair") > 0.5
-    assert ward.where("medicine")[0].room == "medication room"
 
 
 def test_a_searched_room_hides_no_noun(seen: SeenBuilding) -> None:
@@ -487,16 +394,24 @@ def test_more_is_learned_of_a_room_later(seen: SeenBuilding) -> None:
 def test_looks_scores_and_rooms_not_found_are_kept_in_files(
     seen: SeenBuilding, tmp_path: Path
 ) -> None:
+    """Also a share that is uncertain; and the answers go on."""
+    seen.entered("kitchen", floor_in_view=0.5)
     seen.saw("kitchen", "mug", object_id="m", score=0.7)
+    seen.saw(None, "zzqx thing")
     seen.looked("kitchen", "mug")
     seen.looked("meeting-room", "sink", chance=0.4)
+    seen.searched("waiting-room")
+    seen.discovered("store", beside="kitchen", room_type="storage", position=(1.0, 2.0, 0.0))
     seen.more_rooms(3)
     write_belief(seen.belief(), tmp_path / "saved.json")
     again = open_graph(tmp_path / "saved.json", model="mixture")
     assert again.graph == seen.graph
-    assert again.next_room(["mug", "sink"], here="kitchen") == seen.next_room(
-        ["mug", "sink"], here="kitchen"
-    )
+    assert not again.graph.rooms[1].share.is_certain
+    for one in (again, seen):
+        one.searched("meeting-room")
+    for thing in ("mug", "sink", "shoes"):
+        assert again.where(thing, here="kitchen") == seen.where(thing, here="kitchen")
+        assert again.next_room(thing, here="kitchen") == seen.next_room(thing, here="kitchen")
 
 
 def test_a_robot_can_say_what_its_looks_cost(seen: SeenBuilding) -> None:
@@ -528,13 +443,6 @@ def test_no_sighting_outlives_looks_that_miss(seen: SeenBuilding, score: float |
     assert seen.next_room("mug", here="meeting-room") != "kitchen"
 
 
-def test_a_look_that_sees_nothing_changes_nothing(seen: SeenBuilding) -> None:
-    seen.saw("kitchen", "mug", object_id="m")
-    before = seen.where("mug")
-    seen.looked("kitchen", "mug", chance=0)
-    assert seen.where("mug") == before
-
-
 def test_what_is_found_again_is_sure(seen: SeenBuilding) -> None:
     seen.saw("kitchen", "mug", object_id="m", score=0.3)
     seen.looked("kitchen", "mug")
@@ -560,7 +468,7 @@ def test_a_part_is_never_likelier_than_the_whole(seen: SeenBuilding) -> None:
 
 @pytest.mark.parametrize(
     ("part", "whole"),
-    [("air mattress", "bed"), ("apron", "clothes"), ("wallet", "bag"), ("action figure", "toy")],
+    [("air mattress", "bed"), ("wallet", "bag")],
 )
 def test_a_look_for_one_thing_says_nothing_of_the_rest_of_its_class(part: str, whole: str) -> None:
     home = {"bedroom": ["sofa"], "kitchen": ["sink"], "hall": []}

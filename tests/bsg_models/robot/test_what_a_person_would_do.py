@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-from bsg_data import BSGError
 from bsg_models import EXPLORE, Predictor, SeenBuilding, open_graph
 
 
@@ -132,86 +131,50 @@ flat | toilet / toilet paper / towel / toothbrush | each | bathroom
 flat | washing machine | each | utility room
 flat | bed / wardrobe | each | bedroom, child's room?
 flat | tv | each | living room
-flat | pillow | each | bedroom, living room, child's room
 flat | lamp | each | bedroom, living room, child's room, hall?, kitchen?, bathroom?, utility room?
-flat | broom | each | utility room, kitchen?
-flat | keys | each | hall, living room?, kitchen?, bedroom?
 # decisions, knowledge and words of the study
 ward | bed | nurse station | patient room 1
 ward | bed | patient room 2 | patient room 1, patient room 2
 simple | knife | bedroom | kitchen
-simple | mug | bathroom / hall | kitchen
 only a hall | towel / knife | hall | explore | more_rooms(True)
 only a hall | mirror | hall | hall
 only a hall | towel | hall | nothing | searched(hall)
 office | toilet paper | open-plan | toilets
-office | coffee machine | open-plan | kitchenette
 flat | medicine | hall | kitchen, bathroom
 flat | umbrella | bedroom | hall
-flat | socks | hall | bedroom, utility room
 office | printer | open-plan | printer room
-office | towel | open-plan | kitchenette, toilets
-ward | medicine | nurse station | medication room
-words | toilet | lounge | toilets
 words | bed | lounge | childrens room
 words | refrigerator | lounge | kichen
-words | tv | childrens room | lounge
 # a home that is discovered room by room
 nothing yet | towel | anywhere | nothing
 nothing yet | towel | anywhere | explore | more_rooms(True)
 nothing yet | towel / knife / bed / microwave | hall | explore | HALL
-nothing yet | mirror | hall | hall | HALL; saw(hall, mirror)
 nothing yet | towel | hall | explore | HALL; searched(hall)
-nothing yet | towel / toilet | hall | bath | BATH
 nothing yet | toilet | bath | bath | BATH
-nothing yet | knife | hall | explore | BATH
 nothing yet | bed / microwave | bath | explore | BATH
 nothing yet | toilet / towel | bath | explore | BATH; searched(bath)
 nothing yet | knife / microwave | bath | kitchen | KITCHEN
-nothing yet | bed | bath | explore | KITCHEN
-nothing yet | towel | kitchen | bath | KITCHEN
-nothing yet | bed | kitchen | room 4 | BEDROOM
 nothing yet | bed | kitchen | room 4 | WHOLE
-nothing yet | towel | room 4 | bath | WHOLE
-nothing yet | wardrobe | hall | room 4 | WHOLE
 nothing yet | stove | bath | bath, explore, room 4 | BEDROOM; searched(kitchen)
 nothing yet | bed | hall | nothing | WHOLE; searched(bath); searched(kitchen); searched(room 4)
 # where a home is large, or says little
 two storeys | bathtub | entrance / wc / kids room | bathroom
-two storeys | microwave | landing / bathroom / wc | kitchen
-two storeys | refrigerator | bathroom | kitchen
 two storeys | toilet | entrance / lounge | wc
 two storeys | toilet | main bedroom / bathroom | bathroom
 two storeys | toilet | wc | wc
 two storeys | toilet | wc | bathroom | searched(wc)
-two storeys | bed | kitchen | kids room, main bedroom
-two storeys | bed | kids room | kids room
 two storeys | bed | kids room | main bedroom | searched(kids room)
-two storeys | tv | kitchen | lounge
 two storeys | tv | main bedroom | lounge, main bedroom
-two storeys | sofa | bathroom | lounge
-two storeys | shower | entrance | bathroom
 no positions | toilet | hall / kitchen / bedroom | bathroom
 no positions | microwave | bathroom / bedroom | kitchen
-no positions | couch | bedroom | lounge
-no positions | bed | kitchen | bedroom
-no positions | tv | kitchen | lounge
-no positions | towel | hall | bathroom
 no positions | toilet | anywhere | bathroom
-simple | refrigerator | bathroom / bedroom / hall | kitchen
-simple | wardrobe | kitchen | bedroom
-simple | towel | bedroom | bathroom
-simple | pillow | bathroom | bedroom
 flat | towel | anywhere | bathroom
 flat | toilet + microwave | anywhere | kitchen, bathroom
 # what was seen, looked for, lost
-flat | mug | bedroom | kitchen | MUG
 flat | mug | bedroom | kitchen | MUG; searched(kitchen)
 flat | mug | kitchen | kitchen | MUG
 flat | coffee mug | bedroom | kitchen | MUG
 flat | keys | bedroom | bathroom | saw(bathroom, keys)
-flat | umbrella | kitchen | bedroom | saw(bedroom, umbrella)
-flat | toilet | kitchen | bathroom | saw(bathroom, toilet)
 # two are known: the nearer one
 flat | towel | living room | hall | saw(hall, towel)
 flat | towel | bathroom | bathroom | saw(hall, towel)
@@ -221,115 +184,76 @@ flat | microwave | living room / hall | kitchen | NO MICROWAVE
 flat | microwave | kitchen | not kitchen, bathroom | NO MICROWAVE
 # a glance: nine of ten microwaves are still here
 flat | microwave | kitchen / hall | kitchen | looked(kitchen, microwave, chance=0.3)
-flat | toilet | hall | bathroom | NO TOILET
 flat | toilet | bathroom | hall, bedroom, child's room, utility room | NO TOILET
 flat | microwave | kitchen | not kitchen, bathroom | FOUR LOOKS
 flat | stove | kitchen | kitchen | NO MICROWAVE
-flat | refrigerator | hall | kitchen | NO MICROWAVE
 # the bathroom still has it with .54, and a laundry is a place for it, too
 flat | towel | hall | bathroom, utility room | looked(bathroom, towel)
-flat | towel | bathroom | kitchen, utility room | looked(bathroom, towel)
-flat | bed | bedroom | bedroom, child's room | looked(bedroom, bed)
 flat | mug | hall | kitchen | looked(kitchen, mug); MUG
 flat | microwave | kitchen | living room, utility room | looked(kitchen, microwave, chance=1.0)
 # searched
 flat | microwave | kitchen | living room, utility room | searched(kitchen)
-flat | towel | hall | bathroom | searched(bathroom)
 flat | towel | kitchen | bathroom | ALL SEARCHED
 flat | microwave | kitchen | nothing | ALL SEARCHED
 flat | microwave | kitchen | explore | ALL SEARCHED; more_rooms(1)
 flat | microwave | kitchen | kitchen | entered(kitchen)
-flat | stove | kitchen | kitchen | entered(kitchen, floor_in_view=0.2)
 # gone
 flat | towel | bathroom | kitchen, utility room | searched(bathroom, found=[])
-flat | bed | bedroom | child's room | searched(bedroom, found=[])
 flat | bed | bedroom | bedroom | searched(bedroom, found=[bed])
 flat | mug | kitchen | living room, utility room | MUG; searched(kitchen); gone(mug)
-flat | plate | hall | kitchen | ONLY A PLATE
 flat | mug | kitchen | living room, utility room | ONLY A PLATE
 flat | towel | hall | bathroom | gone(towel)
-flat | tv | living room | living room, child's room | gone(tv)
 # scores and ages
-flat | mug | hall | living room | saw(living room, mug, score=0.9)
 # another mug may well be in the kitchen
 flat | mug | kitchen | kitchen, bedroom | saw(bedroom, mug, score=0.95)
 flat | mug | kitchen | kitchen | saw(bedroom, mug, score=0.05)
-flat | toilet | hall | bathroom | saw(hall, toilet, score=0.05)
-flat | microwave | bedroom | kitchen | saw(bedroom, microwave, score=0.1)
-flat | washing machine | hall | utility room | saw(bathroom, washing machine, score=0.3)
 flat | washing machine | hall | bathroom, utility room | saw(bathroom, washing machine, score=0.6)
 flat | phone | kitchen | living room, bedroom | saw(bedroom, phone, age=0.1, stays=2.0)
-flat | phone | kitchen | any | saw(bathroom, phone, age=48.0, stays=2.0)
-flat | laptop | hall | bedroom | saw(bedroom, laptop, age=2.0, stays=24.0)
 # rooms that are not found yet
 flat | microwave | hall | kitchen | more_rooms(2)
-flat | toilet | hall | bathroom | more_rooms(True)
-flat | towel | kitchen | bathroom | more_rooms(True)
 flat | bathtub | bathroom | explore | more_rooms(2); searched(bathroom)
 flat | microwave | kitchen | living room, utility room, explore | more_rooms(2); searched(kitchen)
 # several things
-flat | stove + refrigerator | bedroom | kitchen
 flat | toilet + bathtub + towel | kitchen | bathroom
-flat | washing machine + microwave | hall | utility room
-flat | washing machine + microwave | kitchen | kitchen
 flat | washing machine + microwave | utility room | utility room
-flat | toilet + microwave | bedroom | bathroom
 flat | toilet + microwave | living room | kitchen
-flat | toilet + towel | bathroom | bathroom
 flat | tv + microwave | hall | living room, kitchen
 flat | tv + towel | bathroom | living room
-flat | tv + towel | living room | bathroom
 flat | mug + towel | bedroom | kitchen, bathroom | MUG
-flat | mug + towel | kitchen | bathroom | MUG
-flat | mug + toilet | living room | bathroom | MUG
 flat | mug + microwave | kitchen | living room, utility room | MUG; searched(kitchen)
-flat | microwave + toilet | kitchen | living room, bathroom | searched(kitchen)
 # all of them
 flat | towel | hall | bathroom | | task=all
 flat | towel | bathroom | kitchen, utility room | searched(bathroom) | task=all
 flat | bed | hall | child's room | | task=all
-flat | bed | living room | bedroom, child's room | | task=all
 flat | bed | bedroom | child's room | searched(bedroom) | task=all
-flat | mug | kitchen | kitchen | MUG | task=all
-flat | toilet | living room | bathroom | | task=all
 flat | stove + toilet | living room | kitchen, bathroom | | task=all
 flat | towel | kitchen | nothing | ALL SEARCHED | task=all
 # doors, ways and looks
 flat | microwave | hall | living room, utility room | | cost living room - kitchen=inf
-flat | microwave | kitchen | kitchen | | cost living room - kitchen=inf
 flat | toilet | hall | bathroom | | cost living room - kitchen=inf
 flat | toilet + microwave | living room | bathroom | | cost living room - kitchen=inf
 # the towel that is known is behind a closed door: there are others
 flat | towel | hall | kitchen, utility room | | cost hall - bathroom=inf
 flat | towel | hall | kitchen, utility room | DOUBTED TOWEL | cost hall - bathroom=inf
-flat | pillow | bedroom | bedroom | | cost hall - bedroom=100.0
 flat | microwave | bedroom | kitchen | | cost hall - bedroom=100.0
 flat | microwave | bedroom | kitchen, bedroom | | look=0.0
 flat | microwave | hall | hall, living room, kitchen | | look=0.0
-flat | microwave | hall | kitchen | | look=30.0
 flat | mug | living room | kitchen | | look living room=100.0
-flat | microwave | bedroom | kitchen | | chance=1.0
 flat | microwave | bedroom | kitchen | | chance=0.3
-flat | towel | kitchen | bathroom | | chance=0.3
 """
 # home | things | robots | sensible rooms | reports before | options
 TEAMS = """
 flat | microwave | a=hall, b=kitchen | a=not kitchen; b=kitchen
 flat | microwave | a=living room, b=bedroom | a=kitchen; b=not kitchen
 flat | toilet | a=kitchen, b=bathroom | a=not bathroom; b=bathroom
-flat | toilet + microwave | a=hall, b=living room | a=bathroom; b=kitchen
 flat | toilet + microwave | a=living room, b=bedroom | a=kitchen; b=bathroom
-flat | stove + washing machine | a=kitchen, b=kitchen | each=kitchen or utility room
 flat | towel + bed | a=hall, b=hall | each=bathroom or bedroom
 flat | towel | a=bedroom, b=bathroom | a=nothing; b=bathroom
 flat | bed | a=bedroom, b=kitchen | a=bedroom; b=nothing
-flat | pillow | a=bedroom, b=living room | a=bedroom; b=living room
 flat | pillow | a=bedroom, b=living room, c=child's room | a=bedroom; b=living room; c=child's room
 flat | bed | a=bedroom, b=hall | a=any; b=child's room | searched(bedroom) | task=all
 flat | towel | a=bathroom, b=living room | a=bathroom; b=kitchen | gone(towel)
-flat | toilet | a=kitchen | a=bathroom
 two storeys | toilet | a=landing, b=entrance | a=bathroom; b=wc
-two storeys | bed | a=kids room, b=main bedroom | a=kids room; b=main bedroom
 nothing yet | bed | a=hall, b=bath | each=explore or room 4 | BEDROOM
 """
 
@@ -460,10 +384,7 @@ def test_each_robot_goes_where_a_person_would_send_it(question: Question) -> Non
         ("microwave", "hall", 0.8, ""),
         ("microwave", "hall", 0.3, ""),
         ("toilet", "living room", 0.8, ""),
-        ("towel", "bedroom", 0.8, ""),
         ("mug", "hall", 0.8, "MUG"),
-        ("mug", "hall", 0.8, ""),
-        ("pillow", "hall", 0.8, ""),
         ("book", "hall", 0.8, ""),
     ],
 )
@@ -483,8 +404,7 @@ def test_a_search_does_not_go_back_and_forth(
         seen.looked(room, thing, chance=chance)
 
 
-@pytest.mark.parametrize("thing", ["microwave", "towel", "knife", "bed", "pillow"])
-@pytest.mark.parametrize("here", ["hall", "kitchen", "bedroom"])
+@pytest.mark.parametrize(("thing", "here"), [("microwave", "hall"), ("towel", "bedroom")])
 def test_the_plan_begins_with_the_advice(thing: str, here: str) -> None:
     seen = see("flat", "more_rooms(2)")
     plan = seen.explain(thing, here=here)
@@ -501,12 +421,6 @@ def test_a_long_way_elsewhere_makes_no_look_dearer() -> None:
     costs = {("living room", "kitchen"): 100.0}
     far = {step.room: step.look for step in seen.explain("mug", here="hall", costs=costs)}
     assert far["hall"] == pytest.approx(usual["hall"], rel=0.25)
-
-
-@pytest.mark.parametrize("word", ["person", "fire", "blue"])
-def test_what_is_no_thing_is_refused(word: str) -> None:
-    with pytest.raises(BSGError):
-        see("flat").next_room(word, here="hall")
 
 
 def sure(
@@ -555,13 +469,9 @@ def test_a_home_of_one_room_is_not_taken_as_whole_without_a_word() -> None:
     ("said", "thing"),
     [
         ("nokia phone", "phone"),
-        ("apple phone", "phone"),
         ("spare batteries", "batteries"),
         ("heinz ketchup", "ketchup"),
-        ("leather jacket", "jacket"),
-        ("nike shoes", "shoes"),
         ("steel knife", "knife"),
-        ("turquoise mug", "mug"),
         ("two mugs", "mugs"),
         ("miele vacuum cleaner", "vacuum cleaner"),
         ("sony bluetooth headphones", "headphones"),
@@ -579,8 +489,6 @@ def test_a_brand_a_material_and_a_typo_before_a_thing_change_nothing(said: str, 
     ("said", "thing", "first"),
     [
         ("running shoes", "shoes", {"hall", "bedroom"}),
-        ("winter jacket", "jacket", {"hall", "bedroom"}),
-        ("work laptop", "laptop", {"living room", "bedroom"}),
         ("garden scissors", "scissors", {"kitchen", "living room"}),
     ],
 )
