@@ -31,7 +31,6 @@ from bsg_models.belief.graph_file import open_graph_file, parse_graph, read_grap
 from bsg_models.errors import HydraError
 
 OFFICE = REPOSITORY / "docs" / "office.json"
-SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"
 IN_FOLDER = [HealthCheck.function_scoped_fixture]
 
 
@@ -351,24 +350,6 @@ def test_a_binary_graph_is_converted(tmp_path: Path) -> None:
     binary.write_bytes(b"no graph")
     with refuses(HydraError, "binary-unloadable", binary):
         read_graph(binary)
-
-
-@pytest.mark.skipif(not SAMPLE.is_file(), reason="no sample here")
-def test_the_recorded_apartment_comes_back_as_it_was(tmp_path: Path) -> None:
-    original = gzip.decompress(SAMPLE.read_bytes())
-    (tmp_path / "labels.yaml").write_text(
-        "label_names: [{label: 5, name: chair}, {label: 11, name: lamp}, {label: 16, name: table}]"
-    )
-    graph = read_graph(SAMPLE, labels=str(tmp_path / "labels.yaml"))
-    assert [(obj.room_index, obj.raw_category) for obj in graph.objects] == [
-        *((0, "chair"), (1, "lamp"), (0, "table"), (0, "table")),
-        *((0, "chair"), (1, "chair"), (1, "lamp")),
-    ]
-    belief, out = believe_something(graph), tmp_path / "out.json"
-    annotate_hydra(belief, SAMPLE, out)
-    assert SPARK_DSG.read(out) == belief
-    stripped = _strip(json.loads(out.read_text("utf-8")))
-    assert json.dumps(stripped) == json.dumps(json.loads(original))
 
 
 def test_keys_of_somebody_else_are_compared_with_ours_once(tmp_path: Path) -> None:

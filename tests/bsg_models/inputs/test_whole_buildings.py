@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
 from torch_geometric.transforms import ToUndirected
 from whole_home import CLASSES, HOME
@@ -64,17 +62,6 @@ def test_a_building_by_hand() -> None:
     way_back = ToUndirected()(graph)[ADJACENT]
     assert way_back.edge_index.tolist() == [[0, 1], [1, 0]]
     assert same(way_back.distance_m, [3.5, 3.5])
-
-
-@pytest.mark.parametrize("scene", [replace(HOME, rooms=(), objects=(), adjacency=()), HOME])
-def test_every_building_has_the_same_types_and_attributes(scene: object) -> None:
-    graph, whole = to_pyg(scene, classes=CLASSES), to_pyg(HOME, classes=CLASSES)  # type: ignore[arg-type]
-    assert graph.validate()
-    assert graph.metadata() == whole.metadata()
-    for kind in (*graph.node_types, *graph.edge_types):
-        assert list(graph[kind].keys()) == list(whole[kind].keys())
-        for name, values in graph[kind].items():
-            assert values.dtype == whole[kind][name].dtype, name
 
 
 def test_objects_are_those_of_the_histograms(dataset: Path) -> None:

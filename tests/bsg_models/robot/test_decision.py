@@ -171,29 +171,6 @@ def test_the_first_room_is_that_of_the_best_order_of_all() -> None:
     assert np.mean(np.array(above) < 1e-6) >= 0.99
 
 
-def test_where_all_ways_are_equal_the_order_is_the_classic_index() -> None:
-    """Least cost ÷ (P · chance) first: the cost of a look, with the way that leads to each."""
-    for seed in range(15):
-        rng = np.random.default_rng(seed)
-        rooms = int(rng.integers(2, 9))
-        case = sample(seed, rooms=rooms)
-        edges = np.full((rooms + 1, rooms + 1), 2.0)
-        likely = rng.uniform(0.05, 0.9, rooms + 1)
-        look = rng.uniform(0.5, 8, rooms + 1)
-        case = replace(
-            case,
-            ways=Ways(edges, edges, "m", 2.0, 1.0),
-            look=look,
-            rates=-np.log1p(-likely)[:, None],
-            scores=[[[]]] * (rooms + 1),
-            chance=1.0,
-            task="single",
-        )
-        order = order_rooms(case.decision, case.ways, look, here=1)
-        index = (2.0 + look) / likely
-        assert order == sorted(range(1, rooms + 1), key=lambda room: index[room])
-
-
 def best_times(case: Case, missed: Floats) -> dict[tuple[Room | None, ...], float]:
     """Return the rooms that robots may begin with → the least expected time of such plans."""
     rooms, robots = range(1, len(missed)), len(case.here)

@@ -209,16 +209,6 @@ def test_a_mug_on_a_tray_on_the_counter_is_at_the_counter() -> None:
         seen.saw("kitchen", "tray", object_id="tray", on="plate")
 
 
-def test_one_chair_is_not_searched_before_the_kitchen() -> None:
-    seen = open_graph({"kitchen": ["chair"] * 6, "hall": ["coat rack"]})
-    seen.entered("kitchen", floor_in_view=0.2)
-    assert seen.next_place("milk", here="hall") == Destination("kitchen", None)
-    rooms = [{"id": "kitchen", "visited": False}, {"id": "hall", "visited": True}]
-    chair = {"id": "chair", "room": "kitchen", "category": "chair"}
-    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": [chair]})
-    assert seen.next_place("milk", here="hall") == Destination("kitchen", None)
-
-
 def test_costs_that_are_said_are_obeyed() -> None:
     places: dict[str, Any] = {"hall": [0, 0, 0], "near": [5, 0, 0], "far": [0, 16, 0]}
     rooms: list[dict[str, Any]] = [
@@ -296,24 +286,3 @@ def test_blind_nodes_are_on_their_likeliest_piece_and_are_written_and_read(tmp_p
     document["blind"][0]["on"] = "sofa" if document["blind"][0]["room"] != 2 else "bed"
     with pytest.raises(BeliefFileError, match="which is not in its room"):
         decode_belief(document, path=Path("x"))
-
-
-def test_every_object_below_another_is_followed_once() -> None:
-    """In a pile of n things, on a table or on nothing, `on` is read n times."""
-
-    class Counted(SeenObject):
-        reads = 0
-
-        def __getattribute__(self, name: str) -> Any:
-            Counted.reads += name == "on"
-            return super().__getattribute__(name)
-
-    for below in ("table", None):
-        pile = [
-            Counted(str(n), 1, "cup", None, None, on=str(n + 1) if n < 99 else below)
-            for n in range(100)
-        ]
-        Counted.reads = 0
-        found = find_pieces([*pile, SeenObject("table", 1, "table", None, None)])
-        assert Counted.reads <= 2 * len(pile)
-        assert found.on == ({} if below is None else dict.fromkeys(map(str, range(100)), "table"))

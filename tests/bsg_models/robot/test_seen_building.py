@@ -498,12 +498,8 @@ def test_the_building_believes_what_its_rooms_do_after_looks(seen: SeenBuilding)
     assert seen.expectation().presence[0, sink] == pytest.approx(seen.anywhere("sink"), rel=1e-6)
 
 
-@pytest.mark.parametrize("model", ["mixture", "universal"])
-def test_a_room_that_hides_all_but_what_was_seen_is_as_one_that_hides_nearly_all(
-    model: str,
-) -> None:
+def test_a_room_that_hides_all_but_what_was_seen_is_as_one_that_hides_nearly_all() -> None:
     """Something was seen there, so it was looked into, whatever was said."""
-    predictor = Predictor(model)
 
     def ask(share: float) -> list[float]:
         rooms = [
@@ -516,7 +512,7 @@ def test_a_room_that_hides_all_but_what_was_seen_is_as_one_that_hides_nearly_all
             {"id": str(number), "category": word, "room": room}
             for number, (word, room) in enumerate(words)
         ]
-        seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects}, model=predictor)
+        seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
         return [float(one) for one in seen.expectation().presence.ravel()]
 
     assert ask(1) == pytest.approx(ask(0.99), abs=0.01)

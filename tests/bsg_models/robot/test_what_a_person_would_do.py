@@ -512,10 +512,3 @@ def test_a_thing_of_another_brand_is_not_the_one_that_is_sought() -> None:
     seen.looked("living room", "nokia phone", chance=1)  # it says nothing of other phones
     assert seen.where("phone") == missed["phone"]
     assert seen.where("nokia phone") != missed["nokia phone"]
-
-
-def test_red_shoes_are_no_running_shoes_for_being_red() -> None:
-    seen = open_graph({"hall": ["red shoes"], "bedroom": ["red running shoes"]})
-    sought = {place.room: place.seen for place in seen.where("red running shoes")}
-    assert sought == {"hall": (), "bedroom": ("red running shoes 1",)}
-    assert all(place.seen for place in seen.where("red shoes"))

@@ -17,7 +17,6 @@ from bsg_models.runs import found_model
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.found_model import (
     find_shipped,
-    name_run,
     read_shipped_card,
     shipped_names,
     weights_folder,
@@ -93,11 +92,6 @@ def test_a_build_without_models_says_so(tmp_path: Path, monkeypatch: pytest.Monk
     assert shipped_names() == ()
     with pytest.raises(CheckpointError, match="no models are shipped with this build"):
         Predictor()
-
-
-def test_a_run_is_named_by_its_path_and_a_shipped_model_by_its_name() -> None:
-    assert name_run(weights_folder() / "universal.safetensors") == "universal"
-    assert name_run(Path("universal.safetensors")) == "universal.safetensors"
 
 
 @pytest.mark.parametrize("name", sorted(PUBLISHED))

@@ -92,14 +92,6 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
         np.testing.assert_allclose(presence, expectation.presence, atol=1e-5)
 
 
-def test_a_file_has_the_name_of_an_onnx_file(tmp_path: Path) -> None:
-    """Its metadata lie beside it as JSON, which would take its place."""
-    from bsg_models.training.onnx_file import export_onnx
-
-    with pytest.raises(RecipeError):
-        export_onnx("universal", tmp_path / "net.json")
-
-
 def test_a_model_that_counts_is_not_exported(tmp_path: Path) -> None:
     from bsg_models.training.onnx_file import export_onnx
 

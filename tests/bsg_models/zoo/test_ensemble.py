@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from one_building import observe_building, surround_rooms
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.errors import ConfigError
@@ -28,16 +27,6 @@ def mix(*members: str) -> RunConfig:
     tables = find_config("ensemble").model_dump(mode="json")
     chosen = ", ".join(f'"{name}"' for name in members)
     return validate_config(override(tables, [f"model.members=[{chosen}]"]), source="test")
-
-
-def test_an_ensemble_is_the_mean_of_its_members() -> None:
-    model = make_model(mix("mixture", "universal"), classes=3, vocabulary=("tap",))
-    assert isinstance(model, Ensemble)
-    around = surround_rooms([None] * 2, ["kitchen", None])
-    seen = observe_building([[0] * 3] * 3, vocabulary=("tap",), surroundings=around)
-    of_members = [member.predict(seen).presence for member in model.members.values()]
-    of_mixture = model.predict_hidden_counts(seen).presence
-    np.testing.assert_allclose(of_mixture[1:], np.mean(of_members, axis=0)[1:])
 
 
 @pytest.mark.parametrize("members", [("ensemble",), ("mixtrue",)])

@@ -206,13 +206,10 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
     assert np.allclose(changed[3], 1)
 
 
-@pytest.mark.parametrize("name", NETWORKS)
-def test_every_network_learns_and_is_saved_and_loaded_alike(
-    name: str, dataset: Path, tmp_path: Path
-) -> None:
+def test_a_network_learns_and_is_saved_and_loaded_alike(dataset: Path, tmp_path: Path) -> None:
     """On buildings that are alike, it soon beats what it started as: the mean room."""
-    settings = ("training.epochs=80", "training.learning_rate=0.02", "model.dropout=0.0")
-    reports = list(train_run(configure(name, *settings), dataset, tmp_path / "run"))
+    settings = ("training.epochs=60", "training.learning_rate=0.02", "model.dropout=0.0")
+    reports = list(train_run(configure("universal", *settings), dataset, tmp_path / "run"))
     assert reports[-1].train_loss < 0.7 * reports[0].train_loss
     checkpoint = load_checkpoint(tmp_path / "run" / BEST)
     model = restore_model(tmp_path / "run" / BEST, checkpoint)

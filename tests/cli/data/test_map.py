@@ -45,17 +45,6 @@ def test_maps_are_compared_over_one_dataset(dataset: Path) -> None:
     assert "two or more" not in run("map", "coverage", dataset, *maps[:-1]).stdout
 
 
-def test_two_maps_of_one_name_are_two_columns(dataset: Path, tmp_path: Path) -> None:
-    paths = [tmp_path / folder / "own.csv" for folder in ("one", "two")]
-    for path, name in zip(paths, ("chair", "bed"), strict=True):
-        path.parent.mkdir()
-        path.write_text(f"raw_category,category,class\n{name},{name},{name}\n", "utf-8")
-    words = [word for path in paths for word in ("--class-map", path)]
-    found = json.loads(run("map", "coverage", dataset, *words, "--json").stdout)
-    counts = [found[str(path)]["classified"] for path in paths]
-    assert counts[0] == 24 != counts[1]
-
-
 def test_a_dataset_of_several_maps_is_told_from_one_map(dataset: Path, tmp_path: Path) -> None:
     assert run("map", "coverage", dataset, "--class-map", "hm3d45-v1").stderr == ""
     run("synth", "--out", tmp_path / "made", "--scenes", "2")

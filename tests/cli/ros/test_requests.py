@@ -121,19 +121,6 @@ def test_rooms_that_are_not_found_are_a_number_or_true(
     assert "explore" in [step["room"] for step in answer["plan"]]
 
 
-def test_looks_send_the_robot_elsewhere(robot: Robot) -> None:
-    """And a sighting brings it back."""
-    robot.hear("entered", "kitchen")
-    first = robot.hear("where", "microwave")
-    for _ in range(3):
-        assert robot.hear("looked", "microwave")["room"] == "kitchen"
-    then = robot.hear("where", "microwave")
-    assert (first["go_first"], then["go_first"]) == ("kitchen", "waiting-room")
-    assert then["things"][0]["anywhere"] < first["things"][0]["anywhere"]
-    robot.hear("saw", "microwave")
-    assert robot.hear("where", "microwave")["go_first"] == "kitchen"
-
-
 def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot: Robot) -> None:
     robot.hear("entered", "meeting-room")
     for here, unit in ((None, None), ("kitchen", "rooms")):
@@ -189,38 +176,25 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("saw", "sofa", "room-unsaid"),
         ("saw", "", "request-malformed"),
         ("saw", '{"thing": "sofa", "room": "kitchen", "position": [0, 1]}', "request-malformed"),
-        ("saw", '{"thing": "sofa", "room": "kitchen", "object": 7.5}', "request-malformed"),
         ("saw", '{"thing": 7, "room": "kitchen"}', "request-malformed"),
         ("entered", "cellar", "room-unknown"),
         ("entered", '{"room": "kitchen", "floor_in_view": 1.5}', "request-malformed"),
         ("entered", '{"room": "kitchen", "floor_in_view": 1, "hidden_share": 0}', "share-twice"),
-        ("entered", '{"room": "kitchen", "floor": 1}', "request-malformed"),
         ("discovered", "kitchen", "room-known"),
         ("saw", '{"thing": "cup", "room": "kitchen", "score": 1.5}', "request-malformed"),
-        ("saw", '{"thing": "cup", "room": "kitchen", "age": 1, "stays": 0}', "request-malformed"),
         ("searched", '{"room": "kitchen", "found": ["chair", "toaster"]}', "object-unknown"),
-        ("searched", '{"room": "kitchen", "found": [[5]]}', "request-malformed"),
-        ("looked", "bottle", "room-unsaid"),
         ("looked", '{"thing": "bottle", "room": "kitchen", "chance": 2}', "request-malformed"),
         ("gone", "no-such", "object-unknown"),
         ("gone", '{"object": true}', "request-malformed"),
-        ("describe", '{"room": "cellar", "label": "C"}', "room-unknown"),
         ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
-        ("describe", '{"room": "kitchen", "room_type": {"bath": 2}}', "request-malformed"),
         ("more_rooms", "many", "request-malformed"),
-        ("more_rooms", "1001", "request-malformed"),
         ("more_rooms", '{"number": 1.5}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
         ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
-        ("where", '{"thing": "cup", "chance": 1.1}', "request-malformed"),
-        ("where", '{"thing": "cup", "task": "some"}', "request-malformed"),
         ("where", "zzqx", "thing-unknown"),
         ("where", '{"thing": []}', "request-malformed"),
-        ("where", "[3]", "request-malformed"),
-        ("where", '"sofa', "json-malformed"),
         ("where", '{"thing": "sofa", "thing": "bed"}', "json-malformed"),
-        ("where", '{"thing": NaN}', "json-malformed"),
         ("where", '{"thing": ' + "[" * 60_000, "json-malformed"),
         ("where", "x" * 65_537, "request-too-large"),
     ],
