@@ -107,10 +107,8 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     ("words", "code"),
     [
         ((), 2),
-        (("none.json",), 1),
         (("dataset", "--scene", "nowhere"), 1),
         (("dataset", "--split", "train", "--out", "x.json"), 2),
-        (("dataset", "dataset"), 2),
         (("dataset", "--find", "sink"), 2),
         (("dataset", "--labels", "mpcat40"), 2),
         (("home.json", "--mask", "rooms"), 2),

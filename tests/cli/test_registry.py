@@ -21,22 +21,15 @@ from bsg_data.scene.class_space import load_class_space
 # command line, its last word unfinished → what is offered, among others
 OFFERED = {
     "bsg-data bu": "build",
-    "bsg-data map cov": "coverage",
     "bsg-data info --fi": "--figure",
     "bsg-data pairs x --mask expl": "explore",
     "bsg-data map show x --class-map hm3d-w": "hm3d-wide-v1",
-    "bsg-data build --source proc": "procthor",
     "bsg-data export x --to hab": "habitat",
     "bsg-train --config ceci-s": "ceci-sage",
     "bsg-belief --model univ": "universal",
-    "bsg-belief --split te": "test",
-    "bsg-evaluate x --model univ": "universal",
-    "bsg-models show univ": "universal",
     "bsg-leaderboard --models doubled,mix": "doubled,mixture",
     "bsg-leaderboard --masks uniform,roo": "uniform,rooms",
-    "bsg-search --planners nearest,rat": "nearest,ratio",
     "bsg-search --worlds star,lay": "star,layout",
-    "bsg-search --artifacts bed,sto": "bed,stove",
     "bsg-search --artifacts room": "room-specific",
     "bsg-search none --split a": "all",
 }

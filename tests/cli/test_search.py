@@ -60,7 +60,6 @@ def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_p
     ("options", "code"),
     [
         (("--worlds", "ring"), 2),
-        (("--planners", "nearest,fast"), 2),
         (("--trace", "some"), 2),
         (("--scene", "nowhere"), 1),
     ],

@@ -59,15 +59,11 @@ def first_piece(thing: str, room: str) -> str | None:
     ("thing", "room", "piece"),
     [
         ("milk", "kitchen", "fridge"),
-        ("banana", "kitchen", "counter"),
         ("plate", "kitchen", "upper"),
         ("frying pan", "kitchen", "lower"),
         ("mug", "kitchen", "counter"),  # where one was seen
         ("remote control", "living room", "low"),
-        ("cushion", "living room", "sofa"),
         ("book", "living room", "books"),
-        ("pillow", "bedroom", "bed"),
-        ("socks", "bedroom", "wardrobe"),
     ],
 )
 def test_a_person_would_look_there_first(thing: str, room: str, piece: str) -> None:

@@ -133,37 +133,25 @@ flat | bed / wardrobe | each | bedroom, child's room?
 flat | tv | each | living room
 flat | lamp | each | bedroom, living room, child's room, hall?, kitchen?, bathroom?, utility room?
 # decisions, knowledge and words of the study
-ward | bed | nurse station | patient room 1
 ward | bed | patient room 2 | patient room 1, patient room 2
 simple | knife | bedroom | kitchen
 only a hall | towel / knife | hall | explore | more_rooms(True)
-only a hall | mirror | hall | hall
 only a hall | towel | hall | nothing | searched(hall)
-office | toilet paper | open-plan | toilets
-flat | medicine | hall | kitchen, bathroom
 flat | umbrella | bedroom | hall
-office | printer | open-plan | printer room
-words | bed | lounge | childrens room
 words | refrigerator | lounge | kichen
 # a home that is discovered room by room
 nothing yet | towel | anywhere | nothing
 nothing yet | towel | anywhere | explore | more_rooms(True)
 nothing yet | towel / knife / bed / microwave | hall | explore | HALL
-nothing yet | towel | hall | explore | HALL; searched(hall)
-nothing yet | toilet | bath | bath | BATH
-nothing yet | bed / microwave | bath | explore | BATH
 nothing yet | toilet / towel | bath | explore | BATH; searched(bath)
 nothing yet | knife / microwave | bath | kitchen | KITCHEN
 nothing yet | bed | kitchen | room 4 | WHOLE
 nothing yet | stove | bath | bath, explore, room 4 | BEDROOM; searched(kitchen)
-nothing yet | bed | hall | nothing | WHOLE; searched(bath); searched(kitchen); searched(room 4)
 # where a home is large, or says little
 two storeys | bathtub | entrance / wc / kids room | bathroom
 two storeys | toilet | entrance / lounge | wc
 two storeys | toilet | main bedroom / bathroom | bathroom
-two storeys | toilet | wc | wc
 two storeys | toilet | wc | bathroom | searched(wc)
-two storeys | bed | kids room | main bedroom | searched(kids room)
 two storeys | tv | main bedroom | lounge, main bedroom
 no positions | toilet | hall / kitchen / bedroom | bathroom
 no positions | microwave | bathroom / bedroom | kitchen
@@ -172,71 +160,55 @@ flat | towel | anywhere | bathroom
 flat | toilet + microwave | anywhere | kitchen, bathroom
 # what was seen, looked for, lost
 flat | mug | bedroom | kitchen | MUG; searched(kitchen)
-flat | mug | kitchen | kitchen | MUG
 flat | coffee mug | bedroom | kitchen | MUG
 flat | keys | bedroom | bathroom | saw(bathroom, keys)
 # two are known: the nearer one
 flat | towel | living room | hall | saw(hall, towel)
-flat | towel | bathroom | bathroom | saw(hall, towel)
 flat | mug | kitchen | living room | MUG; saw(living room, mug, object_id=mug)
 # looks in vain: other rooms that may have it come before another look, and never at once
-flat | microwave | living room / hall | kitchen | NO MICROWAVE
 flat | microwave | kitchen | not kitchen, bathroom | NO MICROWAVE
 # a glance: nine of ten microwaves are still here
 flat | microwave | kitchen / hall | kitchen | looked(kitchen, microwave, chance=0.3)
 flat | toilet | bathroom | hall, bedroom, child's room, utility room | NO TOILET
 flat | microwave | kitchen | not kitchen, bathroom | FOUR LOOKS
-flat | stove | kitchen | kitchen | NO MICROWAVE
 # the bathroom still has it with .54, and a laundry is a place for it, too
 flat | towel | hall | bathroom, utility room | looked(bathroom, towel)
 flat | mug | hall | kitchen | looked(kitchen, mug); MUG
-flat | microwave | kitchen | living room, utility room | looked(kitchen, microwave, chance=1.0)
 # searched
 flat | microwave | kitchen | living room, utility room | searched(kitchen)
 flat | towel | kitchen | bathroom | ALL SEARCHED
 flat | microwave | kitchen | nothing | ALL SEARCHED
 flat | microwave | kitchen | explore | ALL SEARCHED; more_rooms(1)
-flat | microwave | kitchen | kitchen | entered(kitchen)
 # gone
 flat | towel | bathroom | kitchen, utility room | searched(bathroom, found=[])
 flat | bed | bedroom | bedroom | searched(bedroom, found=[bed])
 flat | mug | kitchen | living room, utility room | MUG; searched(kitchen); gone(mug)
 flat | mug | kitchen | living room, utility room | ONLY A PLATE
-flat | towel | hall | bathroom | gone(towel)
 # scores and ages
 # another mug may well be in the kitchen
 flat | mug | kitchen | kitchen, bedroom | saw(bedroom, mug, score=0.95)
-flat | mug | kitchen | kitchen | saw(bedroom, mug, score=0.05)
 flat | washing machine | hall | bathroom, utility room | saw(bathroom, washing machine, score=0.6)
 flat | phone | kitchen | living room, bedroom | saw(bedroom, phone, age=0.1, stays=2.0)
 # rooms that are not found yet
-flat | microwave | hall | kitchen | more_rooms(2)
 flat | bathtub | bathroom | explore | more_rooms(2); searched(bathroom)
 flat | microwave | kitchen | living room, utility room, explore | more_rooms(2); searched(kitchen)
 # several things
 flat | toilet + bathtub + towel | kitchen | bathroom
 flat | washing machine + microwave | utility room | utility room
-flat | toilet + microwave | living room | kitchen
-flat | tv + microwave | hall | living room, kitchen
 flat | tv + towel | bathroom | living room
 flat | mug + towel | bedroom | kitchen, bathroom | MUG
-flat | mug + microwave | kitchen | living room, utility room | MUG; searched(kitchen)
 # all of them
 flat | towel | hall | bathroom | | task=all
 flat | towel | bathroom | kitchen, utility room | searched(bathroom) | task=all
 flat | bed | hall | child's room | | task=all
-flat | bed | bedroom | child's room | searched(bedroom) | task=all
 flat | stove + toilet | living room | kitchen, bathroom | | task=all
-flat | towel | kitchen | nothing | ALL SEARCHED | task=all
 # doors, ways and looks
 flat | microwave | hall | living room, utility room | | cost living room - kitchen=inf
-flat | toilet | hall | bathroom | | cost living room - kitchen=inf
 flat | toilet + microwave | living room | bathroom | | cost living room - kitchen=inf
 # the towel that is known is behind a closed door: there are others
 flat | towel | hall | kitchen, utility room | | cost hall - bathroom=inf
 flat | towel | hall | kitchen, utility room | DOUBTED TOWEL | cost hall - bathroom=inf
 flat | microwave | bedroom | kitchen | | cost hall - bedroom=100.0
-flat | microwave | bedroom | kitchen, bedroom | | look=0.0
 flat | microwave | hall | hall, living room, kitchen | | look=0.0
 flat | mug | living room | kitchen | | look living room=100.0
 flat | microwave | bedroom | kitchen | | chance=0.3
@@ -247,13 +219,10 @@ flat | microwave | a=hall, b=kitchen | a=not kitchen; b=kitchen
 flat | microwave | a=living room, b=bedroom | a=kitchen; b=not kitchen
 flat | toilet | a=kitchen, b=bathroom | a=not bathroom; b=bathroom
 flat | toilet + microwave | a=living room, b=bedroom | a=kitchen; b=bathroom
-flat | towel + bed | a=hall, b=hall | each=bathroom or bedroom
 flat | towel | a=bedroom, b=bathroom | a=nothing; b=bathroom
-flat | bed | a=bedroom, b=kitchen | a=bedroom; b=nothing
 flat | pillow | a=bedroom, b=living room, c=child's room | a=bedroom; b=living room; c=child's room
 flat | bed | a=bedroom, b=hall | a=any; b=child's room | searched(bedroom) | task=all
 flat | towel | a=bathroom, b=living room | a=bathroom; b=kitchen | gone(towel)
-two storeys | toilet | a=landing, b=entrance | a=bathroom; b=wc
 nothing yet | bed | a=hall, b=bath | each=explore or room 4 | BEDROOM
 """
 
@@ -436,13 +405,9 @@ def sure(
     [
         sure("flat", "microwave", "kitchen", 0.6, 1, ""),
         sure("flat", "towel", "bathroom", 1, 1, ""),
-        sure("flat", "bed", None, 1, 1, ""),
-        sure("flat", "scissors", None, 0.95, 1),
         sure("flat", "toothbrush", "bathroom", 0.9, 1),
-        sure("simple", "knife", "kitchen", 0.95, 1),
         sure("simple", "mug", "kitchen", 0.95, 1, "knowledge: mugs"),
         sure("simple", "charger", None, 0.95, 1, "knowledge: chargers"),
-        sure("words", "bed", "childrens room", 0.95, 1),
         sure("office", "toilet", "printer room", 0, 0.05),
         sure("ward", "bed", "patient room 2", 0.95, 1),
     ],

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from configurations import configure
 from conftest import commit_manifest
 from pydantic import ValidationError
 from refusals import refuses
@@ -30,7 +31,7 @@ from bsg_models.studies.comparison import Comparison, EvaluationRequest, _name_r
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
-from bsg_models.zoo.config import find_config, override, validate_config
+from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
 
@@ -41,10 +42,7 @@ def compare(runs: Sequence[Path], dataset: Path, **options: Any) -> Comparison:
 
 def train(dataset: Path, run: Path, *settings: str) -> Path:
     small = ["model.width=8", "training.epochs=2", "training.batch_size=4", *settings]
-    config = validate_config(
-        override(find_config("ceci-gcn").model_dump(mode="json"), small), source="test"
-    )
-    list(train_run(config, dataset, run))
+    list(train_run(configure("ceci-gcn", *small), dataset, run))
     return run
 
 

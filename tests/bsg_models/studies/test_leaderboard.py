@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from configurations import configure
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset
@@ -32,7 +33,7 @@ from bsg_models.studies.leaderboard_report import write_json
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.config import RunConfig, find_config
 from bsg_models.zoo.ensemble import is_by_seed
 from bsg_models.zoo.settings import DataConfig
 
@@ -43,11 +44,6 @@ MIXED = (
 )
 SMALL = ("training.epochs=2", "model.width=8", "model.embedding=4")
 PAIR = 'model.members=["gamma-poisson","train-mean"]'
-
-
-def configure(name: str, *settings: str) -> RunConfig:
-    tables = override(find_config(name).model_dump(mode="json"), settings)
-    return validate_config(tables, source="test")
 
 
 @pytest.fixture
