@@ -237,16 +237,6 @@ def say_on(graph: Graph, thing: int, on: str) -> None:
     one["attributes"]["metadata"] = {"bsg": {"on": on}}
 
 
-def test_what_lies_on_what_is_said_in_metadata(tmp_path: Path) -> None:
-    graph = robot_graph()
-    say_on(graph, 5, "O(2)")
-    path = write_graph(tmp_path / "flat.json", graph)
-    seen = read_graph(path)
-    assert {obj.name: obj.on for obj in seen.objects if obj.on} == {"O(5)": "O(2)"}
-    annotate_hydra(believe_something(seen), path, tmp_path / "out.json")
-    assert read_graph(tmp_path / "out.json") == seen
-
-
 def test_a_thing_on_what_cannot_hold_it_is_refused_as_in_our_json() -> None:
     graph = robot_graph()
     say_on(graph, 5, "O(9)")  # in another room

@@ -316,7 +316,7 @@ def test_the_way_is_drawn_from_the_robot(browser: Any, home: Path, drawing: str)
         assert page.locator("circle.robot").count() > 0, "the robot stays there"
 
 
-def test_objects_in_no_room_are_drawn(browser: Any, home: Path, tmp_path: Path) -> None:
+def test_objects_in_no_room_are_drawn(browser: Any, home: Path) -> None:
     for drawing, sought, count in (("plan", "", 2), ("layers", "", 2), ("plan", "sink", 1)):
         with open_page(browser, home, fragment=f"#drawing={drawing}&find={sought}") as page:
             dots = page.locator("circle.object[data-node='0']")
@@ -332,13 +332,6 @@ def test_objects_in_no_room_are_drawn(browser: Any, home: Path, tmp_path: Path) 
     with open_page(browser, home, fragment="#find=sink") as page:
         assert page.locator("circle.sought").count() == 2
         assert "1 seen: 7" in page.locator(".rooms li").first.inner_text()
-    belief = make_home()
-    answer = make_answer()
-    mug = answer["things"][0]
-    mug["places"].append({**mug["places"][0], "room": None, "seen": ["9"]})
-    write_explorer([ShownBelief(belief, answer=answer)], tmp_path / "page.html")
-    with open_page(browser, tmp_path / "page.html") as page:
-        assert page.locator("circle.sought").count() == 1, "a thing of no class is found, too"
 
 
 def test_an_answer_names_nodes_of_the_page() -> None:

@@ -251,6 +251,14 @@ def test_of_hundreds_of_pieces_the_likeliest_and_that_of_the_robot_are_weighed(
     assert weighed == [1 + 60 + 100 + 1], "the building, the rests, the pieces, and the bin"
 
 
+def test_looks_at_every_piece_leave_little_of_what_was_seen_on_none_of_them() -> None:
+    seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": []})
+    for piece in ("fridge 1", "counter 1"):
+        seen.looked("kitchen", "cup", at=piece, chance=1.0)
+    (cup,) = [obj for obj in seen.graph.objects if obj.raw_category == "cup"]
+    assert cup.name not in seen.where("cup")[0].seen
+
+
 def test_a_piece_is_named_by_its_id_or_its_word() -> None:
     seen = flat()
     seen.looked("kitchen", "milk", at="refrigerator")

@@ -64,12 +64,15 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
     assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
     seen.entered("kitchen")
     assert seen.graph.rooms[1].share == estimate_hidden_share(floor_in_view=0.75)
+    seen.entered("kitchen", hidden_share=0.25)
+    assert seen.graph.rooms[1].hidden_share == 0.25
     with refuses(RecipeError, "share-twice", "kitchen"):
         seen.entered("kitchen", floor_in_view=0.75, hidden_share=0.5)
 
 
 def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> None:
     seen.discovered("attic")
+    assert any("attic: neither position nor connection" in note for note in seen.notes)
     costs = {place.room: place.cost for place in seen.where("stove", here="kitchen")}
     assert costs.pop("attic") is None
     assert None not in costs.values()
@@ -484,6 +487,14 @@ def test_a_look_that_a_model_has_no_word_for_is_a_note() -> None:
     seen = open_graph(said, model="behavior")
     assert any("sextant" in note for note in seen.notes)
     assert 0 < seen.where("chair")[0].probability < 1
+
+
+def test_what_is_forgotten_of_earlier_questions_is_found_again(
+    seen: SeenBuilding, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = [seen.where(word) for word in ("mug", "sink", "mug")]
+    monkeypatch.setattr("bsg_models.robot.weighed_graph._MOST_SOUGHT", 1)
+    assert [seen.where(word) for word in ("mug", "sink", "mug")] == before
 
 
 def test_one_thing_in_two_words_is_one_thing(seen: SeenBuilding) -> None:

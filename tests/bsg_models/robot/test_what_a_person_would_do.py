@@ -422,14 +422,6 @@ def test_a_robot_is_as_sure_as_a_person(
     assert seen.anywhere(thing) >= max(places.values())
 
 
-def test_a_home_of_one_room_is_not_taken_as_whole_without_a_word() -> None:
-    assert any("not found yet" in note for note in see("only a hall").notes)
-    told_so = see("only a hall", "more_rooms(True)")
-    assert told_so.anywhere("towel") > 0.8
-    first = told_so.where("towel")[0]
-    assert (first.room, first.label) == (EXPLORE, "rooms not found yet")
-
-
 @pytest.mark.parametrize(
     ("said", "thing"),
     [

@@ -58,3 +58,9 @@ def test_what_is_not_there_is_said(
     Path("empty").mkdir()
     with pytest.raises(CheckpointError, match=words):
         find_model(model)
+
+
+@pytest.mark.parametrize("name", ["b/" + "a" * 300, "\0"])
+def test_a_name_that_no_file_system_takes_is_no_model(name: str) -> None:
+    with pytest.raises(CheckpointError, match=r"no model|no checkpoint"):
+        find_model(name)

@@ -17,6 +17,7 @@ from bsg_models.runs import found_model
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.found_model import (
     find_shipped,
+    name_run,
     read_shipped_card,
     shipped_names,
     weights_folder,
@@ -62,6 +63,8 @@ def test_a_shipped_model_answers_and_has_a_card(name: str) -> None:
 def test_a_shipped_model_is_found_by_its_name(shipped: Path) -> None:
     assert shipped_names() == ("universal", "other")
     assert find_shipped("other") == shipped / "other.safetensors"
+    assert name_run(shipped / "other.safetensors") == "other"
+    assert name_run(Path("other.safetensors")) == "other.safetensors", "of another folder"
     assert read_shipped_card("other") == (shipped / "other.md").read_text("utf-8")
     with pytest.raises(RecipeError, match="did you mean universal"):
         find_shipped("universla")

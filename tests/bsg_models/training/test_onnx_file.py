@@ -91,9 +91,12 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
         np.testing.assert_allclose(presence, expectation.presence, atol=1e-5)
 
 
-def test_a_model_that_counts_is_not_exported(tmp_path: Path) -> None:
+def test_a_model_that_counts_is_not_exported_and_none_as_json(tmp_path: Path) -> None:
+    """Metadata lie beside the file as JSON."""
     from bsg_models.training.onnx_file import export_onnx
 
+    with pytest.raises(RecipeError):
+        export_onnx("universal", tmp_path / "net.json")
     with pytest.raises(RecipeError, match="answer in Python"):
         export_onnx("mixture", tmp_path / "net.onnx")
 

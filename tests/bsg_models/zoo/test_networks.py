@@ -206,10 +206,13 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
     assert np.allclose(changed[3], 1)
 
 
-def test_a_network_learns_and_is_saved_and_loaded_alike(dataset: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", NETWORKS)
+def test_a_network_learns_and_is_saved_and_loaded_alike(
+    name: str, dataset: Path, tmp_path: Path
+) -> None:
     """On buildings that are alike, it soon beats what it started as: the mean room."""
     settings = ("training.epochs=60", "training.learning_rate=0.02", "model.dropout=0.0")
-    reports = list(train_run(small("universal", *settings), dataset, tmp_path / "run"))
+    reports = list(train_run(small(name, *settings), dataset, tmp_path / "run"))
     assert reports[-1].train_loss < 0.7 * reports[0].train_loss
     checkpoint = load_checkpoint(tmp_path / "run" / BEST)
     model = restore_model(tmp_path / "run" / BEST, checkpoint)

@@ -174,31 +174,6 @@ def test_questions_are_answered_while_sightings_arrive(start: Start, space: str)
 
 
 @pytest.mark.heavy
-def test_a_client_that_dies_and_texts_that_are_wrong_stop_nothing(start: Start, space: str) -> None:
-    node = start_node(start, space, graph=HOME)
-    dying, robot = start_robot(start, space), start_robot(start, space)
-    for _ in range(50):
-        dying.say("where", "microwave")
-    dying.process.kill()
-    wrong = {
-        "json-malformed": '{"thing": "sofa"',
-        "request-malformed": '{"thing": 3, "id": "9"}',
-        "thing-unknown": '{"thing": "zzqx"}',
-        "request-too-large": "[" * 70_000,
-    }
-    codes = {}
-    for text in wrong.values():
-        robot.say("where", text)
-    while len(codes) < len(wrong):
-        answer = robot.hear("answers")
-        if "error" in answer:
-            codes[answer["code"]] = answer.get("id")
-    assert codes == dict.fromkeys(wrong) | {"request-malformed": "9"}
-    assert robot.ask("where", "bed")["things"][0]["class"] == "bed"
-    assert node.poll() is None
-
-
-@pytest.mark.heavy
 def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path) -> None:
     """After SIGTERM, at once; after a kill, from what it kept last."""
     state = tmp_path / "seen.json"
