@@ -168,13 +168,6 @@ def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
         assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
 
 
-def test_a_typo_is_mended_in_a_map_and_in_a_question_with_a_note(predictor: Predictor) -> None:
-    seen = open_graph({"bathroom": ["toilett"], "hall": []}, model=predictor)
-    assert seen.anywhere("toilet") == seen.anywhere("tiolet") == 1
-    assert any("'toilett' is 'toilet' (spelling)" in note for note in seen.notes)
-    assert "taken for 'toilet'" in seen.understand("tiolet").how
-
-
 def test_a_dataset_of_earlier_rules_is_sound(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,7 +4,6 @@ import json
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -240,18 +239,6 @@ def test_a_seen_thing_of_the_class_is_not_the_kind(seen: SeenBuilding) -> None:
     assert seen.where("fork")[0].probability < 1
     seen.saw("kitchen", "forks", object_id="f")
     assert (seen.where("fork")[0].probability, seen.where("fork")[0].seen) == (1, ("f",))
-
-
-def test_another_class_space_asks_the_default_model_for_nouns() -> None:
-    wide = SeenBuilding(
-        reclassify(read_robot_graph(OFFICE), load_class_map("hm3d-wide-v1")), "universal-wide"
-    )
-    same = open_graph(OFFICE)
-    assert wide.asked("sextant") == "universal"
-    of_wide, of_same = (
-        [replace(place, pieces=()) for place in one.where("sextant")] for one in (wide, same)
-    )
-    assert of_wide == of_same
 
 
 # What a robot loses, finds again, and has not found yet

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bsg_data.tables import format_text
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.studies.savings import (
     Saving,
@@ -78,19 +77,6 @@ def study(task: str, **changed: object) -> WorldResult:
     savings = {"nearest": saving(0, 0, 0), "ratio": saving(0.4321, 0.391, 0.466)}
     result = WorldResult("tree:1-10", task, 10, 200, 0.34, 0.12, savings)
     return replace(result, **changed)
-
-
-def test_a_world_by_hand() -> None:
-    (table,) = tabulate_savings([study("single"), study("all")])
-    assert table.caption.splitlines() == [
-        "tree:1-10: 200 searches of 10 buildings per task",
-        "the likeliest room holds one in 34% of searches, a random room in 12%",
-    ]
-    assert format_text(table.rows, header=table.header).splitlines() == [
-        "planner  single: saved, %  wins, %  all: saved, %    wins, %",
-        "nearest  0.0 (0 to 0)           75  0.0 (0 to 0)          75",
-        "ratio    43.2 (39 to 47)        75  43.2 (39 to 47)       75",
-    ]
 
 
 def test_what_is_unknown_is_a_dash_or_left_out() -> None:

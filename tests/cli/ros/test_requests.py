@@ -128,22 +128,6 @@ def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot
         assert (answer["here"], answer["cost_unit"]) == (here, unit)
 
 
-def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
-    """As in Python; a note says how it is read, or that nobody knows."""
-    names = ("bedroom_2", "second bath room", "kichen", "zzqx", "R7")
-    answers = [say(robot, "discovered", room=name).get("notes") for name in names]
-    kinds = ["bedroom", "bathroom", "kitchen", None, None]
-    assert [room.room_type for room in robot.seen.graph.rooms[-5:]] == kinds
-    assert answers == [
-        ["bedroom_2: read as the kinds that their names say"],
-        ["second bath room: read as the kinds that their names say"],
-        ["kinds of rooms read by a rule: 'kichen' is kitchen (misspelt)"],
-        ["zzqx: kind of room unknown; say `room_type`"],
-        None,
-    ]
-    assert "notes" not in say(robot, "describe", room="zzqx", label="B", room_type="hallway")
-
-
 def test_a_number_is_an_id(robot: Robot) -> None:
     assert say(robot, "discovered", room=7, beside="kitchen")["room"] == "7"
     say(robot, "discovered", room="R8", beside=7)
@@ -284,28 +268,6 @@ def test_detections_with_a_high_score_are_sightings(
     assert robot.answer("saw", said)["object"] == "d1"
     assert robot.answer("saw", lamp)["object"] == "saw 20"
     assert [obj.score for obj in robot.seen.graph.objects[-2:]] == [0.9, 1.0]
-
-
-@pytest.mark.parametrize("frame", ["map", "camera"])
-def test_thirty_detections_of_one_sofa_are_one_sofa(robot: Robot, frame: str) -> None:
-    """And one of another class, or in another room, is another thing."""
-    robot.hear("entered", "kitchen")
-    before = len(robot.seen.graph.objects)
-
-    def detect(word: str, at: float, score: float) -> str:
-        seen = detection("", (word, score))
-        seen.bbox.center.position.x = at
-        (said,) = read_detections(message(frame, seen), frame="map", min_score=0.5)
-        return str(robot.answer("saw", said)["object"])
-
-    ids = {detect("sofa", 3 + 0.01 * number, 0.6 + 0.01 * number) for number in range(30)}
-    assert len(ids) == 1
-    assert len(robot.seen.graph.objects) == before + 1
-    assert robot.seen.graph.objects[-1].score == pytest.approx(0.89), "the surest of them"
-    assert detect("stove", 3.0, 0.9) not in ids
-    assert (detect("sofa", 9.0, 0.9) in ids) == (frame == "camera")
-    robot.hear("entered", "meeting-room")
-    assert detect("sofa", 20.0, 0.9) not in ids
 
 
 def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
