@@ -6,16 +6,17 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from bsg_data.arrays import Ints
-from bsg_data.dataset.dataset import read_cells
+from bsg_data.dataset.dataset import Dataset, read_cells
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Knowledge
 from bsg_models.search.planners import nearest
 from bsg_models.search.room_graphs import WorldRecipe
-from bsg_models.studies.savings import summarise
+from bsg_models.studies.savings import encode_study, summarise, write_searches
 from bsg_models.studies.search_cases import _sample_searches
 from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.studies.search_study import Study, _choose_planners, study_search
@@ -80,6 +81,24 @@ def test_buildings_without_a_layout_are_counted(dataset: Path) -> None:
     only = recipe.model_copy(update={"worlds": (WorldRecipe(kind="layout"),)})
     with pytest.raises(DatasetError):
         study_search(dataset, runs, only)
+
+
+def test_files_of_a_study(dataset: Path, run: Path, tmp_path: Path) -> None:
+    recipe = StudyRecipe(worlds=DRAWN, episodes=3, planners=("ratio",))
+    study = study_search(dataset, dict.fromkeys(list(read_cells(dataset))[-2:], run), recipe)
+    classes = Dataset.open(dataset).manifest.class_space.classes
+    write_searches(study, tmp_path / "searches.parquet")
+    table = pq.read_table(tmp_path / "searches.parquet").to_pandas()
+    assert len(table) == 2 * 2 * 2 * 3 * 3  # buildings, worlds, tasks, planners, searches
+    assert set(table.planner) == {"nearest", "ratio", "routing"}
+    results = summarise(study, resamples=0)
+    (one,) = [s for s in results if (s.world, s.task) == ("tree:1-10", "all")]
+    sums = table[(table.world == "tree:1-10") & (table.task == "all")].groupby("planner").cost.sum()
+    assert 1 - sums["ratio"] / sums["nearest"] == pytest.approx(one.savings["ratio"].saved.value)
+    report = encode_study(study, results, classes=classes, facts={"model": "m"})
+    assert report["recipe"]["worlds"] == ["star:1-10", "tree:1-10"]
+    assert report["recipe"]["artifacts"][35] == "stove"
+    assert report["standings"][0]["savings"]["nearest"]["beyond_routing"] is None
 
 
 def test_a_belief_that_is_needed_and_not_there_is_said(dataset: Path) -> None:
