@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import gzip
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from commands import runner
 from conftest import REPOSITORY
 from dsg_files import write_graph
 
@@ -19,11 +17,7 @@ from bsg_models.belief.annotation import _strip
 from bsg_models.belief.formats import read_belief
 from bsg_models.inputs.folds import scenes_of
 
-
-def call(*words: object, code: int = 0) -> Result:
-    done = CliRunner().invoke(main, [str(word) for word in words])
-    assert done.exit_code == code, done.output
-    return done
+call = runner(main)
 
 
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -113,10 +107,8 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
     ("words", "code"),
     [
         ((), 2),
-        (("none.json",), 1),
         (("dataset", "--scene", "nowhere"), 1),
         (("dataset", "--split", "train", "--out", "x.json"), 2),
-        (("dataset", "dataset"), 2),
         (("dataset", "--find", "sink"), 2),
         (("dataset", "--labels", "mpcat40"), 2),
         ((str(OFFICE), "--mask", "rooms"), 2),
@@ -153,50 +145,3 @@ def test_a_page_is_opened_in_the_browser(
     assert str(page) in call(*words, "--out", page, "--force").stderr
     call(*words, code=2)
     call(*words, "--out", tmp_path / "b.json", code=2)
-
-
-@pytest.mark.parametrize("words", [(), ("--find", "sink")])
-def test_seen_objects_without_a_class_are_told_once(
-    run: Path, tmp_path: Path, words: tuple[str, ...]
-) -> None:
-    seen = ["coat rack", "wall", "sink"]
-    assert call(write_seen(tmp_path, seen), "--model", run, *words).stderr.count("coat rack") == 1
-
-
-def write_seen(folder: Path, categories: list[str], *rooms: dict[str, object]) -> Path:
-    objects = [
-        {"id": str(number), "room": "hall", "category": category}
-        for number, category in enumerate(categories)
-    ]
-    rooms = rooms or ({"id": "hall", "hidden_share": 0.5},)
-    path = folder / "seen.json"
-    path.write_text(json.dumps({"scene_id": "home", "rooms": rooms, "objects": objects}), "utf-8")
-    return path
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "said"),
-    [
-        ((OFFICE, "--find", "sink", "--from", "kitchn"), 2, "kitchen"),
-        ((OFFICE, "--hidden-share", "attic=0.5"), 2, "attic"),
-        (("misspelt.json",), 1, "rom"),
-        ((OFFICE, "--out", "belief.txt"), 2, "belief.txt"),
-    ],
-)
-def test_what_needs_no_model_is_refused_before_models_are_imported(
-    tmp_path: Path, words: tuple[object, ...], code: int, said: str
-) -> None:
-    objects = [{"id": "1", "rom": "hall", "category": "sink"}]
-    misspelt = {"scene_id": "home", "rooms": [{"id": "hall"}], "objects": objects}
-    (tmp_path / "misspelt.json").write_text(json.dumps(misspelt), "utf-8")
-    lines = (
-        "import sys\n"
-        "sys.modules['torch'] = None\n"  # any import of them raises now
-        "from bsg_cli.belief import main\n"
-        f"main({[str(word) for word in words]!r})\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", lines], cwd=tmp_path, capture_output=True, text=True
-    )
-    assert (done.returncode, done.stdout) == (code, ""), done.stderr
-    assert said in done.stderr

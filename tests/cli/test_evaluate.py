@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
+from commands import runner
 from matplotlib.figure import Figure
 
 from bsg_cli import train
@@ -19,19 +20,12 @@ from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES
 
-
-def run(*words: str | Path, code: int = 0) -> Result:
-    result = CliRunner().invoke(main, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result
+run = runner(main)
 
 
 def train_run(dataset: Path, out: Path) -> Result:
-    words = [str(dataset), "--config", "ceci-gcn", "--out", str(out)]
-    words += ["--set", "training.epochs=2", "--set", "model.width=8"]
-    done = CliRunner().invoke(train.main, words)
-    assert done.exit_code == 0, done.output
-    return done
+    words = (dataset, "--config", "ceci-gcn", "--out", out, "--set", "model.width=8")
+    return runner(train.main)(*words, "--set", "training.epochs=2")
 
 
 @pytest.fixture
@@ -40,14 +34,18 @@ def trained(dataset: Path, tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
-def test_a_run_beside_the_baselines(dataset: Path, trained: Path) -> None:
-    result = run(dataset, "--model", trained)
-    assert "measured on 1 building: intervals" in result.stderr
-    asked = run(dataset, "--model", trained, "--mask", "rooms", "--force")
-    assert asked.stdout == result.stdout
-    assert set(asked.stderr.splitlines()) - set(result.stderr.splitlines()) == {
-        "note: the dataset has pairs: their masks are measured, not those asked for"
-    }
+def test_a_run_beside_the_baselines(dataset: Path, trained: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    words = (dataset, "--model", trained, "--html", page, "--mask", "rooms")
+    result = run(*words)
+    for said in ("measured on 1 building: intervals", "has pairs: their masks are measured"):
+        assert said in result.stderr
+    assert "is there already; --force replaces it" in run(*words, code=1).stderr
+    text = page.read_text("utf-8")
+    assert "rooms/wasserstein_classes/kurtosis" in text
+    assert text.count("data:image/png;base64,") == 3
+    assert "Belief scene graph" in text
+    assert not re.search(r"(src|href)=.?https?:", text), "it opens offline"
     assert "worse" not in result.stdout
     assert f"ceci-gcn {' '.join(BASELINES)}" in " ".join(result.stdout.split())
     for name in (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]):
@@ -120,17 +118,3 @@ def test_json_and_twins(dataset: Path, trained: Path, tmp_path: Path) -> None:
     assert [*report["runs"]] == ["ceci-gcn (run)", "ceci-gcn (run)-2", "ceci-gcn (run)-3"]
     assert "--force" in run(*words, code=1).stderr
     assert "rooms/wasserstein_classes/kurtosis" in report["metrics"]
-
-
-def test_the_page_holds_everything_and_opens_offline(
-    dataset: Path, trained: Path, tmp_path: Path
-) -> None:
-    page = tmp_path / "report.html"
-    words = [dataset, "--model", trained, "--html", page]
-    run(*words)
-    text = page.read_text("utf-8")
-    assert "rooms/wasserstein_classes/kurtosis" in text
-    assert text.count("data:image/png;base64,") == 3
-    assert "Belief scene graph" in text
-    assert not re.search(r"(src|href)=.?https?:", text)
-    assert "is there already; --force replaces it" in run(*words, code=1).stderr

@@ -4,20 +4,21 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from commands import runner
 
 from bsg_cli.leaderboard import main
 
 COMMON = ("--folds", "3", "--draws", "2", "--workers", "1")
 
 
-def run(*words: str | Path, code: int = 0) -> Result:
-    result = CliRunner().invoke(main, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result
+run = runner(main)
 
 
-def test_a_leaderboard_of_names_and_files(dataset: Path, tmp_path: Path) -> None:
+def test_a_leaderboard_of_names_and_files(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plot = "bsg_models.studies.leaderboard_report.plot_leaderboard"
+    monkeypatch.setattr(plot, lambda *given, **_: given[2].write_bytes(b""))  # it takes seconds
     small = tmp_path / "small.toml"
     small.write_text('[model]\nfamily = "ceci-sage"\nwidth = 8\n[training]\nepochs = 1\n', "utf-8")
     words = (dataset, *COMMON, "--out", tmp_path / "board")

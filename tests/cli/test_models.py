@@ -7,16 +7,11 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from commands import runner
 
 from bsg_cli.models import main
-from bsg_models.runs import found_model as shipped_module
 
-
-def call(*words: object, code: int = 0) -> Result:
-    done = CliRunner().invoke(main, [str(word) for word in words])
-    assert done.exit_code == code, done.output
-    return done
+call = runner(main)
 
 
 @pytest.mark.usefixtures("shipped")
@@ -48,9 +43,3 @@ def test_a_run_is_shown_too(run: Path) -> None:
 )
 def test_what_is_not_there_is_said(words: tuple[str, ...], said: str) -> None:
     assert said in call(*words, code=1).stderr
-
-
-def test_a_build_without_models_lists_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shipped_module, "weights_folder", lambda: tmp_path)
-    assert "no models are shipped with this build" in call("list").stderr
-    assert json.loads(call("list", "--json").stdout) == []

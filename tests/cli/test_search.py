@@ -7,16 +7,12 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from commands import runner
 
 from bsg_cli.search import main
 from bsg_data.inputs.bounded_file import hash_file
 
-
-def run_command(*arguments: object, code: int = 0) -> Result:
-    result = CliRunner().invoke(main, [str(one) for one in arguments])
-    assert result.exit_code == code, result.stderr
-    return result
+run_command = runner(main)
 
 
 def test_a_study_with_everything(dataset: Path, run: Path) -> None:
@@ -60,19 +56,10 @@ def test_a_search_that_names_no_model_takes_the_shipped_one(dataset: Path, tmp_p
     run_command(*one, "--model", "none", "--model", "universal", code=2)
 
 
-def test_a_search_is_chosen_to_be_watched(dataset: Path, run: Path, tmp_path: Path) -> None:
-    few = ("--episodes", 4, "--workers", 1, "--worlds", "star")
-    few += ("--planners", "ratio", "--out", tmp_path / "out")
-    run_command(dataset, "--model", run, *few, "--trace")
-    page = (tmp_path / "out" / "trace.html").read_text("utf-8")
-    assert "This is the first search" in page
-
-
 @pytest.mark.parametrize(
     ("options", "code"),
     [
         (("--worlds", "ring"), 2),
-        (("--planners", "nearest,fast"), 2),
         (("--trace", "some"), 2),
         (("--scene", "nowhere"), 1),
     ],

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 from asked_service import ask_service
 from click.testing import CliRunner
-from conftest import SHARED
 from dsg_files import robot_graph, write_graph
 
 from bsg_cli.belief import main as belief
@@ -31,7 +30,6 @@ from bsg_models.robot.words import find_meaning
 MAP = load_class_map()
 WORDS = sorted({word for name in list_vocabularies() for word in vocabulary_words(name)})
 HERE = Path("here")
-CASES = SHARED.parent / "cases"
 Classes = list[str | None]
 
 
@@ -123,9 +121,16 @@ def by_table(folder: Path) -> Classes:
     return [found[word] for word in WORDS]
 
 
+def by_saw(folder: Path) -> Classes:
+    seen = open_graph({"kitchen": []})
+    for word in WORDS:
+        seen.saw("kitchen", word)
+    return [name_class(obj.class_index) for obj in seen.graph.objects]
+
+
 DOORS = [
     *(by_map, by_detector, by_question, by_label_file, by_labels_in_a_graph, by_a_recording),
-    by_table,
+    *(by_table, by_saw),
 ]
 
 
@@ -133,27 +138,6 @@ DOORS = [
 def test_every_word_has_its_class_by_every_door(door: Any, tmp_path: Path) -> None:
     found = door(tmp_path)
     rows = zip(WORDS, found, EXPECTED, strict=True)
-    assert [row for row in rows if row[1] != row[2]] == []
-
-
-def by_saw(predictor: Predictor) -> Classes:
-    seen = open_graph({"kitchen": []}, model=predictor)
-    for word in WORDS:
-        seen.saw("kitchen", word)
-    return [name_class(obj.class_index) for obj in seen.graph.objects]
-
-
-def by_ros(predictor: Predictor) -> Classes:
-    robot = Robot(open_graph({"kitchen": []}, model=predictor))
-    for number, word in enumerate(WORDS):
-        said = {"room": "kitchen", "thing": word, "object": str(number)}
-        assert robot.answer("saw", said)["object"] == str(number)
-    return [name_class(obj.class_index) for obj in robot.seen.graph.objects]
-
-
-@pytest.mark.parametrize("door", [by_saw, by_ros], ids=lambda door: door.__name__)
-def test_every_word_that_is_reported_has_its_class(door: Any, predictor: Predictor) -> None:
-    rows = zip(WORDS, door(predictor), EXPECTED, strict=True)
     assert [row for row in rows if row[1] != row[2]] == []
 
 
@@ -182,44 +166,6 @@ def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
     plain = tell(describe_things(open_graph(HOME), [*FEW.values()], here=None)["things"])
     for door, things in ask_everywhere([*FEW]):
         assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
-
-
-def test_a_typo_is_mended_in_a_map_and_in_a_question_with_a_note(predictor: Predictor) -> None:
-    seen = open_graph({"bathroom": ["toilett"], "hall": []}, model=predictor)
-    assert seen.anywhere("toilet") == seen.anywhere("tiolet") == 1
-    assert any("'toilett' is 'toilet' (spelling)" in note for note in seen.notes)
-    assert "taken for 'toilet'" in seen.understand("tiolet").how
-
-
-@pytest.mark.skipif(not CASES.is_dir(), reason="../shared is not on this machine")
-def test_the_words_of_habitat_and_of_hydra(predictor: Predictor) -> None:
-    """The case 02-objectnav-tv-monitor."""
-    folder = CASES / "02-objectnav-tv-monitor"
-    seen = open_graph(folder / "map.json", model=predictor)
-    assert [place.room for place in seen.where("tv") if place.seen] == ["living room"]
-    assert seen.anywhere("tv_monitor") == seen.anywhere("tv") == 1
-    assert seen.where("tv_monitor") == seen.where("tv")
-    for labels in (None, "mpcat40", folder / "label_space.yaml"):
-        graph = open_graph(folder / "dsg_names_its_labels.json", labels=labels).graph
-        found = [
-            (name_class(obj.class_index), graph.rooms[obj.room_index - 1].name)
-            for obj in graph.objects
-        ]
-        assert found == [("tv", "R(0)"), ("lamp", "R(0)"), ("chair", "R(0)"), ("tv", "R(1)")]
-
-
-@pytest.mark.skipif(not CASES.is_dir(), reason="../shared is not on this machine")
-def test_the_words_of_ai2thor(predictor: Predictor) -> None:
-    """The case 03-thor-camel-case."""
-    folder = CASES / "03-thor-camel-case"
-    graph = open_graph(folder / "procthor.json", model=predictor).graph
-    assert [name_class(obj.class_index) for obj in graph.objects] == ["table", "table", "lamp"]
-    graph = open_graph(folder / "map.json", model=predictor).graph
-    assert [name_class(obj.class_index) for obj in graph.objects] == [
-        *("refrigerator", "table", "garbage bin", "couch", "table", "table", "lamp")
-    ]
-    done = CliRunner().invoke(belief, [str(folder / "procthor.json")])
-    assert "not in the class map" not in done.output
 
 
 def test_a_dataset_of_earlier_rules_is_sound(

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -32,18 +30,11 @@ from bsg_models.belief.negative_binomial import (
 
 MEANS = np.array([[0.5, 3.0, 0.0]])
 SPREAD = np.array([[0.7, 2.0, 5.0]])
-COUNTS = np.array([[1.0, 4.0, 0.0]])
 
 
-def test_negative_binomial_is_scipys() -> None:
-    distribution = negative_binomial(MEANS, SPREAD)
-    rate = np.maximum(MEANS, MIN_RATE)
-    expected = stats.nbinom.logpmf(COUNTS, SPREAD, SPREAD / (SPREAD + rate))
-    np.testing.assert_allclose(distribution.log_probability(COUNTS), expected)
-    reference = stats.nbinom(SPREAD, SPREAD / (SPREAD + MEANS))
-    np.testing.assert_allclose(distribution.presence, 1 - reference.pmf(0))
-    np.testing.assert_allclose(distribution.mean, reference.mean())
-    np.testing.assert_allclose(distribution.variance, reference.var())
+def test_what_is_not_expected_is_as_likely_as_by_the_least_rate() -> None:
+    found = poisson(np.zeros((1, 1))).log_probability(np.ones((1, 1)))
+    assert found[0, 0] == pytest.approx(stats.poisson.logpmf(1, MIN_RATE))
 
 
 def mixture() -> CountDistribution:
@@ -106,7 +97,7 @@ def probabilities(distribution: CountDistribution, most: int = 400) -> np.ndarra
     return np.stack(each)
 
 
-@pytest.mark.parametrize("number", [1, 2, 4])
+@pytest.mark.parametrize("number", [1, 3])
 def test_moments_of_tilted_counts_are_those_of_their_probabilities(number: int) -> None:
     distribution = tilted(number=number)
     p, counts = probabilities(distribution), np.arange(400.0)[:, None, None]
@@ -119,7 +110,7 @@ def test_moments_of_tilted_counts_are_those_of_their_probabilities(number: int) 
     assert (np.cumsum(p, axis=0) < 0.7 - 1e-12).sum(axis=0).tolist() == quantile.tolist()
 
 
-@pytest.mark.parametrize("mean", [500.0, 650.0, 5000.0])
+@pytest.mark.parametrize("mean", [650.0, 5000.0])
 def test_none_of_very_many_is_as_likely_as_its_tilt_says(mean: float) -> None:
     """A building of thousands of rooms whose presence is what its rooms say."""
     plain = poisson(np.array([[mean, 1.0]]))
@@ -188,7 +179,7 @@ def test_what_is_no_number_anywhere_is_found(part: str, value: float) -> None:
         assert not replace(sound, **{part: changed}).is_finite
 
 
-MOST = 250  # true counts that are summed over
+MOST = 120  # true counts that are summed over
 
 
 def sum_over_true_counts(true: CountDistribution, seen: np.ndarray, share: float) -> np.ndarray:
@@ -199,7 +190,7 @@ def sum_over_true_counts(true: CountDistribution, seen: np.ndarray, share: float
     return total
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12)
 @given(
     seed=st.integers(0, 2**32 - 1),
     tilts=st.integers(0, 3),
@@ -223,11 +214,6 @@ def test_a_share_of_what_is_there_is_seen(seed: int, tilts: int, parts: int, sha
         np.testing.assert_allclose(found[1, room], expected, atol=1e-5)
 
 
-RNG = np.random.default_rng(0)
-FOUND = RNG.poisson(2.0, 50)
-RATES, DISPERSIONS = RNG.gamma(2.0, 1.0, 50), RNG.gamma(2.0, 2.0, 50)
-
-
 def test_at_large_dispersions_it_becomes_a_poisson_without_a_step() -> None:
     counts = np.arange(60)
     poisson = stats.poisson.logpmf(counts, 12.5)
@@ -235,39 +221,6 @@ def test_at_large_dispersions_it_becomes_a_poisson_without_a_step() -> None:
     np.testing.assert_allclose(found, poisson, rtol=1e-11)
     below, above = (log_negative_binomial(counts, 12.5, r) for r in (0.999999e6, 1.000001e6))
     np.testing.assert_allclose(below, above, rtol=0, atol=1e-7)
-
-
-def test_the_posterior_is_what_simulation_finds() -> None:
-    """Of rates from Gamma(3, 2), with a quarter hidden, those that show two."""
-    rng = np.random.default_rng(1)
-    rates = rng.gamma(3.0, 1 / 2.0, 1_000_000)
-    hidden = rng.poisson(0.25 * rates)[rng.poisson(0.75 * rates) == 2]
-    mean, dispersion = hidden_posterior(3.0, 2.0, 2.0, 0.25)
-    assert (mean, dispersion) == (0.25 * 5 / 2.75, 5.0)
-    expected = np.exp(log_negative_binomial(np.arange(5), mean, dispersion))
-    shares = np.bincount(hidden, minlength=5)[:5] / len(hidden)
-    np.testing.assert_allclose(shares, expected, atol=0.004)
-
-
-def log_tilted(counts: Any, mean: Any, dispersion: Any, tilts: Any) -> Any:
-    """Return log P(counts) of a tilted negative binomial, of arrays or tensors."""
-    log_p = log_negative_binomial(counts, mean, dispersion)
-    log_p = log_p + sum(tilt * (counts == count) for count, tilt in enumerate(tilts))
-    return log_p - log_normaliser(tilts, mean, dispersion) if len(tilts) else log_p
-
-
-@pytest.mark.parametrize("number", [0, 1, 3])
-def test_arrays_and_tensors_have_one_law(number: int) -> None:
-    seen, share = RNG.poisson(1.0, 50).astype(float), RNG.random(50)
-    tilts = list(RNG.normal(0, 1, (number, 50)))
-    parts = (RATES, DISPERSIONS / RATES, seen, share)
-    arrays = hidden_posterior(*parts)
-    found = log_tilted(FOUND, *arrays, hidden_tilts(tilts, seen))
-    torches = [torch.from_numpy(part) for part in parts]
-    tensors = hidden_posterior(*torches)
-    left = hidden_tilts([torch.from_numpy(tilt) for tilt in tilts], torches[2])
-    same = log_tilted(torch.from_numpy(FOUND.astype(float)), *tensors, left)
-    np.testing.assert_allclose(same.numpy(), found, rtol=1e-11, atol=1e-12)
 
 
 def test_a_tilted_prior_is_closed_under_thinning() -> None:
@@ -283,7 +236,9 @@ def test_a_tilted_prior_is_closed_under_thinning() -> None:
         joint = prior * stats.binom.pmf(seen, counts, 1 - f)
         mean, r = hidden_posterior(a, b, seen, f)
         left = np.array(hidden_tilts(tilts, np.array(seen)))
-        hidden = np.exp(log_tilted(counts, mean, r, left))
+        tilted = sum(tilt * (counts == count) for count, tilt in enumerate(left))
+        log_hidden = log_negative_binomial(counts, mean, r) + tilted
+        hidden = np.exp(log_hidden - log_normaliser(left, mean, r))
         np.testing.assert_allclose(hidden[:50], joint[seen:][:50] / joint.sum())
         untilted = log_negative_binomial(seen, (1 - f) * a / b, a)
         gained = log_normaliser(left, mean, r) - log_normaliser(tilts, a / b, a)
@@ -303,7 +258,7 @@ def test_barely_above_one_object_the_series_is_exact() -> None:
     assert found == pytest.approx(mean, rel=1e-11, abs=0)
 
 
-@pytest.mark.parametrize("tilts", [0, 2, 3])
+@pytest.mark.parametrize("tilts", [0, 3])
 def test_a_look_that_misses_is_bayes_rule(tilts: int) -> None:
     """Against a sum over all counts; two looks count twice, and a sure one leaves nothing."""
     rng = np.random.default_rng(tilts)

@@ -24,14 +24,8 @@ from bsg_models.belief.formats import (
 from bsg_models.errors import BeliefFileError
 
 
-@pytest.mark.parametrize("name", ["b.json", "B.JSON"])
-def test_what_is_written_by_suffix_is_read_by_suffix(tmp_path: Path, name: str) -> None:
-    write_belief(make_belief(1), tmp_path / name)
-    assert read_belief(tmp_path / name) == make_belief(1)
-
-
 def test_the_longest_suffix_is_chosen_and_a_name_goes_before_it() -> None:
-    assert choose_format(Path("b.json")).name == "json"
+    assert choose_format(Path("B.JSON")).name == "json"
     assert choose_format(Path("b.dsg.json")).name == "spark-dsg"
     assert choose_format(Path("folder/b.html")).name == "html"
 
@@ -58,7 +52,7 @@ def test_a_graph_of_hydra_is_not_made_anew(tmp_path: Path) -> None:
     assert not any(tmp_path.iterdir())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), mode=st.sampled_from(["complete", "unseen"]))
 def test_decoding_inverts_encoding(seed: int, mode: str) -> None:
     belief = make_belief(seed, mode=mode)

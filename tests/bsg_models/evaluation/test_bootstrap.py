@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from bsg_data.arrays import Floats
 from bsg_models.evaluation.bootstrap import (
@@ -57,18 +56,6 @@ def test_what_is_not_known_is_left_out(rule: Rule) -> None:
         assert np.isnan([none.low, none.high]).all()
 
 
-def test_intervals_are_scipys() -> None:
-    """The two are of other random numbers, and agree within what these make them differ."""
-    values = np.random.default_rng(0).normal(3, 2, 60)
-    ours = bootstrap_mean(values, resamples=4000, seed=1).estimate("mean")
-    theirs = stats.bootstrap(
-        (values,), np.mean, method="percentile", n_resamples=4000, rng=np.random.default_rng(2)
-    ).confidence_interval
-    assert ours.value == pytest.approx(values.mean())
-    assert ours.low == pytest.approx(theirs.low, abs=0.05)
-    assert ours.high == pytest.approx(theirs.high, abs=0.05)
-
-
 def test_differences_and_ratios_are_paired() -> None:
     """Two models whose difference is the same in every building differ by it, for certain."""
     hard = np.array([1.0, 50.0, 7.0, 300.0])
@@ -103,20 +90,6 @@ def test_resamples_of_two_seeds_and_three_buildings_by_brute_force() -> None:
     low, high = np.quantile(every, [0.025, 0.975]) - np.mean(every) + 5.5
     interval = found.estimate("mean")
     assert (interval.low, interval.high) == pytest.approx((low, high), abs=0.1)
-
-
-def test_seeds_that_differ_widen_an_interval_and_equal_ones_leave_it() -> None:
-    """Two seeds at -1 and 1 around every building: the mean of two draws has the variance 1/2."""
-    values = np.random.default_rng(0).normal(3, 2, 60)
-    alone = bootstrap_mean(values, resamples=4000)
-    same = train_twice(np.stack([values, values]), resamples=4000)
-    np.testing.assert_allclose(same.resampled["mean"], alone.resampled["mean"])
-    apart = train_twice(np.stack([values - 1, values + 1]), resamples=4000)
-    more = apart.resampled["mean"].var() - alone.resampled["mean"].var()
-    assert more == pytest.approx(1 / 2, abs=0.03)
-    one = average_seeds([alone])  # one seed says what it said
-    assert one.point == alone.point
-    np.testing.assert_array_equal(one.resampled["mean"], alone.resampled["mean"])
 
 
 def test_differences_are_paired_by_seeds() -> None:

@@ -90,13 +90,6 @@ def test_files_of_a_folder_are_one_and_keep_their_row_numbers(tmp_path: Path) ->
         read_predictions(folder, most_rows=6)
 
 
-def test_an_empty_table_is_read_as_no_rows(tmp_path: Path) -> None:
-    path = tmp_path / "a.parquet"
-    empty: pd.DataFrame = rows()[:0]
-    pq.write_table(pa.Table.from_pandas(empty, schema=pa.Schema.from_pandas(rows())), path)
-    assert len(read_predictions(path, most_rows=2).rows) == 0
-
-
 def test_what_pandas_made_an_index_is_a_column(tmp_path: Path) -> None:
     path = tmp_path / "a.parquet"
     indexed: pd.DataFrame = rows().set_index(["scene_id", "draw", "node_index"])

@@ -61,13 +61,6 @@ def test_a_signed_error_has_no_verdict() -> None:
         _judge(measured(0.0), measured(1.0), "rooms/mean_error")
 
 
-def test_headlines_are_values_with_a_direction() -> None:
-    names = [name for group in HEADLINES.values() for name in group]
-    assert len(set(names)) == len(names)
-    assert set(names) <= set(list_values())
-    assert all(find_value(name)[0].less is not None for name in names)
-
-
 def test_runs_are_judged_beside_doubling_where_both_are_known() -> None:
     unvisited = dict.fromkeys(
         (name.replace("/", "__") for name in HEADLINES["unvisited rooms"]), float("nan")

@@ -9,14 +9,9 @@ from torch_geometric.loader import DataLoader
 
 from bsg_data.dataset.dataset import Dataset, read_cells, read_splits
 from bsg_data.dataset.histograms import to_histograms
-from bsg_data.dataset.splits import split_dataset
-from bsg_data.errors import DatasetError
 from bsg_data.observation.observation import stack
-from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
-from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import MaskedGraphs, read_split, to_graph
 from bsg_models.inputs.nodes import EdgeSet
 
@@ -57,11 +52,10 @@ def test_a_graph_by_hand() -> None:
     assert "y" not in to_graph(seen, edges=())
 
 
-@pytest.mark.parametrize("part", ["train", "val", "test"])
-def test_stored_graphs_are_the_stored_pairs(dataset: Path, part: str) -> None:
-    graphs = MaskedGraphs.stored(dataset, part)  # type: ignore[arg-type]
+def test_stored_graphs_are_the_stored_pairs(dataset: Path) -> None:
+    graphs = MaskedGraphs.stored(dataset, "train")
     cells = read_cells(dataset)
-    scenes = read_splits(dataset)[part]
+    scenes = read_splits(dataset)["train"]
     assert [(g.scene_id, g.draw) for g in graphs] == [(s, d) for s in scenes for d in range(4)]
     for graph in graphs:
         assert graph.y.numpy().tolist() == to_histograms(cells[graph.scene_id]).tolist()
@@ -71,7 +65,7 @@ def test_stored_graphs_are_the_stored_pairs(dataset: Path, part: str) -> None:
         assert graph.visited.all()
 
 
-@pytest.mark.parametrize("edges", [("up", "down"), ("complete",), ("down", "adjacent"), ()])
+@pytest.mark.parametrize("edges", [("up", "adjacent"), ("complete",)])
 def test_many_buildings_are_one_graph_as_pyg_batches_them(
     dataset: Path, edges: tuple[EdgeSet, ...]
 ) -> None:
@@ -83,20 +77,3 @@ def test_many_buildings_are_one_graph_as_pyg_batches_them(
     for name in (*seen_as, "floor_area", "labels", "building_kind", "source"):
         assert torch.equal(batch[name], whole[name]), name
     assert torch.equal(batch.withheld, whole.withheld)
-
-
-def test_the_pairs_of_a_fold_are_those_of_its_scenes(dataset: Path) -> None:
-    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=3), force=True)
-    write_pairs(dataset, PairsRecipe(draws=2))
-    data = Dataset.open(dataset)
-    for part in ("train", "val", "test"):
-        masked = read_split(data, part, fold=1)  # type: ignore[arg-type]
-        scenes = scenes_of(data, part, fold=1)  # type: ignore[arg-type]
-        assert masked.seen.scene_ids == tuple(s for s in scenes for _ in range(2))
-        assert masked.draws.tolist() == [0, 1] * len(scenes)
-
-
-def test_missing_pairs_are_refused(dataset: Path) -> None:
-    split_dataset(dataset, SplitRecipe(ratios=(0.5, 0.5, 0.0)), force=True)
-    with pytest.raises(DatasetError):
-        MaskedGraphs.stored(dataset, "train")

@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import beta, poisson
 
@@ -85,22 +83,6 @@ def test_a_predictor_averages_over_the_posterior() -> None:
     assert np.abs(PREDICTOR(graph).presence[KITCHEN] - told).max() > 0.1
 
 
-def test_more_that_is_seen_is_less_that_is_hidden() -> None:
-    graph = believe_kitchen(VAGUE)
-    full = replace(
-        graph,
-        objects=graph.objects
-        + tuple(
-            replace(obj, name=f"{obj.name} again")
-            for obj in graph.objects
-            if obj.room_index == KITCHEN
-        ),
-    )
-    empty = replace(graph, objects=tuple(obj for obj in graph.objects if obj.room_index != KITCHEN))
-    shares = [PREDICTOR.believe_shares(g)[1].mean for g in (full, graph, empty)]
-    assert shares[0] < shares[1] < shares[2]
-
-
 def test_withheld_classes_are_no_evidence() -> None:
     graph = believe_kitchen(VAGUE)
     everything = range(len(PREDICTOR.classes))
@@ -167,13 +149,6 @@ def believe_shares(*shares: ShareBelief) -> PartialGraph:
     return replace(OFFICE, rooms=rooms, hidden_share=float(np.mean([s.mean for s in shares])))
 
 
-def test_a_certain_graph_is_asked_once() -> None:
-    seen = OFFICE.observation()
-    levels, weights = spread_shares(OFFICE, seen)
-    assert levels is seen
-    assert weights.tolist() == [1]
-
-
 def test_levels_by_hand() -> None:
     """Uniform and certain rooms; Gauss and Legendre's two nodes lie at 1/2 ± 1/√12."""
     graph = believe_shares(ShareBelief(0.5, 12**-0.5), ShareBelief(0.2), ShareBelief(1.0))
@@ -186,18 +161,6 @@ def test_levels_by_hand() -> None:
     np.testing.assert_allclose(high[1:], [0.5 + step, 0.2, 1.0], rtol=1e-6)
     np.testing.assert_allclose(low[0], low[1:].mean(), rtol=1e-6)  # the building follows
     np.testing.assert_array_equal(levels.inputs[4:], graph.histograms())
-
-
-@settings(max_examples=50)
-@given(mean=st.floats(0.02, 0.98), part=st.floats(0.02, 0.9))
-def test_levels_have_the_moments_of_the_share(mean: float, part: float) -> None:
-    sd = part * (mean * (1 - mean)) ** 0.5
-    graph = believe_shares(ShareBelief(mean, sd), ShareBelief(0.2), ShareBelief(1.0))
-    levels, weights = spread_shares(graph, graph.observation(), levels=64)
-    shares = levels.hidden_share.reshape(64, 4)[:, 1].astype(float)
-    assert ((shares >= 0) & (shares <= 1)).all()
-    assert weights @ shares == pytest.approx(mean, abs=2e-3)
-    assert (weights @ (shares - mean) ** 2) ** 0.5 == pytest.approx(sd, abs=4e-3)
 
 
 @pytest.mark.parametrize("share", [ShareBelief(0.5, 12**-0.5), ShareBelief(0.3, 0.1)])

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
-from torch_geometric.data import HeteroData
-from torch_geometric.loader import DataLoader
 from torch_geometric.transforms import ToUndirected
 from whole_home import CLASSES, HOME
 
@@ -68,17 +64,6 @@ def test_a_building_by_hand() -> None:
     assert same(way_back.distance_m, [3.5, 3.5])
 
 
-@pytest.mark.parametrize("scene", [replace(HOME, rooms=(), objects=(), adjacency=()), HOME])
-def test_every_building_has_the_same_types_and_attributes(scene: object) -> None:
-    graph, whole = to_pyg(scene, classes=CLASSES), to_pyg(HOME, classes=CLASSES)  # type: ignore[arg-type]
-    assert graph.validate()
-    assert graph.metadata() == whole.metadata()
-    for kind in (*graph.node_types, *graph.edge_types):
-        assert list(graph[kind].keys()) == list(whole[kind].keys())
-        for name, values in graph[kind].items():
-            assert values.dtype == whole[kind][name].dtype, name
-
-
 def test_objects_are_those_of_the_histograms(dataset: Path) -> None:
     data = Dataset.open(dataset)
     classes = data.manifest.class_space.classes
@@ -91,17 +76,3 @@ def test_objects_are_those_of_the_histograms(dataset: Path) -> None:
         room, thing = graph["room", "contains", "object"].edge_index
         summed = torch.zeros_like(graph["room"].x).index_add(0, room, graph["object"].x[thing])
         assert torch.equal(summed, graph["room"].x), "a room has the objects that it leads to"
-
-
-def test_a_batch_holds_the_graphs_unchanged(dataset: Path) -> None:
-    classes = Dataset.open(dataset).manifest.class_space.classes
-    graphs = [to_pyg(scene, classes=classes) for scene in read_scene_graphs(dataset)]
-    (batch,) = DataLoader(graphs, batch_size=len(graphs))
-    assert batch.validate()
-    for kind in ("building", "room", "object"):
-        for name, values in graphs[0][kind].items():
-            parts = torch.cat([graph[kind][name] for graph in graphs])
-            assert torch.equal(batch[kind][name].nan_to_num(-999), parts.nan_to_num(-999)), name
-            assert len(values) == graphs[0][kind].num_nodes
-    assert batch.scene_id == [graph.scene_id for graph in graphs]
-    assert isinstance(batch[0], HeteroData)

@@ -128,22 +128,6 @@ def test_rooms_are_ranked_by_the_chance_of_the_class(browser: Any, crowd: Path) 
         assert f"{chance} for at least one unseen sink" in whole
 
 
-def test_a_room_of_the_ranking_is_opened_and_left_by_keyboard(browser: Any, crowd: Path) -> None:
-    with open_page(browser, crowd) as page:
-        page.select_option("#class", str(SINK))
-        row = page.locator(".rooms button").nth(2)
-        node, name = row.get_attribute("data-key"), row.locator(".what").inner_text()
-        row.focus()
-        assert page.locator(".room.hinted").first.get_attribute("data-node") == node
-        page.keyboard.press("Enter")
-        assert page.locator("aside h2").inner_text() == name
-        assert "Rank 3 of 48 rooms." in page.locator("aside p.answer").inner_text()
-        assert page.locator(".room.chosen").first.get_attribute("data-node") == node
-        page.keyboard.press("Enter")  # the way back has the focus
-        assert page.locator("aside h2").inner_text() == "crowd"
-        assert page.evaluate("document.activeElement.dataset.key") == node
-
-
 @pytest.mark.parametrize(
     ("drawing", "sought", "width"),
     [("plan", "", 1366), ("layers", "&class=sink&room=r7", 900), ("plan", "", 390)],
@@ -276,9 +260,6 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-PHONE = {"width": 390, "height": 844}
-
-
 def test_a_page_opens_with_its_answer(browser: Any, home: Path) -> None:
     with open_page(browser, home) as page:
         options = page.locator("#class option").all_inner_texts()
@@ -335,7 +316,7 @@ def test_the_way_is_drawn_from_the_robot(browser: Any, home: Path, drawing: str)
         assert page.locator("circle.robot").count() > 0, "the robot stays there"
 
 
-def test_objects_in_no_room_are_drawn(browser: Any, home: Path, tmp_path: Path) -> None:
+def test_objects_in_no_room_are_drawn(browser: Any, home: Path) -> None:
     for drawing, sought, count in (("plan", "", 2), ("layers", "", 2), ("plan", "sink", 1)):
         with open_page(browser, home, fragment=f"#drawing={drawing}&find={sought}") as page:
             dots = page.locator("circle.object[data-node='0']")
@@ -351,78 +332,6 @@ def test_objects_in_no_room_are_drawn(browser: Any, home: Path, tmp_path: Path) 
     with open_page(browser, home, fragment="#find=sink") as page:
         assert page.locator("circle.sought").count() == 2
         assert "1 seen: 7" in page.locator(".rooms li").first.inner_text()
-    belief = make_home()
-    answer = make_answer()
-    mug = answer["things"][0]
-    mug["places"].append({**mug["places"][0], "room": None, "seen": ["9"]})
-    write_explorer([ShownBelief(belief, answer=answer)], tmp_path / "page.html")
-    with open_page(browser, tmp_path / "page.html") as page:
-        assert page.locator("circle.sought").count() == 1, "a thing of no class is found, too"
-
-
-def test_an_answer_is_part_of_the_link(browser: Any, home: Path) -> None:
-    with open_page(browser, home) as page:
-        for value, name in (("-3", "sink (asked)"), ("-1", "all classes"), (str(SINK), "sink (")):
-            page.select_option("#class", value)
-            fragment = "#" + page.url.partition("#")[2]
-            with open_page(browser, home, fragment=fragment) as again:
-                assert again.locator("#class").input_value() == value
-                assert again.locator("#class option:checked").inner_text().startswith(name)
-
-
-def test_on_a_phone_the_ranking_comes_before_the_picture(
-    browser: Any, home: Path, crowd: Path
-) -> None:
-    for path in (home, crowd):
-        with open_page(browser, path, viewport=PHONE) as page:
-            picture = page.locator("svg.graph").bounding_box()
-            rows = page.locator(".rooms button")
-            for row in (rows.first, rows.last) if path == home else (rows.first,):
-                box = row.bounding_box()
-                assert box["y"] + box["height"] <= min(picture["y"], PHONE["height"])
-            assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
-
-
-@pytest.mark.parametrize("drawing", ["plan", "layers"])
-@pytest.mark.parametrize("size", [PHONE, {"width": 1366, "height": 768}])
-def test_no_number_is_dropped_while_a_smaller_one_stays(
-    browser: Any, home: Path, crowd: Path, drawing: str, size: dict[str, int]
-) -> None:
-    read = """all => all.map((one) => {
-      const number = one.querySelector(".number");
-      return number ? number.textContent : "";
-    })"""
-    chances = np.sort(np.round(make_crowd().presence[1:, SINK], 4))[::-1]
-    fragment = f"#drawing={drawing}"
-    with open_page(browser, crowd, fragment=fragment + "&class=sink", viewport=size) as page:
-        shown = sorted(filter(None, page.eval_on_selector_all(".name", read)))
-        assert len(shown) >= 10
-        assert shown == sorted(percent(chance) for chance in chances[: len(shown)])
-    with open_page(browser, home, fragment=fragment, viewport=size) as page:
-        shown = sorted(filter(None, page.eval_on_selector_all(".name", read)))
-        assert shown == ["64 %", "< 1 %", "< 1 %", "< 1 %"]
-
-
-def test_no_plate_lies_under_the_name_of_another_room(browser: Any, home: Path) -> None:
-    look = """all => all.flatMap((name) => {
-      const { left, right, top, bottom } = name.getBoundingClientRect(), found = [];
-      for (let x = left; x <= right; x += 2) for (const y of [top, (top + bottom) / 2, bottom])
-        for (const one of document.elementsFromPoint(x, y)) if (one.matches("polygon"))
-          found.push([name.textContent, one.parentElement.dataset.say]);
-      return found;
-    })"""
-    for width in (390, 1000, 1366):
-        size = {"width": width, "height": 768}
-        with open_page(browser, home, fragment="#drawing=layers&find=", viewport=size) as page:
-            page.locator("svg.graph").scroll_into_view_if_needed()
-            for name, plate in page.eval_on_selector_all("text.name:not(.thing)", look):
-                assert name == "robot" or plate.startswith(name.split(" ")[0][:4]), name
-
-
-def test_the_page_says_what_its_words_mean(browser: Any, home: Path) -> None:
-    with open_page(browser, home) as page:
-        told = page.locator("body").inner_text()
-        assert told.count("A class is") == told.count("A blind node is") == 1
 
 
 def test_an_answer_names_nodes_of_the_page() -> None:
@@ -466,15 +375,6 @@ def read_views(page: str) -> tuple[str, list[dict[str, Any]]]:
     (data,) = re.findall(r'id="beliefs">(.*?)</script>', page, re.DOTALL)
     found = json.loads(data)
     return found["left_out"], found["views"]
-
-
-def test_a_usual_building_is_shown_whole() -> None:
-    belief = make_belief(10)
-    left_out, (view,) = read_views(explorer_page([ShownBelief(belief)]))
-    assert (left_out, view["left_out"]) == ("", "")
-    assert [room["id"] for room in view["rooms"]] == [room.name for room in belief.partial.rooms]
-    assert len(view["objects"]) == len(belief.partial.objects)
-    assert len(view["blind"]) == len(belief.blind)
 
 
 def test_of_a_large_building_the_promising_rooms_are_shown_evenly() -> None:

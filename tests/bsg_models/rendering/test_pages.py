@@ -12,15 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from headless_browser import open_page, start_browser
 from hypothesis import given
 from hypothesis import strategies as st
 from random_beliefs import HOSTILE, make_belief
 
 from bsg_models.rendering.explorer import ShownBelief, explorer_page
 from bsg_models.rendering.pages import Table, encode_for_script, write_report
-
-SCRIPT = re.compile(r'<script type="application/json" id="beliefs">(.*?)</script>', re.DOTALL)
 
 
 @given(st.text() | st.sampled_from([HOSTILE, "a\u2028b", "<!--", "]]>", "&lt;"]))
@@ -113,22 +110,3 @@ def test_everything_is_there_as_text_and_in_order(report: Reader) -> None:
     assert attributes["img"]["alt"] == f'"{HOSTILE}'
     source = str(attributes["img"]["src"])
     assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == PNG
-
-
-@pytest.mark.heavy
-@pytest.mark.parametrize("width", [390, 1400])
-def test_the_first_table_is_seen_whole(width: int, tmp_path: Path) -> None:
-    """Of nine models, on a telephone and on a desk: nothing is cut or before it."""
-    models = [f"model-{k} (second run)" for k in range(9)]
-    rows = [[f"metric {k} ↓", *(f"0.{k}25 ±0.001" for _ in models)] for k in range(12)]
-    path = tmp_path / "page.html"
-    table = Table("In short", ["metric", *models], rows)
-    write_report(path, title="Of nine", facts=["Measured."], tables=[table], figures={})
-    view = {"width": width, "height": 800}
-    with start_browser() as browser, open_page(browser, path, viewport=view) as page:
-        top = "document.querySelector('table').getBoundingClientRect().top"
-        assert page.evaluate(top) < 250
-        ends = "[...document.querySelectorAll('td')].map(o => o.getBoundingClientRect().right)"
-        assert max(page.evaluate(ends)) <= width
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert page.get_by_text("0.325 ±0.001").count() == len(models)

@@ -47,19 +47,6 @@ def test_the_upper_storey_is_drawn_above_and_y_points_down() -> None:
     assert (turned.width, turned.height, turned.captions) == (4, 1, ())
 
 
-def test_a_name_begins_beside_the_rooms_that_lie_over_its_corner() -> None:
-    corner = ((-0.5, 1.0), (0.8, 1.0), (0.8, 2.0), (-0.5, 2.0))
-    beside = ((0.8, 0.0), (1.2, 0.0), (1.2, 2.0), (0.8, 2.0))
-    below = ((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5))
-    outlines = {"hall": SQUARE, "a": corner, "b": beside, "c": below}
-    plan = draw_plan([KnownOutline(i, *room, 0) for i, room in enumerate(outlines.items(), 1)])
-    hall = find(plan, 1)
-    assert [hall.left, hall.name_x] == [0.5, 1.7]  # right of a, then of b; c lies below
-    assert all(room.name_x == room.left for room in plan.rooms if room is not hall)
-    covered = draw_plan([KnownOutline(1, "x", SQUARE, 0), KnownOutline(2, "y", SQUARE, 0)])
-    assert {room.name_x for room in covered.rooms} == {0.0}
-
-
 @given(ROOMS)
 def test_every_room_is_drawn_once_inside_the_page_in_its_own_size(
     rooms: list[KnownOutline],

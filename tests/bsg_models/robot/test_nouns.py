@@ -150,12 +150,3 @@ def test_every_object_of_housekeep_is_understood(home: SeenBuilding) -> None:
     rows = (SHARED.parent / "housekeep" / "objects.csv").read_text("utf-8").splitlines()[1:]
     for row in rows:
         home.understand(row.partition(",")[0])
-
-
-def test_a_table_at_robocup_gets_sensible_first_rooms(home: SeenBuilding) -> None:
-    first = {
-        thing: home.where(thing)[0].room
-        for thing in ("banana", "milk", "bread", "butter", "ketchup", "shampoo", "toothpaste")
-    }
-    washed = {"shampoo", "toothpaste"}
-    assert first == {thing: "bathroom" if thing in washed else "kitchen" for thing in first}

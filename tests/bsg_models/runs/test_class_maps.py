@@ -8,7 +8,6 @@ import pytest
 from conftest import write_twelve
 
 from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
-from bsg_data.dataset.manifest import KEPT
 from bsg_data.extend import HM3DFolder
 from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import OwnMap, load_class_map
@@ -103,17 +102,3 @@ def test_a_map_into_other_classes_than_the_models_is_refused(run: Path) -> None:
         choose_class_map(PATH, header_of(run, other))
     with pytest.raises(CheckpointError, match="have different class spaces"):
         choose_class_map(PATH, header_of(run, other, STUHL))
-
-
-def test_no_training_takes_a_kept_map_that_was_changed(hm3d_folder: Path, tmp_path: Path) -> None:
-    path = tmp_path / "mine.csv"
-    path.write_bytes(STUHL.spellings)
-    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "own", class_map=str(path))
-    split_dataset(tmp_path / "own", SplitRecipe())
-    write_pairs(tmp_path / "own", PairsRecipe(draws=1))
-    (kept,) = (tmp_path / "own" / KEPT).glob("*/mine.csv")
-    kept.write_bytes(STUHL.spellings + b"Tisch,Tisch,table\n")
-    with pytest.raises(
-        Exception, match="differs from the class map that the dataset was built with"
-    ):
-        list(train_run(find_config("gamma-poisson"), tmp_path / "own", tmp_path / "run"))

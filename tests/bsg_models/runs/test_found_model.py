@@ -44,12 +44,9 @@ def test_a_shipped_name_comes_before_a_folder_and_a_path_before_both(
     [
         ("universla", "did you mean universal[?] shipped models are universal, other"),
         ("nothing-like-it", "no folder here and no shipped model has this name"),
-        ("./none", "no checkpoint there"),
         (Path("none"), "which `bsg-train` writes"),
-        ("none.safetensors", "no checkpoint there"),
         ("empty", "a folder with best.safetensors.*or model.safetensors.*shipped models are"),
         ("runs/mixture", "a folder nor a downloaded hub model; fetch .*download runs/mix"),
-        ("a/b/c", "no checkpoint there"),
         ("", "no model ''"),
     ],
 )
@@ -63,7 +60,7 @@ def test_what_is_not_there_is_said(
         find_model(model)
 
 
-@pytest.mark.parametrize("name", ["a" * 300, "b/" + "a" * 300, "\0"])
+@pytest.mark.parametrize("name", ["b/" + "a" * 300, "\0"])
 def test_a_name_that_no_file_system_takes_is_no_model(name: str) -> None:
     with pytest.raises(CheckpointError, match=r"no model|no checkpoint"):
         find_model(name)

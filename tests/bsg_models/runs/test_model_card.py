@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
-from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.model_card import (
     ModelCard,
     TrainedOn,
-    list_shipped,
     read_card,
-    summarise_model,
     write_card,
 )
 
@@ -101,35 +96,3 @@ def test_names_of_a_hostile_model_are_no_markup(run: Path) -> None:
 def test_what_is_no_card_is_refused(text: str) -> None:
     with pytest.raises(CheckpointError):
         read_card(text, origin="somewhere.md")
-
-
-@pytest.mark.usefixtures("shipped")
-def test_a_run_gets_a_card(run: Path) -> None:
-    summary = summarise_model(run)
-    assert summary.kind == "run"
-    assert "Ask whoever trained the model" in summary.card
-    with pytest.raises(CheckpointError):
-        summarise_model(Path("none"))
-
-
-def test_shipped_models_are_listed_in_their_order(shipped: Path) -> None:
-    first, second = list_shipped()
-    assert (first.name, second.name) == ("universal", "other")
-    assert first.data == "12 buildings of synthetic"
-    assert first.licence == "Apache-2.0"
-    assert first.sha256 == hash_file(shipped / "universal.safetensors")
-    assert (first.zoo_name, first.class_space, first.classes) == ("gamma-poisson", "hm3d45-v2", 45)
-    assert summarise_model("other") == second
-
-
-def test_the_command_lists_them_without_slow_imports() -> None:
-    slow = ("matplotlib", "pandas", "pyarrow", "scipy", "torch")
-    lines = (
-        "import sys\n"
-        f"for name in {slow}: sys.modules[name] = None\n"  # any import of them raises now
-        "from bsg_cli.models import main\n"
-        "main(['list'])\n"
-    )
-    done = subprocess.run([sys.executable, "-c", lines], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[1].startswith("universal ")

@@ -63,6 +63,8 @@ def test_a_shipped_model_answers_and_has_a_card(name: str) -> None:
 def test_a_shipped_model_is_found_by_its_name(shipped: Path) -> None:
     assert shipped_names() == ("universal", "other")
     assert find_shipped("other") == shipped / "other.safetensors"
+    assert name_run(shipped / "other.safetensors") == "other"
+    assert name_run(Path("other.safetensors")) == "other.safetensors", "of another folder"
     assert read_shipped_card("other") == (shipped / "other.md").read_text("utf-8")
     with pytest.raises(RecipeError, match="did you mean universal"):
         find_shipped("universla")
@@ -93,11 +95,6 @@ def test_a_build_without_models_says_so(tmp_path: Path, monkeypatch: pytest.Monk
     assert shipped_names() == ()
     with pytest.raises(CheckpointError, match="no models are shipped with this build"):
         Predictor()
-
-
-def test_a_run_is_named_by_its_path_and_a_shipped_model_by_its_name() -> None:
-    assert name_run(weights_folder() / "universal.safetensors") == "universal"
-    assert name_run(Path("universal.safetensors")) == "universal.safetensors"
 
 
 @pytest.mark.parametrize("name", sorted(PUBLISHED))

@@ -122,18 +122,6 @@ def test_beyond_a_number_of_rooms_one_order_is_nearly_the_best(
     assert excess.mean() < 0.02
 
 
-@pytest.mark.parametrize("exact", [2, 1])
-def test_of_two_classes_the_rare_one_decides_where_to_go_by_hand(exact: int) -> None:
-    """Either room may hold the first class, and only the far one is likely to hold the second."""
-    costs = np.array([[0.0, 3.0, 0.0], [3.0, 0.0, 0.0], [1.0, 2.0, 0.0]])  # 1 to the left, 2 right
-    miss = np.array([[0.5, 0.99], [0.5, 0.01]])
-    # Far first: 2 + 3 · (1 − (1 − 1/3) (1 − 0.0001)) = 3.0002; near first: 3.98.
-    # Of the first class alone, near first is better: 1 + 3 · 1/3 = 2 and not 2 + 3 · 1/3 = 3.
-    for classes, best in ((2, [1, 0]), (1, [0, 1])):
-        found = order_rooms(costs[None], miss[None, :, :classes], single=True, exact=exact)
-        assert found.tolist() == [best]
-
-
 def walk_through(costs: Floats, here: int, rooms: tuple[int, ...]) -> float:
     return float(sum(costs[a, b] for a, b in itertools.pairwise((here, *rooms))))
 

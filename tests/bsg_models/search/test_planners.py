@@ -12,7 +12,7 @@ from bsg_data.arrays import Ints
 from bsg_data.errors import RecipeError
 from bsg_models.search.catalogue import PLANNERS, Planner, find_planner
 from bsg_models.search.knowledge import Knowledge, find_ways
-from bsg_models.search.planners import ask_planner, next_room
+from bsg_models.search.planners import next_room
 from bsg_models.search.simulator import Episodes, Robot, search
 
 ROW = np.full((6, 6), np.inf)  # rooms 1 – 2 – 3 – 4 in a row, 5 out of reach
@@ -114,18 +114,3 @@ def test_a_planner_that_stays_where_it_is_does_not_search_for_ever() -> None:
         search(episodes, stays)
     outcome = search(episodes, goes)[0]
     assert (outcome.costs[0], outcome.entered[0]) == (7.0, 3)  # straight to 4, through 2 and 3
-
-
-def test_ties_go_to_the_lowest_index() -> None:
-    known = Knowledge(
-        task="single",
-        here=np.array([2]),
-        ways=find_ways(ROW[None]).costs,
-        rows=np.array([0]),
-        unexplored=np.array([[False, True, False, True, True, False]]),
-        wanted=np.ones((1, 1), dtype=bool),
-        presence=np.full((1, 6, 1), 0.5),
-        share=np.full((1, 6, 1), 0.5),
-    )
-    for name in ("nearest", "greedy-share", "greedy-belief", "ratio"):
-        assert ask_planner(PLANNERS[name], known).tolist() == [1]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import networkx
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
@@ -87,23 +85,6 @@ def test_a_mesh_knows_doors_stairs_and_boxes_and_a_robot_no_lengths(method: str)
     assert not measure_rooms(known, nodes=3, kind="layout").rooms.any()
     given = Connections.of_pairs([(1, 2)])
     assert not measure_rooms(given, nodes=3, kind="geometry").rooms.any()
-
-
-@st.composite
-def room_graphs(draw: st.DrawFn) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return edges `[3, N, N]` of graphs that may fall into parts."""
-    nodes = draw(st.integers(1, 9))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
-    edges = np.where(rng.random((3, nodes, nodes)) < draw(st.floats(0, 1)), 1.0, np.inf)
-    return edges * rng.uniform(0.1, 10, edges.shape)
-
-
-@given(room_graphs())
-def test_the_costs_in_one_graph_are_those_of_ways(
-    edges: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
-) -> None:
-    for one, costs in zip(edges, find_ways(edges).costs, strict=True):
-        np.testing.assert_allclose(find_costs(one), costs, rtol=1e-14)
 
 
 def test_the_first_wanted_room_on_the_way_by_hand() -> None:

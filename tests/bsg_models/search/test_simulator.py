@@ -85,16 +85,6 @@ def test_nearest_first_by_hand() -> None:
     assert everything.costs[0] == 1 + 1 + (1 + 1 + 2) + (2 + 1 + 1 + 5)  # 3, 4, back to 1, then 5
 
 
-def test_what_is_passed_through_is_entered() -> None:
-    row = in_a_row([1, 1, 1], [0, 0, 1, 0], start=1)
-    presence = np.array([0, 0, 0.1, 0.2, 0.9])[None, :, None]
-    steps: list[Step] = []
-    done = run_one(row, "greedy-belief", "single", beliefs=fix_beliefs(presence), steps=steps)
-    assert [int(step.target[0]) for step in steps] == [4, 4]
-    assert [int(step.entered[0]) for step in steps] == [2, 3]  # where it is found, on the way to 4
-    assert done.costs[0] == 2.0
-
-
 def test_several_classes_single_needs_one_of_each() -> None:
     row = in_a_row([1, 1, 1], [0, 0, 0, 0], start=1)
     instances = np.zeros((1, 5, 2), dtype=np.int64)
@@ -176,12 +166,6 @@ def test_a_robot_that_looks_passes_rooms_without_looking() -> None:
     at_once = replace(episodes, look=None)
     passed = run_one(at_once, "greedy-belief", "single", beliefs=fix_beliefs(presence))
     assert (passed.costs[0], passed.entered[0]) == (2, 1)  # room 2 has one, too
-
-
-def test_a_robot_may_have_to_look_where_it_starts() -> None:
-    episodes = replace(in_a_row([2, 3], [1, 0, 0], start=1), look=np.array([0, 5, 5, 5.0]))
-    ended = run_one(episodes, "nearest", "single")
-    assert (ended.costs[0], ended.entered[0]) == (5, 1)
 
 
 def test_a_look_that_misses_is_made_again_after_the_others() -> None:

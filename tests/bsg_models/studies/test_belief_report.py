@@ -11,7 +11,6 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, MismatchError, RecipeError
 from bsg_data.recipes import SplitRecipe
-from bsg_data.results import write_seal
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.belief.graph_file import open_graph_file
 from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
@@ -28,15 +27,6 @@ def test_files_are_refused_before_the_run_is_loaded(tmp_path: Path) -> None:
     (tmp_path / "b.json").write_text("")
     with pytest.raises(DatasetError):
         report_beliefs(BeliefRequest(run=tmp_path, graphs=(OFFICE,), out=(tmp_path / "b.json",)))
-
-
-def test_files_of_a_run_are_not_replaced(run: Path) -> None:
-    (run / "kept.json").write_text("measured")
-    write_seal(run, ["best.safetensors", "kept.json"])
-    asked = BeliefRequest(run=run, graphs=(OFFICE,), out=(run / "kept.json",), force=True)
-    with pytest.raises(DatasetError):
-        report_beliefs(asked)
-    assert (run / "kept.json").read_text() == "measured"
 
 
 @pytest.fixture

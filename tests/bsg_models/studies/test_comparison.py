@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from configurations import configure
 from conftest import commit_manifest
 from pydantic import ValidationError
 from refusals import refuses
@@ -34,7 +35,7 @@ from bsg_models.studies.evaluation_report import _encode_comparison, headline_ro
 from bsg_models.studies.stored_pairs import MeasuredPairs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import BASELINES
-from bsg_models.zoo.config import find_config, override, validate_config
+from bsg_models.zoo.config import find_config
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.settings import DataConfig
 
@@ -45,10 +46,7 @@ def compare(runs: Sequence[Path], dataset: Path, **options: Any) -> Comparison:
 
 def train(dataset: Path, run: Path, *settings: str) -> Path:
     small = ["model.width=8", "training.epochs=2", "training.batch_size=4", *settings]
-    config = validate_config(
-        override(find_config("ceci-gcn").model_dump(mode="json"), small), source="test"
-    )
-    list(train_run(config, dataset, run))
+    list(train_run(configure("ceci-gcn", *small), dataset, run))
     return run
 
 

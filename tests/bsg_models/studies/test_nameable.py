@@ -17,7 +17,6 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.merge import merge_datasets
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, stream_masked
-from bsg_data.observation.masked_graph import mask_dataset
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.sources.catalogue import open_source
@@ -92,12 +91,6 @@ def test_masks_and_stored_pairs_withhold_the_others(offices: Path) -> None:
     data = Dataset.open(offices)
     for masked in stream_masked(data, "train"):
         check_masked(masked, data.nameable("area_1"))
-
-
-def test_a_masked_graph_has_a_detector_of_what_can_be_named(merged: Path) -> None:
-    for graph, _ in mask_dataset(merged, {"area_1", "home1"}, MaskRecipe()):
-        known = None if graph.detector is None else tuple(word for word, _ in graph.detector)
-        assert known == (NAMED if graph.scene_id == "area_1" else None)
 
 
 def test_only_what_can_be_named_is_measured(merged: Path) -> None:

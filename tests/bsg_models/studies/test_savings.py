@@ -9,11 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
-from bsg_data.tables import format_text
 from bsg_models.evaluation.bootstrap import Estimate
-from bsg_models.search.catalogue import PLANNERS
 from bsg_models.studies.savings import (
     Saving,
     WorldResult,
@@ -67,26 +64,6 @@ def test_savings_by_hand() -> None:
     assert list(saving_of_buildings(by_hand(costs)).ratio) == pytest.approx([0.2, -0.5])
 
 
-def test_an_interval_is_scipys_percentile_bootstrap() -> None:
-    rng = np.random.default_rng(0)
-    costs = rng.uniform(5, 20, (40, 2)) * np.array([1.0, 0.8])
-    one = result_of(
-        {f"{i}": ([base], [ours]) for i, (base, ours) in enumerate(costs)}, resamples=4000
-    )
-    theirs = stats.bootstrap(
-        (costs[:, 0], costs[:, 1]),
-        lambda base, ours, axis: 1 - ours.sum(axis=axis) / base.sum(axis=axis),
-        paired=True,
-        method="percentile",
-        n_resamples=4000,
-        rng=np.random.default_rng(1),
-    ).confidence_interval
-    saved = one.savings["ratio"].saved
-    assert saved.low == pytest.approx(theirs.low, abs=0.01)
-    assert saved.high == pytest.approx(theirs.high, abs=0.01)
-    assert saved.nodes == one.searches == 40
-
-
 def estimate(value: float, low: float = NAN, high: float = NAN) -> Estimate:
     return Estimate(value, low, high, nodes=200)
 
@@ -100,30 +77,6 @@ def study(task: str, **changed: object) -> WorldResult:
     savings = {"nearest": saving(0, 0, 0), "ratio": saving(0.4321, 0.391, 0.466)}
     result = WorldResult("tree:1-10", task, 10, 200, 0.34, 0.12, savings)
     return replace(result, **changed)
-
-
-def test_a_world_by_hand() -> None:
-    (table,) = tabulate_savings([study("single"), study("all")])
-    assert table.caption.splitlines() == [
-        "tree:1-10: 200 searches of 10 buildings per task",
-        "the likeliest room holds one in 34% of searches, a random room in 12%",
-    ]
-    assert format_text(table.rows, header=table.header).splitlines() == [
-        "planner  single: saved, %  wins, %  all: saved, %    wins, %",
-        "nearest  0.0 (0 to 0)           75  0.0 (0 to 0)          75",
-        "ratio    43.2 (39 to 47)        75  43.2 (39 to 47)       75",
-    ]
-
-
-def test_a_table_fits_80_characters_with_every_planner_of_ours() -> None:
-    worst = {
-        "world": "complete:1.5-10.5",
-        "searches": 145_000,
-        "savings": dict.fromkeys(PLANNERS, saving(-1.2345, -2.001, -1.001)),
-    }
-    (table,) = tabulate_savings([study("single", **worst), study("all", **worst)])
-    lines = (table.caption + "\n" + format_text(table.rows, header=table.header)).splitlines()
-    assert max(map(len, lines)) <= 80
 
 
 def test_what_is_unknown_is_a_dash_or_left_out() -> None:

@@ -12,28 +12,12 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.recipes import SplitRecipe
-from bsg_data.scene.class_map import load_class_map
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.studies.search_request import (
-    ROOM_SPECIFIC,
     SearchRequest,
     choose_buildings,
     choose_default_run,
 )
-
-CLASSES = load_class_map().classes
-
-
-def test_a_request_names_what_is_searched(dataset: Path, run: Path) -> None:
-    assert set(ROOM_SPECIFIC) <= set(CLASSES)
-    named = SearchRequest.read(dataset, worlds=["star"], artifacts=["stove", "bed", "bed"])
-    assert named.artifacts == ("stove", "bed", "bed")
-    assert named.tasks == ("single", "all")
-    assert [world.name for world in named.worlds] == ["star:1-10"]
-    without = SearchRequest.read(dataset)
-    assert without.artifacts is None
-    assert without.planners == ("nearest", "routing", "oracle")
-    assert set(SearchRequest.read(dataset, runs=(run,)).planners) > set(without.planners)
 
 
 def test_the_default_model_is_taken_where_it_fits(

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from configurations import configure
 from torch.utils.data import DataLoader
 
 from bsg_data.dataset.dataset import Dataset
@@ -12,12 +13,6 @@ from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
 from bsg_models.training.buildings import TrainingBuildings, epoch_seed
-from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
-
-
-def configure(*settings: str) -> RunConfig:
-    tables = find_config("universal").model_dump(mode="json")
-    return validate_config(override(tables, settings), source="test")
 
 
 def names(masked: MaskedBuildings) -> list[tuple[str, int]]:
@@ -40,7 +35,7 @@ def same(one: MaskedBuildings, other: MaskedBuildings) -> bool:
 def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> None:
     data, vocabulary = Dataset.open(dataset), ("wall", "floor", "curtain")
     mask = 'data.mask={strategy="uniform"}' if masks == "fixed" else "data.withhold=0.0"
-    config = configure(f"data.masks={masks}", mask, "training.batch_size=4")
+    config = configure("universal", f"data.masks={masks}", mask, "training.batch_size=4")
     choice = config.data
     whole = (
         read_split(data, "train", vocabulary=vocabulary)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from configurations import configure
 from conftest import REPOSITORY
 from one_building import observe_building, surround_rooms
 
@@ -26,7 +27,6 @@ from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
-from bsg_models.zoo.config import find_config, override, validate_config
 from bsg_models.zoo.features import NetworkConfig
 
 pytest.importorskip("onnxscript", reason="the extra `onnx` is not installed")
@@ -69,8 +69,7 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
     from bsg_models.training.onnx_file import export_onnx
 
     small = ("model.width=8", "model.embedding=4", "training.epochs=4", "training.validate_every=2")
-    tables = override(find_config(name).model_dump(mode="json"), small)
-    list(train_run(validate_config(tables, source="test"), dataset, tmp_path / "run"))
+    list(train_run(configure(name, *small), dataset, tmp_path / "run"))
     path = tmp_path / "run" / BEST
     model = restore_model(path, load_checkpoint(path))
     beside = export_onnx(tmp_path / "run", tmp_path / "net.onnx")
@@ -92,17 +91,12 @@ def test_a_file_answers_as_its_network(name: str, dataset: Path, tmp_path: Path)
         np.testing.assert_allclose(presence, expectation.presence, atol=1e-5)
 
 
-def test_a_file_has_the_name_of_an_onnx_file(tmp_path: Path) -> None:
-    """Its metadata lie beside it as JSON, which would take its place."""
+def test_a_model_that_counts_is_not_exported_and_none_as_json(tmp_path: Path) -> None:
+    """Metadata lie beside the file as JSON."""
     from bsg_models.training.onnx_file import export_onnx
 
     with pytest.raises(RecipeError):
         export_onnx("universal", tmp_path / "net.json")
-
-
-def test_a_model_that_counts_is_not_exported(tmp_path: Path) -> None:
-    from bsg_models.training.onnx_file import export_onnx
-
     with pytest.raises(RecipeError, match="answer in Python"):
         export_onnx("mixture", tmp_path / "net.onnx")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from one_building import observe_building, surround_rooms
+from configurations import configure
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.errors import ConfigError
@@ -14,30 +14,13 @@ from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import member_config, train_run
-from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import Ensemble, make_model, reads_categories
 
 
-def configure(name: str, *settings: str) -> RunConfig:
-    return validate_config(
-        override(find_config(name).model_dump(mode="json"), settings), source="test"
-    )
-
-
 def mix(*members: str) -> RunConfig:
-    tables = find_config("ensemble").model_dump(mode="json")
     chosen = ", ".join(f'"{name}"' for name in members)
-    return validate_config(override(tables, [f"model.members=[{chosen}]"]), source="test")
-
-
-def test_an_ensemble_is_the_mean_of_its_members() -> None:
-    model = make_model(mix("mixture", "universal"), classes=3, vocabulary=("tap",))
-    assert isinstance(model, Ensemble)
-    around = surround_rooms([None] * 2, ["kitchen", None])
-    seen = observe_building([[0] * 3] * 3, vocabulary=("tap",), surroundings=around)
-    of_members = [member.predict(seen).presence for member in model.members.values()]
-    of_mixture = model.predict_hidden_counts(seen).presence
-    np.testing.assert_allclose(of_mixture[1:], np.mean(of_members, axis=0)[1:])
+    return configure("ensemble", f"model.members=[{chosen}]")
 
 
 @pytest.mark.parametrize("members", [("ensemble",), ("mixtrue",)])
@@ -61,12 +44,7 @@ def test_an_ensemble_reads_categories_if_a_member_does() -> None:
 
 def test_the_recipe_of_a_member_is_the_one_that_is_given() -> None:
     """A checkpoint holds the recipes of its members, so that the zoo's may change."""
-    narrow = validate_config(
-        override(
-            find_config("ceci-sage").model_dump(mode="json"), ["model.width=6", "data.edges=['up']"]
-        ),
-        source="test",
-    )
+    narrow = configure("ceci-sage", "model.width=6", "data.edges=['up']")
     model = make_model(mix("ceci-sage"), classes=3, members={"ceci-sage": narrow})
     assert isinstance(model, Ensemble)
     member = model.members["ceci-sage"]

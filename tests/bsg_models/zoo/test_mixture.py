@@ -38,9 +38,8 @@ def naive_posterior(model: Any, seen: list[float], f: float) -> np.ndarray:
     return np.array(weights) / sum(weights)
 
 
-@pytest.mark.parametrize("temper", [1.0, 0.5])
-def test_the_posterior_is_that_of_a_naive_loop(temper: float) -> None:
-    model = two_types(temper=temper)
+def test_the_posterior_is_that_of_a_naive_loop() -> None:
+    model = two_types(temper=0.5)
     seen, f = [2.0, 1.0], 0.375
     found = model.predict(observe_building([seen, seen], hidden_share=f))
     posterior = naive_posterior(model, seen, f)
@@ -160,21 +159,6 @@ def test_tilts_give_the_first_counts_their_shares() -> None:
     assert fitted.expected[0, 0] == pytest.approx(1.0, abs=0.1)
 
 
-def test_more_iterations_never_lose_likelihood() -> None:
-    rng = np.random.default_rng(1)
-    counts = rng.poisson(rng.gamma(0.7, 2.0, (300, 6)))
-
-    def likelihood(iterations: int) -> float:
-        fitted = fit_types(counts, types=4, iterations=iterations, seed=0)
-        log_types, means, r = fitted.log_types, fitted.means, fitted.dispersions
-        distribution = stats.nbinom.logpmf(counts[:, None], r, r / (r + means)).sum(axis=2)
-        prior = stats.norm.logpdf(np.log(r)).sum()  # what the fit maximises has it
-        return float(np.logaddexp.reduce(log_types + distribution, axis=1).sum() + prior)
-
-    values = [likelihood(iterations) for iterations in (2, 10, 40)]
-    assert values == sorted(values)
-
-
 def test_types_of_rooms_are_those_of_a_naive_sum() -> None:
     fitted = FittedTypes(
         log_types=np.log([0.7, 0.3]),
@@ -201,9 +185,9 @@ def test_planted_types_are_found_in_chunks_bytes_and_samples_too(
 ) -> None:
     rng = np.random.default_rng(0)
     means = np.array([[6.0, 0.1, 1.0], [0.1, 4.0, 1.0]])
-    kind = rng.choice(2, 3000, p=[0.6, 0.4])
+    kind = rng.choice(2, 1500, p=[0.6, 0.4])
     counts = rng.poisson(rng.gamma(2.0, means[kind] / 2.0))
-    fitted = fit_types(counts, types=2, iterations=60, seed=0)
+    fitted = fit_types(counts, types=2, iterations=30, seed=0)
     order = np.argsort(-fitted.means[:, 0])
     np.testing.assert_allclose(fitted.means[order], means, rtol=0.15, atol=0.05)
     np.testing.assert_allclose(np.exp(fitted.log_types[order]), [0.6, 0.4], atol=0.03)
@@ -211,9 +195,9 @@ def test_planted_types_are_found_in_chunks_bytes_and_samples_too(
     np.testing.assert_allclose(fitted.dispersions[order[0], 0], 2.0, rtol=0.25)
     with monkeypatch.context() as few:
         few.setattr(room_types, "_SAMPLE", 400)
-        quick = fit_types(counts, types=2, iterations=60, seed=0)
+        quick = fit_types(counts, types=2, iterations=30, seed=0)
     lost = fitted.log_probability(counts).mean() - quick.log_probability(counts).mean()
     assert lost < 1e-3  # of 5 nats a room
     monkeypatch.setattr(room_types, "_CHUNK", 7)
-    parts = fit_types(counts.astype(np.uint8), types=2, iterations=60, seed=0)
+    parts = fit_types(counts.astype(np.uint8), types=2, iterations=30, seed=0)
     np.testing.assert_allclose(parts.means, fitted.means, rtol=1e-7, atol=1e-9)

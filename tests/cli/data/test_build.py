@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
-import pytest
 from conftest import write_scene
 from data_commands import run
-
-from bsg_data.checks.dataset import check_dataset
 
 
 def test_losses_are_reported_in_one_table(hm3d_folder: Path, tmp_path: Path) -> None:
@@ -34,35 +26,6 @@ def test_a_long_name_is_cut_in_the_report(hm3d_folder: Path, tmp_path: Path) -> 
     write_scene(hm3d_folder, "00042-long0000000", text.encode())
     result = run("build", "--hm3d", hm3d_folder, "--out", tmp_path / "d", "--workers", "1")
     assert max(map(len, result.stdout.splitlines())) < 400
-
-
-@pytest.mark.heavy
-@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGKILL])
-def test_a_build_that_is_stopped_from_outside_resumes(tmp_path: Path, sign: int) -> None:
-    """Stop a real process once a shard is done; the same command ends with the same bytes."""
-    buildings = tmp_path / "buildings"
-    run("synth", "--out", buildings, "--scenes", "48")
-    run("build", "--hm3d", buildings, "--out", tmp_path / "whole", "--workers", "1")
-    words = ["build", "--hm3d", str(buildings), "--out", str(tmp_path / "out"), "--workers", "1"]
-    child = subprocess.Popen(
-        [sys.executable, "-c", "from bsg_cli.data import main; main()", *words],
-        stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-    )
-    while not list(tmp_path.glob("out.partial/.build/part-*.json")) and child.poll() is None:
-        time.sleep(0.005)
-    child.send_signal(sign)
-    _, errors = child.communicate(timeout=60)
-    if sign == signal.SIGINT and child.returncode != 0:  # it may have been done before the signal
-        assert child.returncode == 130
-        assert errors.endswith(b"interrupted\n")
-    if child.returncode != 0:
-        assert not (tmp_path / "out").exists()
-        run(*words)
-    for path in sorted((tmp_path / "whole").rglob("*.*")):
-        copy = tmp_path / "out" / path.relative_to(tmp_path / "whole")
-        assert copy.read_bytes() == path.read_bytes(), path.name
-    assert check_dataset(tmp_path / "out") == ()
 
 
 def test_a_source_takes_options_and_a_map_of_its_own(tmp_path: Path) -> None:
@@ -90,6 +53,7 @@ def test_words_for_rooms_are_reported_and_taught(tmp_path: Path) -> None:
     (tmp_path / "objects.csv").write_text(table, "utf-8")
     (tmp_path / "words.csv").write_text("source_label,label\nWohnzimmer,living room\n", "utf-8")
     words = ("build", "--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
+    words += ("--workers", "1")
     said = run(*words).stdout
     assert "kind of room not known" in said
     assert "--room-labels FILE" in said
@@ -104,12 +68,13 @@ def test_a_source_without_meshes_says_so(tmp_path: Path) -> None:
     assert "has no option 'meshes'" in run("build", *words, "--no-meshes", code=1).stderr
     run("synth", "--out", tmp_path / "made", "--scenes", "1")
     words = ("--source", "synthetic", tmp_path / "made", "--out", tmp_path / "d")
-    assert "1 scenes" in run("build", *words, "--no-meshes").stdout
+    assert "1 scenes" in run("build", *words, "--no-meshes", "--workers", "1").stdout
 
 
 def test_two_datasets_become_one(dataset: Path, tmp_path: Path) -> None:
     run("synth", "--out", tmp_path / "made", "--scenes", "4")
-    run("build", "--hm3d", tmp_path / "made", "--out", tmp_path / "synthetic")
+    made = ("--hm3d", tmp_path / "made", "--workers", "1")
+    run("build", *made, "--out", tmp_path / "synthetic")
     words = ("merge", dataset, tmp_path / "synthetic", "--out", tmp_path / "both")
     result = run(*words)
     assert "16 scenes" in result.stdout

@@ -14,6 +14,6 @@ def test_buildings_are_dealt_to_splits_of_the_working_folder(
     assert run("split", ".", "--force").stdout == (
         "train 10, val 1, test 1 buildings\nnext: bsg-data pairs .\n"
     )
-    run("pairs", ".", "--draws", "1")
+    run("pairs", ".", "--draws", "1", "--workers", "1")
     assert run("split", ".", "--folds", "3", "--force").stdout.startswith("fold-0 4, ")
     run("split", ".", "--official", "--folds", "3", code=2)

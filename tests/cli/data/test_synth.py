@@ -10,7 +10,3 @@ def test_buildings_that_are_there_need_force(tmp_path: Path) -> None:
     assert "--force" in run("synth", "--out", tmp_path / "b", "--scenes", "2", code=1).stderr
     run("synth", "--out", tmp_path / "b", "--scenes", "1", "--force")
     assert len(list((tmp_path / "b").rglob("*.semantic.txt"))) == 1
-
-
-def test_wrong_usage_is_exit_code_2(tmp_path: Path) -> None:
-    run("synth", "--out", tmp_path / "x", "--scenes", "0", code=2)

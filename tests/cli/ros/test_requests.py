@@ -121,40 +121,11 @@ def test_rooms_that_are_not_found_are_a_number_or_true(
     assert "explore" in [step["room"] for step in answer["plan"]]
 
 
-def test_looks_send_the_robot_elsewhere(robot: Robot) -> None:
-    """And a sighting brings it back."""
-    robot.hear("entered", "kitchen")
-    first = robot.hear("where", "microwave")
-    for _ in range(3):
-        assert robot.hear("looked", "microwave")["room"] == "kitchen"
-    then = robot.hear("where", "microwave")
-    assert (first["go_first"], then["go_first"]) == ("kitchen", "waiting-room")
-    assert then["things"][0]["anywhere"] < first["things"][0]["anywhere"]
-    robot.hear("saw", "microwave")
-    assert robot.hear("where", "microwave")["go_first"] == "kitchen"
-
-
 def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot: Robot) -> None:
     robot.hear("entered", "meeting-room")
     for here, unit in ((None, None), ("kitchen", "rooms")):
         answer = say(robot, "where", thing="cup", robots={"a": "kitchen"}, here=here)
         assert (answer["here"], answer["cost_unit"]) == (here, unit)
-
-
-def test_the_name_of_a_new_room_may_be_its_kind(robot: Robot) -> None:
-    """As in Python; a note says how it is read, or that nobody knows."""
-    names = ("bedroom_2", "second bath room", "kichen", "zzqx", "R7")
-    answers = [say(robot, "discovered", room=name).get("notes") for name in names]
-    kinds = ["bedroom", "bathroom", "kitchen", None, None]
-    assert [room.room_type for room in robot.seen.graph.rooms[-5:]] == kinds
-    assert answers == [
-        ["bedroom_2: read as the kinds that their names say"],
-        ["second bath room: read as the kinds that their names say"],
-        ["kinds of rooms read by a rule: 'kichen' is kitchen (misspelt)"],
-        ["zzqx: kind of room unknown; say `room_type`"],
-        None,
-    ]
-    assert "notes" not in say(robot, "describe", room="zzqx", label="B", room_type="hallway")
 
 
 def test_a_number_is_an_id(robot: Robot) -> None:
@@ -189,38 +160,25 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
         ("saw", "sofa", "room-unsaid"),
         ("saw", "", "request-malformed"),
         ("saw", '{"thing": "sofa", "room": "kitchen", "position": [0, 1]}', "request-malformed"),
-        ("saw", '{"thing": "sofa", "room": "kitchen", "object": 7.5}', "request-malformed"),
         ("saw", '{"thing": 7, "room": "kitchen"}', "request-malformed"),
         ("entered", "cellar", "room-unknown"),
         ("entered", '{"room": "kitchen", "floor_in_view": 1.5}', "request-malformed"),
         ("entered", '{"room": "kitchen", "floor_in_view": 1, "hidden_share": 0}', "share-twice"),
-        ("entered", '{"room": "kitchen", "floor": 1}', "request-malformed"),
         ("discovered", "kitchen", "room-known"),
         ("saw", '{"thing": "cup", "room": "kitchen", "score": 1.5}', "request-malformed"),
-        ("saw", '{"thing": "cup", "room": "kitchen", "age": 1, "stays": 0}', "request-malformed"),
         ("searched", '{"room": "kitchen", "found": ["chair", "toaster"]}', "object-unknown"),
-        ("searched", '{"room": "kitchen", "found": [[5]]}', "request-malformed"),
-        ("looked", "bottle", "room-unsaid"),
         ("looked", '{"thing": "bottle", "room": "kitchen", "chance": 2}', "request-malformed"),
         ("gone", "no-such", "object-unknown"),
         ("gone", '{"object": true}', "request-malformed"),
-        ("describe", '{"room": "cellar", "label": "C"}', "room-unknown"),
         ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
-        ("describe", '{"room": "kitchen", "room_type": {"bath": 2}}', "request-malformed"),
         ("more_rooms", "many", "request-malformed"),
-        ("more_rooms", "1001", "request-malformed"),
         ("more_rooms", '{"number": 1.5}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
         ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
         ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
-        ("where", '{"thing": "cup", "chance": 1.1}', "request-malformed"),
-        ("where", '{"thing": "cup", "task": "some"}', "request-malformed"),
         ("where", "zzqx", "thing-unknown"),
         ("where", '{"thing": []}', "request-malformed"),
-        ("where", "[3]", "request-malformed"),
-        ("where", '"sofa', "json-malformed"),
         ("where", '{"thing": "sofa", "thing": "bed"}', "json-malformed"),
-        ("where", '{"thing": NaN}', "json-malformed"),
         ("where", '{"thing": ' + "[" * 60_000, "json-malformed"),
         ("where", "x" * 65_537, "request-too-large"),
     ],
@@ -310,28 +268,6 @@ def test_detections_with_a_high_score_are_sightings(
     assert robot.answer("saw", said)["object"] == "d1"
     assert robot.answer("saw", lamp)["object"] == "saw 20"
     assert [obj.score for obj in robot.seen.graph.objects[-2:]] == [0.9, 1.0]
-
-
-@pytest.mark.parametrize("frame", ["map", "camera"])
-def test_thirty_detections_of_one_sofa_are_one_sofa(robot: Robot, frame: str) -> None:
-    """And one of another class, or in another room, is another thing."""
-    robot.hear("entered", "kitchen")
-    before = len(robot.seen.graph.objects)
-
-    def detect(word: str, at: float, score: float) -> str:
-        seen = detection("", (word, score))
-        seen.bbox.center.position.x = at
-        (said,) = read_detections(message(frame, seen), frame="map", min_score=0.5)
-        return str(robot.answer("saw", said)["object"])
-
-    ids = {detect("sofa", 3 + 0.01 * number, 0.6 + 0.01 * number) for number in range(30)}
-    assert len(ids) == 1
-    assert len(robot.seen.graph.objects) == before + 1
-    assert robot.seen.graph.objects[-1].score == pytest.approx(0.89), "the surest of them"
-    assert detect("stove", 3.0, 0.9) not in ids
-    assert (detect("sofa", 9.0, 0.9) in ids) == (frame == "camera")
-    robot.hear("entered", "meeting-room")
-    assert detect("sofa", 20.0, 0.9) not in ids
 
 
 def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,6 +48,7 @@ def test_a_question_that_takes_too_long_ends_with_its_process(
     anyio.run(run)
 
 
+@pytest.mark.heavy
 def test_a_service_whose_processes_do_not_start_says_so() -> None:
     late = "import bsg_cli.serve.processes as one; one.SECONDS_TO_LOAD = 0.001"
     line = f"{late}; from bsg_cli.serve import main; main()"

@@ -17,7 +17,7 @@ COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
 SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
 
 
-@pytest.fixture(params=["stdio", "http"])
+@pytest.fixture(params=[pytest.param("stdio", marks=pytest.mark.heavy), "http"])
 def server(request: pytest.FixtureRequest) -> Any:
     if request.param == "http":
         return request.getfixturevalue("address") + "/mcp"
@@ -40,20 +40,6 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             assert (place["room"], place["cost"]) == (best.room, best.cost)
             assert place["probability"] == pytest.approx(best.probability, abs=1e-6)
 
-            options = {"look": 2, "chance": 0.5, "task": "all"}
-            weighed = await client.call_tool("find_things", {**question, **options})
-            steps = seen.explain("microwave", here="hall", **options)
-            plan = weighed.structured_content["plan"]
-            assert [step["room"] for step in plan] == [step.room for step in steps]
-            assert [step["found"] for step in plan] == pytest.approx([s.found for s in steps])
-            team = {"map": SIMPLE, "things": "cup", "robots": {"a": "hall", "b": "kitchen"}}
-            sent = (await client.call_tool("find_things", team)).structured_content
-            assert sent["robots"] == seen.next_rooms(team["robots"], "cup")
-            assert sent["go_first"] is None
-
-            noun = await client.call_tool("find_things", {"map": SIMPLE, "things": "banana"})
-            assert noun.structured_content["things"][0]["class"] is None
-
             milk = {"map": {"kitchen": ["counter", "fridge"], "hall": []}, "thing": "milk"}
             go = await client.call_tool("next_place", {**milk, "here": "hall", "at": "", "look": 0})
             assert go.structured_content["piece"] == "fridge 1"
@@ -70,9 +56,6 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             assert "map: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
             for wrong in ({"chance": 2}, {"look": -1}, {"task": "some"}, {"robots": 3}):
                 assert (await client.call_tool("find_things", {**question, **wrong})).is_error
-            lost = {**question, "robots": {"a": "attic"}}
-            fault = await client.call_tool("find_things", lost)
-            assert "no room 'attic'" in fault.content[0].text
 
     anyio.run(ask)
 
