@@ -39,6 +39,13 @@ def add_rows(sums: Array, rows: Array, values: Array) -> Array:
     return sums
 
 
+def take_columns(values: npt.NDArray[Any], columns: npt.NDArray[np.integer]) -> npt.NDArray[Any]:
+    """Return some columns `[M, A]` of `[..., M, C]`, where either may be 1 for all."""
+    rows = np.arange(values.shape[-2])[:, None]
+    taken: npt.NDArray[Any] = values[..., rows, columns if values.shape[-1] > 1 else 0]
+    return taken
+
+
 def accumulate(combine: np.ufunc, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Combine each row with all before it, in place; NumPy's own way is slow for long rows."""
     if len(rows) and rows[0].size < _SHORT:

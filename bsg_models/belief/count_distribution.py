@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Counts, Floats
-from bsg_models.arrays import library_of
+from bsg_models.arrays import library_of, take_columns
 from bsg_models.belief.negative_binomial import (
     POISSON,
     TINY,
@@ -107,10 +107,8 @@ class CountDistribution:
     @property
     def is_finite(self) -> bool:
         """Whether all parameters, and what is computed from them, are finite (it may overflow)."""
-        parts = [self.weights, self.means, self.mean, self.presence]
-        if self.tilts is not None:
-            parts.append(self.tilts)
-        return bool((self.dispersions > 0).all()) and all(np.isfinite(one).all() for one in parts)
+        # A mean depends on all of them, but on dispersions with tilts only.
+        return bool((self.dispersions > 0).all() and np.isfinite(self.mean).all())
 
     @cached_property
     def presence(self) -> Floats:
@@ -196,11 +194,20 @@ class CountDistribution:
             count += 1
         return counts
 
-    def _each(self, choose: Callable[[Floats], Floats]) -> CountDistribution:
-        tilts = None if self.tilts is None else choose(self.tilts)
-        return CountDistribution(
-            choose(self.means), choose(self.dispersions), choose(self.weights), tilts
+    def _each(
+        self, choose: Callable[[Floats], Floats], *, weights: Floats | None = None
+    ) -> CountDistribution:
+        """Return what is chosen of every array, and of other weights than its own."""
+        chosen = CountDistribution(
+            choose(self.means),
+            choose(self.dispersions),
+            choose(self.weights if weights is None else weights),
+            None if self.tilts is None else choose(self.tilts),
         )
+        if "_gains" in vars(self):  # what was computed of the components is chosen alike
+            none, gains = choose(self._untilted_none), [choose(gain) for gain in self._gains]
+            vars(chosen).update(_untilted_none=none, _gains=gains)
+        return chosen
 
     def take(
         self, rows: npt.NDArray[np.integer], columns: npt.NDArray[np.integer] | None = None
@@ -211,13 +218,7 @@ class CountDistribution:
 
     def take_classes(self, columns: npt.NDArray[np.integer]) -> CountDistribution:
         """Return the distribution of some classes of every node, `columns` `[N, A]`."""
-
-        def choose(part: Floats) -> Floats:
-            whole = np.broadcast_to(part, (*part.shape[:-1], self.means.shape[2]))
-            shape = (*part.shape[:-1], columns.shape[1])
-            return np.take_along_axis(whole, np.broadcast_to(columns, shape), axis=-1)
-
-        return self._each(choose)
+        return self._each(lambda part: take_columns(part, columns))
 
     def recalibrated(self, calibration: Floats) -> CountDistribution:
         """Return it with untilted means e^shift · μ^slope and dispersions e^spread · r.
@@ -242,7 +243,11 @@ class CountDistribution:
             gain = xp.exp(self._log_none) * xp.expm1(log_factor)
             weights = weights * (1 + gain).clip(min=TINY)
             weights = weights / weights.sum(axis=0)
-        return replace(self, tilts=tilts, weights=weights)
+        after = replace(self, tilts=tilts, weights=weights)
+        none = self._untilted_none  # it stays, as all gains but the first do
+        first = tilt_gains(tilts[:1], self.means, self.dispersions, none=none)
+        vars(after).update(_untilted_none=none, _gains=first + self._gains[1:])
+        return after
 
     def miss(self, chance: Floats) -> Floats:
         """Return P(a look finds none), `[N, C]`, if it finds each object with a `chance` `[N, C]`.
@@ -343,14 +348,8 @@ def blend_copies(distribution: CountDistribution, weights: Floats) -> CountDistr
         apart = part.reshape(*part.shape[:-2], len(weights), -1, part.shape[-1])
         return apart.reshape(*part.shape[:-3], -1, *apart.shape[-2:])
 
-    each = (
-        distribution.weights
-        * np.repeat(weights, len(distribution.means[0]) // len(weights))[:, None]
-    )
-    tilts = None if distribution.tilts is None else fold(distribution.tilts)
-    return CountDistribution(
-        fold(distribution.means), fold(distribution.dispersions), fold(each), tilts
-    )
+    of_copy = np.repeat(weights, len(distribution.means[0]) // len(weights))[:, None]
+    return distribution._each(fold, weights=distribution.weights * of_copy)
 
 
 def concatenate(distributions: Sequence[CountDistribution]) -> CountDistribution:

@@ -150,7 +150,7 @@ class Neighbours(Arrays):
             first=seen.starts[:-1],
             is_building=seen.is_building,
             rooms=np.diff(seen.starts)[seen.building] - 1,
-            pairs=list_edges(seen, ("adjacent",) if adjacent else ()),
+            pairs=list_edges(seen, ("adjacent",)) if adjacent else np.zeros((2, 0), np.int64),
             edges=edges,
         )
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.observation import Observation
-from bsg_models.arrays import library_of
+from bsg_models.arrays import library_of, take_columns
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.zoo.building_tilt import (
@@ -66,17 +66,16 @@ class CalibratedModel(BeliefModel):
 
     def predict(self, seen: Observation) -> Expectation:
         """Return the calibrated expectation; a building hides what its rooms hide."""
-        share = seen.cell_share
-        whole = sum_rooms(self.calibrate(self.predict_hidden_counts(seen), share), seen)
+        share, factor = seen.cell_share, None
+        rooms = self.calibrate(self.predict_hidden_counts(seen), share)
         tilted = self._share_to_tilt(seen)
         if tilted.any():
-            is_room, first = ~seen.is_building, seen.starts[:-1]
-            tilts, factors = self._tilt(
-                whole.presence[is_room], seen.building[is_room], seen, tilted
+            is_room, factor = ~seen.is_building, np.empty(share.shape)
+            factor[seen.starts[:-1]], factor[is_room] = self._tilt(
+                rooms.presence[is_room], seen.building[is_room], seen, tilted
             )
-            factor = np.empty(share.shape)
-            factor[first], factor[is_room] = tilts, factors
-            whole = whole.with_none_likelier(np.where(share > 0, factor, 0.0))
+            factor = np.where(share > 0, factor, 0.0)
+        whole = sum_rooms(rooms, seen, log_factor=factor)
         return Expectation(seen.inputs.astype(np.float64), whole)
 
     def predict_rooms(
@@ -127,7 +126,7 @@ class CalibratedModel(BeliefModel):
         """
         none, known = log_none_of(presence), seen.inputs[seen.starts[:-1]] > 0
         if columns is not None:
-            known = np.take_along_axis(known, columns, axis=1)
+            known = take_columns(known, columns)
         log_none = sum_by_building(none, building, len(seen))
         line = self.building_calibration[:, :, None if columns is None else columns]
         tilts = tilt_buildings(log_none, known, line) * tilted
@@ -139,7 +138,7 @@ class CalibratedModel(BeliefModel):
         """Return the hidden counts of some rooms as if they were independent."""
         share = seen.cell_share[rows]
         if columns is not None:
-            share = np.take_along_axis(share, columns, axis=1)
+            share = take_columns(share, columns)
         return self.calibrate(self.learned_rooms(seen, rows, columns), share)
 
     def learned_rooms(

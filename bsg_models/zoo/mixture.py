@@ -41,6 +41,7 @@ from pydantic import Field
 from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
+from bsg_models.arrays import take_columns
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
     TINY,
@@ -153,8 +154,10 @@ class _RoomTypeMixture(CalibratedModel):
         r, prior = self.dispersions[:, None], self.tilts[:, :, None] if self.config.tilted else None
         told, share = own.seen, own.share
         if columns is not None:
-            r, means, told, share = (_take(part, columns) for part in (r, means, told, share))
-            prior = prior if prior is None else _take(prior, columns)
+            r, means, told, share = (
+                take_columns(part, columns) for part in (r, means, told, share)
+            )
+            prior = prior if prior is None else take_columns(prior, columns)
         hidden, dispersions = hidden_posterior(r, r / means, told, share)
         tilts = None if prior is None else np.stack(hidden_tilts(prior, told))
         return CountDistribution(hidden, np.broadcast_to(dispersions, hidden.shape), weights, tilts)
@@ -249,13 +252,6 @@ class _Rooms:
         number: dict[bytes, int] = {}
         every = np.array([number.setdefault(row.tobytes(), len(number)) for row in shown])
         return self.take(np.unique(every, return_index=True)[1]), every
-
-
-def _take(part: Floats, columns: Ints) -> Floats:
-    """Return some classes `[M, A]` of `[..., M, C]`, or of `[..., 1, C]`."""
-    shape = (*part.shape[:-2], *columns.shape)
-    whole = np.broadcast_to(part, (*shape[:-1], part.shape[-1]))
-    return np.take_along_axis(whole, np.broadcast_to(columns, shape), axis=-1)
 
 
 def read_rooms(

@@ -31,7 +31,7 @@ import numpy.typing as npt
 from bsg_data.arrays import Counts, Ints
 from bsg_data.errors import MismatchError
 from bsg_data.observation.observation import Observation
-from bsg_models.arrays import Array, doubles, library_of
+from bsg_models.arrays import Array, doubles, library_of, take_columns
 from bsg_models.belief.count_distribution import MIN_RATE, CountDistribution
 from bsg_models.belief.negative_binomial import hidden_posterior, hidden_tilts
 from bsg_models.inputs.folds import scenes_of
@@ -170,16 +170,22 @@ class CountNetwork(CalibratedModel):
         drop: NoDropout = NO_DROPOUT,
         *,
         rows: Any = slice(None),
+        columns: Ints | None = None,
     ) -> Posterior:
-        """Return the posterior of the hidden counts of N nodes, or some rows, and C classes."""
+        """Return the posterior of the hidden counts of N nodes and C classes.
+
+        Answers may ask for some rows `[M]` alone, and for some classes of each, `[M, A]`.
+        """
         nodes = self.features.forget(nodes, drop)
         features = self.features(weights, nodes, drop)
         encoded = self.encode(weights, features, nodes, drop, rows)
-        label_log_odds = None
+        cells = [nodes.x[rows], nodes.share[rows]]
         if self.labels is not None:  # a room that was seen says more than its label
             label_log_odds = self.labels(weights, nodes.evidence["labels"][rows])
-            label_log_odds = label_log_odds * nodes.hidden_share[rows][:, None]
-        return self.head(weights, encoded, nodes.x[rows], nodes.share[rows], label_log_odds, drop)
+            cells.append(label_log_odds * nodes.hidden_share[rows][:, None])
+        if columns is not None:
+            cells = [take_columns(one, columns) for one in cells]
+        return self.head(weights, encoded, *cells, drop=drop, columns=columns)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the distribution that the network gives."""
@@ -189,8 +195,8 @@ class CountNetwork(CalibratedModel):
         self, seen: Observation, rows: Ints, columns: Ints | None
     ) -> CountDistribution:
         """Return the uncalibrated hidden counts of some rooms."""
-        found = to_distribution(self.forward(self.weights, self.nodes_of(seen), rows=rows))
-        return found if columns is None else found.take_classes(columns)
+        nodes = self.nodes_of(seen)
+        return to_distribution(self.forward(self.weights, nodes, rows=rows, columns=columns))
 
 
 def to_distribution(posterior: Posterior) -> CountDistribution:
@@ -225,29 +231,33 @@ class PriorHead:
         encoded: Array,
         seen: Array,
         share: Array,
-        label_log_odds: Array | None,
+        label_log_odds: Array | None = None,
+        *,
         drop: NoDropout = NO_DROPOUT,
+        columns: Ints | None = None,
     ) -> Posterior:
         """Return the posterior of the hidden counts, given what was seen and the share hidden.
 
-        `label_log_odds` adds to the log odds of any; all are `[N, C]`.
+        `label_log_odds` adds to the log odds of any; all are `[N, C]`, or of some columns `[N, A]`.
         """
         xp = library_of(encoded)
 
         def read(name: str) -> Array:
             """Return what a layer says of each component, `[K, N, C]`, or `[J · K, N, C]`."""
             said = linear(weights, f"head.{name}", drop.channels(encoded, self.dropout))
-            return said.reshape(said.shape[0], -1, self.classes).swapaxes(0, 1)
+            every = said.reshape(said.shape[0], -1, self.classes).swapaxes(0, 1)
+            return every if columns is None else take_columns(every, columns)
 
         mean = xp.exp(read("mean").clip(-2 * _MOST, _MOST))
         shape = xp.exp(read("shape").clip(-_MOST, _MOST))
         log_weight = log_softmax(read("weight"), axis=0)
         hidden = hidden_posterior(shape, shape / mean, seen, share)
-        tilts = xp.zeros_like(mean)[None]
         if self.tilted:
             tilts = read("tilt").clip(-_MOST, _MOST).reshape(self.tilted, *mean.shape)
         elif label_log_odds is None:
             return Posterior(*hidden, log_weight, [])
+        else:
+            tilts = xp.zeros_like(mean)[None]
         if label_log_odds is not None:
             tilts = xp.concatenate([tilts[:1] - label_log_odds, tilts[1:]])
         return Posterior(*hidden, log_weight, hidden_tilts(tilts, seen))

@@ -10,11 +10,13 @@ from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import POISSON
 
 _LEAST = 1e-9  # a smaller presence, or mean, counts as none
-_CLOSE = 1e-13  # relative size of the last step
+_CLOSE = 1e-7  # relative size of the last step; it leaves an error of its square
 _STEPS = 40  # of Newton's method; ten suffice unless the mean is that of one object
 
 
-def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistribution:
+def sum_rooms(
+    distribution: CountDistribution, seen: Observation, *, log_factor: Floats | None = None
+) -> CountDistribution:
     """Let every building hide what its rooms hide.
 
     The rows of the buildings become one negative binomial with the mean of a sum of independent
@@ -22,35 +24,38 @@ def sum_rooms(distribution: CountDistribution, seen: Observation) -> CountDistri
     likely has one. Its variance is that of the sum if rooms are alike, and else another. A building
     without rooms hides f / (1 − f) of what was seen of it. Objects of the null region, which are in
     no room, count as all seen; HM3D's public scenes have none with a class.
+
+    `log_factor` `[N, C]` is then added to the log odds of none, of rooms and of buildings.
     """
     inputs = seen.inputs
     is_room, first = ~seen.is_building[:, None], seen.starts[:-1]
-    sums = np.stack(
-        [
-            np.add.reduceat(values * is_room, first)
-            for values in (distribution.mean, distribution.variance)
-        ]
+    none = np.log1p(-distribution.presence.clip(max=1 - 1e-12))
+    mean, variance, log_none = (
+        np.add.reduceat(values * is_room, first)
+        for values in (distribution.mean, distribution.variance, none)
     )
     alone = np.diff(seen.starts) == 1
-    share = seen.hidden_share.astype(np.float64)[first][alone, None]
-    sums[:, alone] = inputs[first][alone] * share / np.maximum(1 - share, 1e-6)
-    mean, excess = sums[0], sums[1] - sums[0]  # excess of the variance over a Poisson's
+    if alone.any():
+        share = seen.hidden_share.astype(np.float64)[first][alone, None]
+        mean[alone] = variance[alone] = inputs[first][alone] * share / np.maximum(1 - share, 1e-6)
+        log_none[alone] = 0.0
+    excess = variance - mean  # of the variance over a Poisson's
     dispersion = np.divide(
         mean**2, excess, out=np.full_like(mean, POISSON), where=excess > 1e-9 * np.maximum(mean, 1)
     )
+    tilt, some = np.zeros_like(mean), -np.expm1(log_none) > _LEAST
+    mean[some], tilt[some] = _tilt_none(mean[some], dispersion[some], log_none[some])
+    if log_factor is not None:
+        distribution = distribution.with_none_likelier(log_factor)
+        tilt += log_factor[first]
     means, dispersions = distribution.means.copy(), distribution.dispersions.copy()
-    means[:, first], dispersions[:, first] = mean, dispersion
     tilts = np.zeros((1, *means.shape)) if distribution.tilts is None else distribution.tilts.copy()
-    none = np.log1p(-distribution.presence.clip(max=1 - 1e-12))
-    log_none = np.add.reduceat(none * is_room, first)
-    log_none[alone] = 0.0
-    means[:, first], tilts[:, :, first] = mean, 0.0
-    some = -np.expm1(log_none) > _LEAST
-    base, tilt = _tilt_none(mean[some], dispersion[some], log_none[some])
-    for place, value in ((means, base), (tilts[0], tilt)):
-        rows = place[:, first]
-        rows[:, some] = value
-        place[:, first] = rows
+    means[:, first], dispersions[:, first], tilts[1:, :, first], tilts[0][:, first] = (
+        mean,
+        dispersion,
+        0.0,
+        tilt,
+    )
     weights = distribution.weights
     if weights.shape[2] > 1:  # the components of a building are equal, whatever their weights
         weights = weights.copy()
