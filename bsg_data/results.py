@@ -523,12 +523,6 @@ def list_committed(folder: Path) -> set[str]:
     return {name for name in names if _is_ours(folder / name, staged, name)}
 
 
-def commit_staged(folder: Path, *, leaving: Collection[str] = ()) -> None:
-    """Move all files of `UNFINISHED` into the folder, the seal last, and remove others."""
-    _note_staged(folder)
-    _move_staged(folder, leaving)
-
-
 def _note_staged(folder: Path) -> None:
     """Flush all files of `UNFINISHED`, and say there that they and those of the seal are ours."""
     staged = folder / UNFINISHED
@@ -554,14 +548,6 @@ def _move_staged(folder: Path, leaving: Collection[str]) -> None:
         (staged / name).replace(folder / name)
     for parent in {(folder / name).parent for name in names}:
         flush_folder(parent)
-
-
-def remove_unfinished(folder: Path) -> None:
-    """Remove what a command left unfinished; a link there leads to nothing of ours."""
-    staged = folder / UNFINISHED
-    _refuse_link(staged)
-    if staged.exists():
-        shutil.rmtree(staged)
 
 
 def refuse_datasets(path: Path) -> None:

@@ -14,6 +14,7 @@ from bsg_cli.choices import MODELS, complete_names_or_files, load_config
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
+from bsg_data.files import resolve_links
 from bsg_data.results import name_staged
 
 if TYPE_CHECKING:
@@ -83,8 +84,8 @@ def main(
         with _bar(config) as draw:
             train_run(config, dataset, out, force=force, progress=draw)
     except KeyboardInterrupt:
-        if name_staged(out).is_dir():
-            print_note(f"{name_staged(out)}: the same command goes on with this training")
+        if (partial := name_staged(resolve_links(out))).is_dir():
+            print_note(f"{partial}: the same command goes on with this training")
         raise
     print_run(summarise_run(out))
     print_text(f"next: bsg-evaluate {dataset} --model {out}")

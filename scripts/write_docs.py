@@ -37,8 +37,8 @@ DEMO = "docs/assets/demo.html"  # the explorer of docs/home.json
 COMPARED = {  # model of the README's table → what it is
     "universal": "the kind that is shipped",
     "mixture": "room types, trains in seconds",
-    "prior-table": "common sense written down",
-    "cooccurrence": "which classes go together",
+    "prior-table": "a rival: common sense written down",
+    "cooccurrence": "a rival: which classes go together",
     "doubled": "twice what was seen",
     "ceci-gcn-600": "the paper's network",
 }

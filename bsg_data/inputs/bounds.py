@@ -86,5 +86,5 @@ CONFIG = 64 * KIB  # TOML
 MAX_TOML_LINE = 4_096  # characters; the parser takes the square of the parts of a key
 CHECKPOINT, CHECKPOINT_HEADER = 4 * GIB, 16 * MIB  # safetensors
 RESULTS = 256 * MIB  # of an evaluation or a search, JSON
-RUN_RECORD = 16 * MIB  # log, metrics, seconds and figures of a run
+RUN_RECORD = 16 * MIB  # `training.json`
 CARD = MIB  # of a model, Markdown with YAML

@@ -43,7 +43,7 @@ def mask_scene(
 
 
 def mask_dataset(
-    dataset: AnyPath, scenes: Collection[str], recipe: MaskRecipe, *, draw: int = 0
+    dataset: AnyPath, scenes: Collection[str], recipe: MaskRecipe
 ) -> Iterator[tuple[PartialGraph, Counts]]:
     """Yield the partial graphs of some masked scenes with their true histograms `[N, C]`.
 
@@ -54,7 +54,7 @@ def mask_dataset(
     for graph in data.read_graphs():
         if graph.scene_id in scenes:
             nameable = data.nameable(graph.scene_id)
-            yield _mask(graph, recipe, draw=draw, class_space=space, nameable=nameable)
+            yield _mask(graph, recipe, draw=0, class_space=space, nameable=nameable)
 
 
 def list_withheld(recipe: MaskRecipe, graph: PartialGraph, *, draw: int = 0) -> tuple[int, ...]:

@@ -356,10 +356,11 @@ def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
     """Return the graph with the classes that another class map gives its objects."""
     found = [classify_seen(obj.raw_category, class_map) for obj in graph.objects]
     words = graph.detector
+    known = tuple([(word, classify_seen(word, class_map).class_index) for word, _ in words or ()])
     return replace(
         graph,
         class_space=class_map.space,
-        detector=words and tuple((word, class_map.classify(word).class_index) for word, _ in words),
+        detector=words and known,
         objects=tuple(
             replace(obj, category=one.category, class_index=one.class_index)
             for obj, one in zip(graph.objects, found, strict=True)

@@ -32,6 +32,8 @@ from bsg_models.search.planners import next_room_by
 from bsg_models.search.teams import send_team
 
 _FAR = 1e9  # cost of a way that is closed to one of several robots
+_LATER = 1e6  # cost of another look by the robot that has just looked there
+_PLANS = 8  # that are made in turn: only the first room binds
 _NOTHING = 1e-12  # a smaller probability is rounding
 _LEAST_REACHED = 0.1  # share of P(a look anywhere finds a thing)
 
@@ -165,18 +167,20 @@ def choose_likeliest(decision: Decision) -> int | None:
 def order_rooms(decision: Decision, ways: Ways, look: Floats, *, here: int) -> list[int]:
     """Return the nodes in the order in which a robot looks into them; see `choose_room`.
 
-    A room that waits for others comes as soon as the rule of `leave_out` lets it.
+    Whenever other rooms have to wait, the rest is ordered anew, `_PLANS` times at most.
     """
     costs, single = ways.costs + _look(decision, look), decision.task == "single"
-    left, order = decision.rooms, list[int]()
+    left, order, plans = decision.rooms, list[int](), 0
     free = decision.candidates(here)
-    while free.any():
+    while left.any():
+        plans += 1
+        free = free if plans <= _PLANS else left.copy()
         at = order[-1] if order else here
         for node in order_search(costs, at, free, decision.finds, single=single).tolist():
             order.append(node)
             left[node] = free[node] = False
             now = decision.candidates(among=left)
-            if (now & ~free).any():
+            if plans <= _PLANS and (now != free).any():
                 free = now
                 break
     return order
@@ -191,7 +195,7 @@ def choose_rooms(
     rooms, single = decision.candidates(*here), decision.task == "single"
     costs = np.minimum(ways.costs, _FAR) + _look(decision, look)
     # Who has just looked there leaves it to another.
-    costs += np.diag(np.where(decision.just_looked(*here), _FAR, 0.0))
+    costs += np.diag(np.where(decision.just_looked(*here), _LATER, 0.0))
     chosen = send_team(costs, np.array(here), rooms, decision.finds, single=single)
     named = zip(here, chosen.tolist(), strict=True)
     return [node if node >= 0 and np.isfinite(ways.costs[at, node]) else None for at, node in named]

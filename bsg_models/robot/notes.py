@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from bsg_data.dataset.manifest import describe_unmapped, list_resolved
+from bsg_data.dataset.manifest import describe_unmapped
 from bsg_data.observation.hidden_share import VAGUE
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import list_unmapped, note_room_types
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
+from bsg_data.scene.things import classify_seen
 from bsg_data.spelling import SHOWN
 from bsg_models.robot.ways import list_lost
 from bsg_models.robot.words import find_everyday, find_kind
@@ -69,10 +70,13 @@ def _note_names(graph: PartialGraph, class_map: ClassMap) -> Iterator[str]:
     if kinds:
         yield f"words that name no thing, ignored: {_list(kinds)}"
     seen = Counter(obj.raw_category for obj in graph.objects)
-    made = [f"{r.name!r} is {r.category!r} ({r.rule})" for r in list_resolved(seen, class_map)]
+    often = sorted(seen, key=lambda name: (-seen[name], name))
+    read = {name: classify_seen(name, class_map) for name in often}
+    made = [f"{n!r} is {r.category!r} ({r.rule})" for n, r in read.items() if r.rule and r.category]
     if made:
         yield f"read by a rule: {_list(made)}"
-    words = [word for word, _ in graph.detector or () if class_map.classify(word).category is None]
+    spoken = (word for word, _ in graph.detector or ())
+    words = [word for word in spoken if classify_seen(word, class_map).category is None]
     if words:
         yield f"words of the detector that are not in the class map: {_list(words)}"
 

@@ -365,7 +365,8 @@ class SeenBuilding(ToldBuilding):
             task: `single` or `all`.
 
         Returns:
-            Name → id of a room, `explore`, or None if fewer rooms than robots are left.
+            Name → id of a room, `explore`, or None if fewer rooms than robots are left; the room
+            where a robot has just looked is left to another.
         """
         require_task(task)
         if not robots:

@@ -1,1 +1,1 @@
-"""Train networks: masked buildings per epoch, optimisers, processes, learning curves."""
+"""Train networks: masked buildings per epoch, optimisers, checkpoints."""

@@ -25,9 +25,10 @@ from bsg_data.files import AnyPath, noting_failures, refuse_links, resolve_links
 from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stack_masked
 from bsg_data.results import name_staged, write_results
 from bsg_models.belief.count_distribution import concatenate
+from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of, vocabulary_of
 from bsg_models.rendering.figures import plot_learning_curve
-from bsg_models.runs.checkpoint import save_model
+from bsg_models.runs.checkpoint import read_header, save_model
 from bsg_models.runs.run_folder import (
     BEST,
     CONFIG,
@@ -70,21 +71,22 @@ def train_run(
         dataset: folder of a split dataset with pairs.
         run: folder for `best.safetensors`, `config.toml`, `training.json`, and for networks
             `metrics.csv` and `curve.png`.
-        force: replace a finished run, which stays until the new one is whole.
+        force: replace a finished run, which stays until the new one is whole, and what a stopped
+            training of other settings left.
         progress: is told of every epoch.
 
     Returns:
         One report per epoch; none for a model that is fitted by counting.
 
     Raises:
-        TrainingError: if the loss is not finite.
+        TrainingError: if the loss is not finite, or a stopped training of other settings is there.
         DatasetError: if the dataset lacks a split or its pairs, or a run is in the way.
     """
     data, run, began = Dataset.open(Path(dataset)), resolve_links(Path(run)), time.perf_counter()
     partial = name_staged(run)
     refuse_links(run.parent, partial)
     with write_results(run, report=BEST, force=force) as staged:
-        trained = _Training(data, partial, progress or (lambda _: None)).train(config)
+        trained = _Training(data, partial, progress or (lambda _: None), force).train(config)
         save_model(trained.model, config, data, staged / BEST, **trained.fields)
         write_bytes(staged / CONFIG, write_toml(config).encode())
         notes = list(trained.model.notes)
@@ -113,6 +115,7 @@ class _Training:
     data: Dataset
     partial: Path  # folder of what a stopped training goes on from
     progress: Progress
+    force: bool  # whether it may replace what another training left
 
     def train(self, config: RunConfig, *, name: str = "network") -> _Trained:
         """Train a model; `name` is its own in the folder of unfinished trainings."""
@@ -125,6 +128,8 @@ class _Training:
                 model.fit(self.data, config.data)
             else:
                 unfinished = self.partial / f"{name}.safetensors"
+                if not self.force:
+                    _refuse_other(unfinished, config, self.data)
                 best, reports = train_network(
                     network, config, self.data, unfinished=unfinished, progress=self.progress
                 )
@@ -139,6 +144,17 @@ class _Training:
         for number, (name, own) in enumerate(configs.items()):
             model.members[name] = self.train(own, name=f"member-{number}").model
         return configs
+
+
+def _refuse_other(unfinished: Path, config: RunConfig, data: Dataset) -> None:
+    """Refuse to write over what a stopped training of other settings or data left."""
+    if unfinished.exists() and not read_header(unfinished).is_of(config, data):
+        raise TrainingError(
+            f"{unfinished.parent}: a stopped training of other settings or another dataset can go "
+            "on from here; choose another --out, or give it up by --force",
+            code="training-other",
+            where=unfinished.parent,
+        )
 
 
 def _describe_best(reports: Sequence[EpochReport]) -> dict[str, Any]:

@@ -86,8 +86,7 @@ class NodeFeatures:
 
     - `mask`: the share that the node hides, as log-odds, and whether it was visited; without them
       an empty node looks like one that nobody looked into.
-    - `withheld`: whether each class is withheld, so that its absence is no evidence; see
-      `bsg_data.observation.search_moment`.
+    - `withheld`: whether each class is withheld, so that its absence is no evidence.
     - `categories`: an embedding of the set of visible categories outside the classes, of the node
       and averaged over the other visited rooms; training drops single categories at random.
     - `building`: log(1 + count) of the building, the share of the other visited rooms in which each

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.arrays import Floats
@@ -257,3 +259,50 @@ def test_behind_a_closed_door_nothing_is_sought_as_long_as_something_else_is_lef
         task="single",
     )
     assert choose_room(known.decision, ways, known.look, here=1, planner="expected-cost") == 1
+
+
+def decide(finds: list[float], looks: list[int], *, last: int | None = None) -> Decision:
+    """Return a decision about one thing in rooms 1..R, in which so many looks have missed."""
+    nodes = len(finds) + 1
+    missed, again = np.ones((nodes, 1)), np.zeros((nodes, 1), dtype=bool)
+    missed[1:, 0] = 0.2 ** np.array(looks)
+    again[last or 0] = last is not None
+    found = np.array([0.0, *finds])[:, None]
+    return Decision(found, missed, again, "single", (0,))
+
+
+@given(
+    st.lists(st.tuples(st.floats(0.001, 0.6), st.integers(0, 2)), min_size=1, max_size=6),
+    st.integers(0, 5),
+)
+def test_every_room_of_a_plan_is_one_that_may_be_named_then(
+    rooms: list[tuple[float, int]], last: int
+) -> None:
+    finds, looks = (list(part) for part in zip(*rooms, strict=True))
+    here = 1 + last % len(rooms)
+    decision = decide(finds, looks, last=here)
+    edges = np.abs(np.subtract.outer(np.arange(len(rooms) + 1.0), np.arange(len(rooms) + 1.0)))
+    order = order_rooms(decision, Ways(edges, edges, "m", 1.0, 1.0), np.ones(len(edges)), here=here)
+    assert sorted(order) == list(range(1, len(rooms) + 1))
+    left, at = decision.rooms, (here,)
+    for node in order:
+        assert decision.candidates(*at, among=left)[node]
+        left[node], at = False, ()
+
+
+@pytest.mark.parametrize("robots", [(1, 3), (3, 1)])
+def test_the_last_room_is_for_who_can_reach_it_even_if_it_just_looked_there(
+    robots: tuple[int, int],
+) -> None:
+    edges = np.where(np.eye(4, dtype=bool), 0.0, np.inf)
+    ways, decision = Ways(edges, edges, "m", 1.0, 1.0), decide([0.5, 0.0, 0.0], [1, 0, 0], last=1)
+    chosen = choose_rooms(decision, ways, np.ones(4), here=robots)
+    assert dict(zip(robots, chosen, strict=True)) == {1: 1, 3: None}
+
+
+def test_another_robot_comes_before_a_second_look_of_the_first() -> None:
+    edges = np.abs(np.subtract.outer(np.arange(4.0), np.arange(4.0)))
+    decision = decide([0.5, 0.1, 0.1], [1, 0, 0], last=1)
+    chosen = choose_rooms(decision, Ways(edges, edges, "m", 1.0, 1.0), np.ones(4), here=(1, 2))
+    assert chosen[0] != 1
+    assert chosen[1] == 1

@@ -138,7 +138,9 @@ def test_what_another_training_left_is_not_gone_on_with(dataset: Path, tmp_path:
     run, other = tmp_path / "run", short("seed=1")
     with pytest.raises(KeyboardInterrupt):
         train_run(short(), dataset, run, progress=stop_at(4))
-    train_run(other, dataset, run)
+    with refuses(TrainingError, "training-other", golden=False):
+        train_run(other, dataset, run)
+    train_run(other, dataset, run, force=True)
     train_run(other, dataset, tmp_path / "alone")
     assert (run / BEST).read_bytes() == (tmp_path / "alone" / BEST).read_bytes()
 
