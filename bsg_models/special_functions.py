@@ -21,9 +21,7 @@ _STEPS = 3  # of Newton's method
 
 def log_gamma(values: Floats) -> Floats:
     """Return log Γ(x) of x > 0 up to 1e30: Stirling's series of x + 8, and the recurrence."""
-    rising = values * (values + 1)
-    for step in range(2, _SHIFT):
-        rising = rising * (values + step)
+    rising = np.add.outer(np.arange(float(_SHIFT)), values).prod(axis=0)
     x = values + float(_SHIFT)
     inverse = 1 / (x * x)
     series = np.zeros_like(inverse)
@@ -56,6 +54,7 @@ def beta_quantiles(a: Floats, b: Floats, *, probabilities: Floats) -> Floats:
     """
     a, b = a[:, None, None], b[:, None, None]
     peak, wide = np.log(a / b)[:, 0], np.sqrt(1 / a + 1 / b)[:, 0]
+    highest, over_peak = peak[..., None], np.logaddexp(0.0, peak)[..., None]
 
     def integrate(start: Floats, end: Floats) -> Floats:
         """Return the integral of the density from start to end, both `[R, M]`."""
@@ -66,8 +65,8 @@ def beta_quantiles(a: Floats, b: Floats, *, probabilities: Floats) -> Floats:
 
     def density(y: Floats) -> Floats:
         """Return the density relative to its peak, `[R, M, 4]` of the same."""
-        over = np.logaddexp(0.0, y) - np.logaddexp(0.0, peak[..., None])
-        return np.asarray(np.exp(a * (y - peak[..., None]) - (a + b) * over))
+        over = np.logaddexp(0.0, y) - over_peak
+        return np.asarray(np.exp(a * (y - highest) - (a + b) * over))
 
     t = np.linspace(-1, 1, _PANELS + 1)
     reach = np.where(t < 0, _BEYOND / a[:, 0], _BEYOND / b[:, 0]) + 7 * wide

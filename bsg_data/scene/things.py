@@ -132,7 +132,7 @@ def _spell(words: Iterable[str]) -> list[str]:
     return [" ".join(one.replace("-", " ").replace("_", " ").split()) for one in said]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)  # each is one: answers look them up by the thousand
 class Receptacle:
     """A piece of furniture on or in which things lie."""
 

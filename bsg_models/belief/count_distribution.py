@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -152,30 +151,27 @@ class CountDistribution:
         V ~ NB((1 − s) μ, r), and with tilts P(V = v) = NB_V(v) Z_v / Z. Most counts are 0, for
         which NB_V(0) Z_0 = NB_V(0) + Σ_t NB(t) s^t (exp(a_t) − 1).
         """
-        means, r = np.maximum(self.means, MIN_RATE), self.dispersions
-        weights, share = self.weights, shares[:, None, :, None]
-        each = np.exp(log_none((1 - share) * means, r))  # [S, K, N, C]
-        if self.tilts is not None:
-            none = log_none(means, r)
-            weights = weights * np.exp(-log_normaliser(self.tilts, means, r, none=none))
-            for count, gain in enumerate(tilt_gains(self.tilts, means, r, none=none)):
+        true = replace(self, means=np.maximum(self.means, MIN_RATE))
+        weights, share = true.weights, shares[:, None, :, None]
+        each = np.exp(log_none((1 - share) * true.means, true.dispersions))  # [S, K, N, C]
+        if true.tilts is not None:
+            weights = weights / true._normaliser
+            for count, gain in enumerate(true._gains):
                 each += share**count * gain
         told: Floats = np.log(np.maximum((each * weights).sum(axis=1), TINY))
         node, column = np.nonzero(seen)
-        some = self._each(lambda part: _take_cells(part, node, column))
+        some = true.take(node, column[:, None])
         told[:, node, column] = some._log_some(seen[node, column][:, None], shares[:, node])[..., 0]
         return told
 
     def _log_some(self, seen: Counts, shares: Floats) -> Floats:
         """Return what `log_seen` does, by logarithms alone: a count may be very unlikely."""
-        means, r = np.maximum(self.means, MIN_RATE), self.dispersions
-        share = shares[:, None, :, None]
+        means, r, share = self.means, self.dispersions, shares[:, None, :, None]
         each: Floats = log_negative_binomial(seen, (1 - share) * means, r)  # [S, K, N, C]
         if self.tilts is not None:
             hidden, dispersions = hidden_posterior(r, r / means, seen.astype(float), share)
             tilts = np.stack(hidden_tilts(self.tilts, np.broadcast_to(seen, means.shape)))
-            each += log_normaliser(tilts[:, None], hidden, dispersions)
-            each -= log_normaliser(self.tilts, means, r)
+            each += log_normaliser(tilts[:, None], hidden, dispersions) - np.log(self._normaliser)
         with np.errstate(divide="ignore"):
             return np.asarray(log_sum_exp(each + np.log(self.weights), axis=1))
 
@@ -283,11 +279,6 @@ class CountDistribution:
             return self
         tilts = None if self.tilts is None else self.tilts * ~known
         return replace(self, means=self.means * ~known, tilts=tilts)
-
-
-def _take_cells(part: Floats, node: npt.NDArray[Any], column: npt.NDArray[Any]) -> Floats:
-    """Return some cells `[..., M, 1]` of `[..., N, C]`, or of `[..., N, 1]`."""
-    return part[..., node, column if part.shape[-1] > 1 else 0][..., None]
 
 
 def poisson(means: Floats) -> CountDistribution:

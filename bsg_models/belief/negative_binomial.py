@@ -61,7 +61,7 @@ def first_counts(number: int, none: Array, mean: Array, dispersion: Array) -> li
     probabilities = [none]
     success = mean / (mean + dispersion)
     for count in range(number - 1):
-        step = success * (dispersion + count) / (count + 1)
+        step = success * (dispersion + count) / (count + 1) if count else success * dispersion
         probabilities.append(probabilities[-1] * step)
     return probabilities[:number]
 

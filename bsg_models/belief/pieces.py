@@ -188,7 +188,7 @@ def furnish(
     times = Counter(seen.kinds)
     each = {k: _rate(k, thing, said, tidy, room.hidden_share) / n for k, n in times.items()}
     more = [
-        float(unseen[row]) * rate / (1 + times[kind])
+        float(unseen[row]) * rate / (1 + times.get(kind, 0))
         for row, kind, rate in _furniture_of(classes, thing, said, tidy)
     ]
     left = _OVERLOOKED if room.visited and seen.pieces else 1.0

@@ -143,9 +143,7 @@ def _expect_forgotten(
     size = max(1, _NODES // len(seen.inputs))
     for first in range(0, number, size):
         some = groups[first : first + size]
-        copies = _forget(graph, seen, some)
-        nodes = [copy * len(seen.inputs) + group for copy, group in enumerate(some)]
-        yield np.concatenate(some), expect_rooms(copies, np.concatenate(nodes))
+        yield np.concatenate(some), expect_rooms(*_forget(graph, seen, some))
 
 
 def _weigh(
@@ -173,21 +171,22 @@ def _weigh(
     return np.stack([mean, np.sqrt((posterior * (shares - mean) ** 2).sum(axis=0))])
 
 
-def _forget(graph: PartialGraph, seen: Observation, groups: Sequence[Ints]) -> Observation:
-    """Return a copy of an observation for each group of rooms, in which these are forgotten.
+def _forget(
+    graph: PartialGraph, seen: Observation, groups: Sequence[Ints]
+) -> tuple[Observation, Ints]:
+    """Return a copy of an observation for each group of rooms that it forgets, and their rows.
 
     Nothing of them was seen, everything is hidden.
     """
     copies = seen.take(np.zeros(len(groups), dtype=np.int64))
-    shares = np.array([room.hidden_share for room in graph.rooms])
-    for first, group in zip(copies.starts.tolist(), groups, strict=False):
-        rooms = first + group
-        for counts in (copies.inputs, copies.unclassified):
-            counts[first] -= counts[rooms].sum(axis=0)
-            counts[rooms] = 0
-        told = shares.copy()
-        told[group - 1] = 1.0
-        copies.hidden_share[first] = graph.share_with(told.tolist())
-        copies.hidden_share[rooms] = 1.0
-        copies.visited[rooms] = False
-    return copies
+    copy, rooms = np.repeat(np.arange(len(groups)), [*map(len, groups)]), np.concatenate(groups)
+    first, rows = copies.starts[copy], copies.starts[copy] + rooms
+    for counts in (copies.inputs, copies.unclassified):
+        np.subtract.at(counts, first, counts[rows])
+        counts[rows] = 0
+    told = np.tile([room.hidden_share for room in graph.rooms], (len(groups), 1))
+    told[copy, rooms - 1] = 1.0
+    copies.hidden_share[copies.starts[:-1]] = [graph.share_with(own) for own in told.tolist()]
+    copies.hidden_share[rows] = 1.0
+    copies.visited[rows] = False
+    return copies, rows

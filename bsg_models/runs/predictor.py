@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from bsg_data.arrays import Bools
 from bsg_data.errors import ClassMapError, MismatchError
 from bsg_data.files import AnyPath
@@ -165,10 +163,10 @@ class Predictor:
         """Return a graph whose shares are updated by the classes that the model was taught."""
         if all(room.share.is_certain for room in graph.rooms):
             return graph
-        never = np.isin(self.classes, self.untaught)
-        taught = replace(seen, withheld=seen.withheld | never)
+        if self._model.untaught is not None:
+            seen = replace(seen, withheld=seen.withheld | self._model.untaught)
         apart = self._model.with_independent_rooms()
-        return update_shares(graph, taught, expect_rooms=apart.expect_rooms)
+        return update_shares(graph, seen, expect_rooms=apart.expect_rooms)
 
     def _observe(self, graph: PartialGraph, withheld: Collection[int] | Bools) -> Observation:
         if graph.class_space != self.class_space:

@@ -32,6 +32,7 @@ from bsg_models.search.simulator import Answer, Episodes
 from bsg_models.studies.search_request import StudyRecipe
 from bsg_models.zoo.model import BeliefModel
 
+_COUNT = np.int32  # of the objects that many states show
 _NODES = 512  # of all graphs in one call of the model, so that its arrays stay in a fast cache
 
 
@@ -83,7 +84,7 @@ class ModelBeliefs:
         self._model, self._is_missed = model, is_missed
         self._blind = ~data.nameable(scene_id)
         self._cells, unclassified = data.cells(scene_id), data.unclassified(scene_id)
-        self._unclassified = count_by_vocabulary(unclassified, model.vocabulary)
+        outside = count_by_vocabulary(unclassified, model.vocabulary)
         numbers, self._draws = np.unique(draws, return_inverse=True)
         self._artifacts = artifacts
         many, recipes = len(numbers), [mask] * len(numbers)
@@ -106,9 +107,9 @@ class ModelBeliefs:
             classes=classes,
         )
         # of each draw of the mask, D in all
-        self._left = (there - hidden).reshape(many, *self._cells.shape)
+        self._left = (there - hidden).reshape(many, *self._cells.shape).astype(_COUNT)
         self._left_unclassified = np.stack(
-            [count_by_vocabulary(some, model.vocabulary) for some in seen]
+            [count_by_vocabulary(some, model.vocabulary).astype(_COUNT) for some in seen]
         )
         self._views = [
             np.stack([getattr(view, name) for view in views])
@@ -118,11 +119,12 @@ class ModelBeliefs:
             scene_id,
             views[0],
             self._cells,
-            self._unclassified,
+            outside,
             vocabulary=model.vocabulary,
             connections=data.connections(scene_id),
             surroundings=data.surroundings(scene_id),
         )
+        self._cells, self._unclassified = self._cells.astype(_COUNT), outside.astype(_COUNT)
         self._remembered: dict[bytes, tuple[Floats, Floats | None]] = {}
 
     def __call__(self, rows: Ints, explored: Bools, *, shares: bool = True) -> Answer:

@@ -95,9 +95,8 @@ class CalibratedModel(BeliefModel):
             columns = of_building[own]
         apart = self._calibrate_rooms(seen, every, columns)
         _, factors = self._tilt(apart.presence, own, seen, tilted, columns=of_building)
-        asked = np.searchsorted(every, rows)
-        hides = apart.presence[asked] > 0
-        return apart.take(asked).with_none_likelier(np.where(hides, factors[asked], 0.0))
+        tilted_rooms = apart.with_none_likelier(np.where(apart.presence > 0, factors, 0.0))
+        return tilted_rooms.take(np.searchsorted(every, rows))
 
     def with_independent_rooms(self) -> CalibratedModel:
         """Return it without the tilt of buildings."""

@@ -15,6 +15,7 @@ from bsg_models.belief.count_distribution import (
     MIN_RATE,
     CountDistribution,
     blend,
+    blend_copies,
     concatenate,
     negative_binomial,
     poisson,
@@ -177,6 +178,22 @@ def test_what_is_no_number_anywhere_is_found(part: str, value: float) -> None:
     changed.flat[-1] = value
     with np.errstate(all="ignore"):
         assert not replace(sound, **{part: changed}).is_finite
+
+
+def test_what_is_kept_of_another_distribution_is_what_would_be_computed() -> None:
+    rng = np.random.default_rng(0)
+    means, spread = rng.gamma(1, 1, (2, 3, 6, 4))[:2]
+    whole = CountDistribution(
+        means, spread, np.full((3, 6, 1), 1 / 3), rng.normal(0, 1, (2, *means.shape))
+    )
+    assert whole.is_finite
+    for kept in (
+        whole.take(np.array([4, 1]), np.array([[0, 3], [2, 2]])),
+        whole.with_none_likelier(rng.normal(0, 1, (6, 4))),
+        blend_copies(whole, np.array([0.3, 0.7])),
+    ):
+        for name in ("presence", "mean", "variance"):
+            np.testing.assert_array_equal(getattr(kept, name), getattr(replace(kept), name))
 
 
 MOST = 120  # true counts that are summed over

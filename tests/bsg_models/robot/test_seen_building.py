@@ -40,8 +40,8 @@ def test_answers_are_those_of_the_arrays(seen: SeenBuilding) -> None:
     belief, sink = FAST(graph), FAST.classes.index("sink")
     for place in seen.where("sink"):
         node = 1 + seen.rooms.index(str(place.room))
-        assert place.probability == belief.presence[node, sink]
-        assert place.expected == belief.hidden[node, sink]
+        assert place.probability == pytest.approx(belief.presence[node, sink], abs=1e-12)
+        assert place.expected == pytest.approx(belief.hidden[node, sink], abs=1e-12)
     assert seen.anywhere("sink") == pytest.approx(belief.presence[0, sink], abs=1e-12)
     hall = {one.name: one for one in seen.expected("kitchen")}
     assert hall["sink"].probability == belief.presence[2, sink]
