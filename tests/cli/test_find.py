@@ -60,6 +60,7 @@ def test_several_robots_are_sent_to_rooms_of_their_own() -> None:
         (("--find", "bed", "--look", "inf"), "look: expected 0 to"),
         (("--find", "bed", "--chance", "1.5"), "1.5"),
         (("--find", "qqqxz"), "qqqxz"),
+        ((str(OFFICE), "--find", "bed"), "--find: expected one GRAPH"),
         (("--find", "sink", "--top", "9"), "--top"),
         (("--chance", "0.5"), "without --find does not use --chance"),
         (("--from", "kitchen"), "without --find does not use --from"),

@@ -43,3 +43,8 @@ def test_a_run_is_shown_too(run: Path) -> None:
 )
 def test_what_is_not_there_is_said(words: tuple[str, ...], said: str) -> None:
     assert said in call(*words, code=1).stderr
+
+
+def test_a_build_without_models_lists_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bsg_models.runs.found_model.weights_folder", lambda: tmp_path)
+    assert "no models are shipped with this build" in call("list").stderr

@@ -578,6 +578,15 @@ def test_a_look_that_a_model_has_no_word_for_is_a_note() -> None:
     assert 0 < seen.where("chair")[0].probability < 1
 
 
+def test_what_is_forgotten_of_earlier_questions_is_found_again(
+    seen: SeenBuilding, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = [seen.where(word) for word in ("mug", "sink")]
+    monkeypatch.setattr("bsg_models.robot.weighed_graph._MOST_SOUGHT", 1)
+    seen.where("towel")
+    assert [seen.where(word) for word in ("mug", "sink")] == before
+
+
 def test_one_thing_in_two_words_is_one_thing(seen: SeenBuilding) -> None:
     asked = {"here": "kitchen", "look": 5.0}
     assert seen.explain(["sofa", "couch"], **asked) == seen.explain("couch", **asked)

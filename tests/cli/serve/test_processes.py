@@ -59,6 +59,7 @@ def test_a_service_whose_processes_do_not_start_says_so() -> None:
     assert "listening" not in done.stderr
 
 
+@pytest.mark.heavy
 def test_who_waits_may_leave_and_is_told_that_the_service_ends(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
