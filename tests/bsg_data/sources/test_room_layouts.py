@@ -381,6 +381,7 @@ def test_habitat_s_own_example_is_read_where_it_names_region_ids(tmp_path: Path)
     ("region", "expected"),
     [
         (region_of(name="gym"), "region_annotations.0.name: expected region_N"),
+        (region_of(min_bounds=None), "region_annotations.0: has half a box: max_bounds without"),
         (region_of(max_bounds=[4, 0, 0]), "max_bounds.y: expected 1.0 or more, found 0.0"),
         (region_of(poly_loop=[[0, 0, 0], [1, 1, 1]]), "region_annotations.0.poly_loop"),
         (region_of(name="region_1"), "region 1 is no region id of the 3 rooms"),
