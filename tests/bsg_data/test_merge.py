@@ -21,12 +21,13 @@ from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 
 
-@pytest.fixture
-def synthetic(tmp_path: Path) -> Path:
-    """Ten synthetic buildings as a dataset."""
-    list(write_synthetic(tmp_path / "made", scenes=10, seed=3))
-    build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "synthetic", scenes_per_shard=20)
-    return tmp_path / "synthetic"
+@pytest.fixture(scope="module")
+def synthetic(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Ten synthetic buildings as a dataset: only read it."""
+    folder = tmp_path_factory.mktemp("synthetic")
+    list(write_synthetic(folder / "made", scenes=10, seed=3))
+    build_dataset(HM3DFolder(folder / "made"), folder / "synthetic", scenes_per_shard=20)
+    return folder / "synthetic"
 
 
 def files_of(folder: Path) -> dict[str, bytes]:

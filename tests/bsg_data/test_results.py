@@ -87,21 +87,7 @@ def test_a_new_name_is_not_that_of_a_file_of_somebody_else(tmp_path: Path) -> No
     assert require_seal(out)
 
 
-def test_what_fails_leaves_the_old(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    write(out, a="1")
-
-    def fail() -> None:
-        with write_results(out, report="a") as staged:
-            (staged / "a").write_text("2")
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        fail()
-    assert require_seal(out)
-    assert (out / "a").read_text() == "1"
-
-
+@pytest.mark.heavy
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 def test_killed_at_any_change_of_a_file(tmp_path: Path, stride: int) -> None:
     """What is not whole has no seal, and the same command again gets through."""

@@ -27,7 +27,6 @@ from bsg_data.results import write_seal
 from bsg_models.belief.document import to_networkx
 from bsg_models.belief.formats import FORMATS, choose_format, read_belief, write_beliefs
 from bsg_models.belief.graph_file import open_graph_file
-from bsg_models.errors import BeliefFileError
 from bsg_models.studies import belief_report
 from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
 from bsg_models.studies.sealed_results import check_results
@@ -52,12 +51,6 @@ class TestFormats(FormatContract):
         if request.param == "rerun":
             pytest.importorskip("rerun", reason="rerun-sdk is not installed")
         self.name = request.param
-
-
-def test_rerun_is_tested_in_the_versions_that_the_package_takes() -> None:
-    ours = read_project((REPOSITORY / "pyproject.toml").read_text("utf-8"))
-    (wanted,) = PROJECT["optional-dependencies"]["rerun"]
-    assert wanted in ours["optional-dependencies"]["test"]
 
 
 def call(*words: object, code: int = 0) -> Result:
@@ -103,12 +96,6 @@ def test_tables_hold_what_the_graphs_hold(tmp_path: Path, monkeypatch: pytest.Mo
     assert (said["model"], said["mode"]) == ("random", "complete")
     with refuses(RecipeError, "format-written-only", tmp_path / "b.tables"):
         read_belief(tmp_path / "b.tables")
-
-
-def test_a_building_is_there_once_and_nothing_is_half_written(tmp_path: Path) -> None:
-    with refuses(BeliefFileError, "scene-twice", tmp_path / "b.tables"):
-        write("tables", [make_belief(1), make_belief(2)], tmp_path / "b.tables")
-    assert not any(tmp_path.rglob("*.parquet"))
 
 
 def test_any_number_of_beliefs_goes_to_tables_and_some_to_a_page(
@@ -175,10 +162,9 @@ def open_recording(path: Path) -> Any:
     return RrdReader(path)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_belief_is_recorded(seed: int, tmp_path: Path) -> None:
+def test_a_belief_is_recorded(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="rerun-sdk is not installed")
-    belief, path = make_belief(seed), tmp_path / "new" / "belief.rrd"
+    belief, path = make_belief(SEED), tmp_path / "new" / "belief.rrd"
     write("rerun", [belief], path)
     found, partial = read_recording(path), belief.partial
     for node, room in enumerate(partial.rooms, 1):

@@ -22,14 +22,15 @@ from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
 
-ROWS = {
-    "rooms without objects": "hall,",
-    "objects without rooms": ",bed",
-    "buildings of both kinds": "hall,\nSCENE,,bed",
-}
 
-
-@pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
+@pytest.mark.parametrize(
+    "row",
+    [
+        pytest.param("hall,", marks=pytest.mark.heavy, id="rooms without objects"),
+        pytest.param(",bed", marks=pytest.mark.heavy, id="objects without rooms"),
+        pytest.param("hall,\nSCENE,,bed", id="buildings of both kinds"),
+    ],
+)
 def test_what_is_empty_is_sound_and_can_be_measured(row: str, tmp_path: Path) -> None:
     text = "".join(f"home{n},{row}\n".replace("SCENE", f"home{n}") for n in range(9))
     (tmp_path / "objects.csv").write_text(f"scene,room,category\n{text}")

@@ -5,6 +5,7 @@ Ruff's rules (S, and banned-api) find what could run text of a file in the sourc
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -61,3 +62,12 @@ def test_a_configuration_loads_nothing() -> None:
         with pytest.raises(BSGError):
             make_model(validate_config(tables, source="a test"), classes=45)
         assert {m for m in set(sys.modules) - before if not m.startswith("bsg_")} == set()
+
+
+@pytest.mark.heavy
+def test_a_folder_of_data_is_no_place_for_modules(tmp_path: Path) -> None:
+    for name in ("json", "numpy", "bsg_data", "sitecustomize"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('ran')\n", "utf-8")
+    command = [str(Path(sys.executable).with_name("bsg-data")), "map", "show", "chair"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -56,11 +56,6 @@ def test_a_dataset_keeps_a_map_of_ones_own_as_it_was(own: Path) -> None:
     assert check_dataset(own) == ()
 
 
-def test_a_published_map_is_named_and_not_kept(dataset: Path) -> None:
-    assert read_maps(dataset) == ["hm3d45-v2"]
-    assert not (dataset / KEPT).exists()
-
-
 def test_what_is_kept_stays_when_the_dataset_is_split_and_replaced(
     own: Path, hm3d_folder: Path
 ) -> None:

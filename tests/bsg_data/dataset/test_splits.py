@@ -60,24 +60,6 @@ def test_folds_are_even_and_disjoint(number: int, folds: int, seed: int) -> None
     assert max(found.values()) - min(found.values()) <= 1
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_each_source_has_its_share_of_every_split(seed: int) -> None:
-    scenes = {**ids(20, "a"), **ids(30, "b")}
-    sources = {scene: scene[0] for scene in scenes}
-    cut = assign_splits(scenes, SplitRecipe(seed=seed), sources=sources)
-    assert Counter((scene[0], split) for scene, split in cut.items()) == {
-        ("a", "train"): 16,
-        ("a", "val"): 2,
-        ("a", "test"): 2,
-        ("b", "train"): 24,
-        ("b", "val"): 3,
-        ("b", "test"): 3,
-    }
-    recipe = SplitRecipe(method="folds", ratios=None, folds=5, seed=seed)
-    dealt = Counter(assign_splits(scenes, recipe, sources=sources).values())
-    assert set(dealt.values()) == {10}
-
-
 def test_official_holds_the_sources_val_out() -> None:
     recipe = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
     chosen = assign_splits({**ids(20), **ids(5, "val")}, recipe)

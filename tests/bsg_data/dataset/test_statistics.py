@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.statistics import (
     count_classes,
     count_frequencies,
-    count_sources,
     measure_coverage,
     plot_frequencies,
 )
@@ -41,13 +39,6 @@ def test_classes_of_the_twelve(dataset: Path) -> None:
     assert rows["toy"]["instances"] == 0
     doubles = {row["class"]: row["doubles"] for row in counted}
     assert (doubles["pillow"], doubles["bed"]) == (BEDROOMS, 0)
-
-
-def test_an_opened_dataset_is_counted_as_it_was(dataset: Path) -> None:
-    data = Dataset.open(dataset)
-    before = count_sources(data), count_frequencies(data)
-    shutil.rmtree(dataset)  # as a command that rebuilds it
-    assert (count_sources(data), count_frequencies(data)) == before
 
 
 def test_a_figure_shows_a_name_that_is_a_formula_of_matplotlib(tmp_path: Path) -> None:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import io
 import json
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from operator import itemgetter
 from pathlib import Path
 
 import networkx as nx
@@ -16,7 +14,6 @@ from data_commands import run
 from whole_home import CLASSES, HOME
 
 from bsg_data.build import build_dataset
-from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.exports.building_graphs import _encode_graphml, _encode_node_link
 from bsg_data.exports.export import export_dataset
 from bsg_data.scene.scene_graph import SceneGraph
@@ -45,19 +42,6 @@ def read_graphml(data: bytes) -> Read:
 def read_node_link(data: bytes) -> Read:
     graph = nx.node_link_graph(json.loads(data), edges="edges")
     return dict(graph.nodes(data=True)), sorted(graph.edges(data=True), key=str)
-
-
-def test_a_building_by_hand_as_graphml() -> None:
-    (data,) = _encode_graphml(HOME, CLASSES).files.values()
-    lines = data.decode().splitlines()
-    for what, name, kind in (("node", "class_index", "int"), ("edge", "distance_m", "double")):
-        key = f'<key id="{what}.{name}" for="{what}" attr.name="{name}" attr.type="{kind}"/>'
-        assert lines.count(key) == 1
-    door = '<data key="edge.kind">adjacent</data><data key="edge.method">door</data>'
-    assert lines[-4:-2] == [
-        f'<edge source="{a}" target="{b}">{door}<data key="edge.distance_m">3.5</data></edge>'
-        for a, b in ((1, 2), (2, 1))
-    ]
 
 
 @pytest.mark.parametrize("name", ['<b>&amp; "q" \' ]]>', "a\r\nb\rc\td ", "Küche 😀", "", " "])
@@ -151,24 +135,3 @@ def test_a_building_by_hand_as_node_link() -> None:
         (1, 2, "adjacent", "door", 3.5),
         (2, 1, "adjacent", "door", 3.5),
     ]
-
-
-def test_networkx_reads_all_that_the_tables_hold_and_writes_it_again(
-    dataset: Path, tmp_path: Path
-) -> None:
-    done = export_dataset(dataset, tmp_path / "out", to="networkx")
-    graphs = list(read_scene_graphs(dataset))
-    for scene in graphs:
-        document = json.loads((tmp_path / "out" / f"{scene.scene_id}.node-link.json").read_text())
-        graph = nx.node_link_graph(document, edges="edges")
-        again = nx.node_link_data(graph, edges="edges")
-        for one in (again, document):
-            one["edges"].sort(key=itemgetter("source", "target"))
-        assert again == document
-        assert nx.descendants(graph, 0) == set(graph) - {0}
-        assert Counter(kind for _, kind in graph.nodes(data="kind")) == Counter(
-            building=1, room=len(scene.rooms), object=len(scene.objects)
-        )
-    assert (done.files, done.scenes, done.left_out, done.rooms_left_out) == (12, 12, (), 0)
-    assert done.rooms == sum(len(scene.rooms) for scene in graphs)
-    assert done.objects == sum(len(scene.objects) for scene in graphs)

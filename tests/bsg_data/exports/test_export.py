@@ -73,6 +73,15 @@ def test_the_longest_scene_id_names_files(tmp_path: Path) -> None:
     assert export_dataset(tmp_path / "dataset", tmp_path / "out", to="habitat").files == 1
 
 
+def test_what_files_need_is_noted_once(
+    robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = iter("abc")
+    row = ExportRow("noted", lambda *_: EncodedScene({next(names): b""}, 0, note="turn it"))
+    monkeypatch.setattr(ROW, row)
+    assert dict(export_dataset(robots, tmp_path / "out", to="habitat").notes) == {"turn it": 3}
+
+
 def test_an_unknown_export_is_refused(robots: Path, tmp_path: Path) -> None:
     with pytest.raises(RecipeError):
         export_dataset(robots, tmp_path / "out", to="habitats")

@@ -118,10 +118,7 @@ def sample(sampler: dict[str, int]) -> Callable[[dict[str, Any]], None]:
         (set_in("nodes", 0, to={}), "mesh-empty"),
         (set_in("meshes", to=[]), "mesh-unreadable"),
         (set_in("scenes", 0, "nodes", to=[]), "mesh-empty"),
-        (set_in("meshes", to="many"), "mesh-unreadable"),
         (set_in("extensionsRequired", to=["KHR_draco_mesh_compression"]), "mesh-extension"),
-        (set_in("extensionsRequired", to=["KHR_mesh_quantization"]), "mesh-extension"),
-        (set_in("extensionsRequired", to=["KHR_texture_basisu"]), "mesh-extension"),
         (set_in("extensionsRequired", to=["KHR_of_tomorrow"]), "mesh-extension"),
         (set_in(*PRIMITIVE, "extensions", to={"KHR_draco_mesh_compression": {}}), "mesh-extension"),
         (

@@ -14,7 +14,7 @@ from refusals import refuses
 
 from bsg_data.errors import DatasetError
 from bsg_data.inputs import documents
-from bsg_data.inputs.bounds import MAX_KEYS, MAX_LABEL_COLUMNS, MAX_LINE, MAX_NODES
+from bsg_data.inputs.bounds import MAX_LABEL_COLUMNS, MAX_LINE
 from bsg_data.inputs.documents import parse_csv, parse_json, parse_toml, parse_yaml, read_json
 
 words = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
@@ -126,16 +126,17 @@ def test_a_table_of_text_has_the_last_line_of_each_row() -> None:
     assert [*parse_csv('\ufeffé;b\n"1\n2";3\n\n4'.encode(), most_rows=9, separator=";")] == rows
 
 
-def test_yaml_of_too_many_nodes_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"^no YAML \(more than 500,000 texts"):
-        parse_yaml(b"[" + b"a," * MAX_NODES + b"]")
+def test_yaml_of_too_many_nodes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(documents, "MAX_NODES", 5)
+    with pytest.raises(ValueError, match=r"^no YAML \(more than 5 texts"):
+        parse_yaml(b"[a,a,a,a,a]")
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("a" + ".a" * 30_000 + " = 1", "line 1: expected at most 4,096 characters, found 60,005"),
-        ("\n".join(f"a{n}" + ".a" * 2_000 + " = 1" for n in range(15)), "nested more than 100"),
+        ("\n".join(f"a{n}" + ".a" * 2_000 + " = 1" for n in range(2)), "nested more than 100"),
         (f"a = {'9' * 4_000}\nb = {'9' * 4_000}", "a whole number beyond 64 bits"),
         (f"a = [0, [0x{'f' * 4_000}]]", "a whole number beyond 64 bits"),
         (
@@ -159,12 +160,6 @@ def test_keys_that_may_be_there_twice_are_counted_once_each(
     assert len(parse_json(f"[{same}]", once=False)) == 20
     with pytest.raises(ValueError, match="at most 5 different keys"):
         parse_json("[" + ",".join(f'{{"a{n}" : 1}}' for n in range(20)) + "]", once=False)
-
-
-def test_keys_are_counted_before_they_are_read() -> None:
-    keys = ",".join(f'"{n}":0' for n in range(MAX_KEYS + 1))
-    with pytest.raises(ValueError, match="expected at most 1,000,000 keys, found more"):
-        parse_json(f"{{{keys}}}")
 
 
 def test_keys_are_counted_whatever_stands_before_their_colon(

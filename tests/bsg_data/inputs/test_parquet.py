@@ -35,7 +35,7 @@ def test_no_more_rows_are_read_than_expected(path: Path) -> None:
         open_parquet_file(path.parent, most=3, bound=MIB)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 255), st.integers(0, 10**6))
 def test_damage_anywhere_is_one_error(path: Path, place: int, byte: int, end: int) -> None:
     data = bytearray(path.read_bytes())

@@ -87,6 +87,8 @@ LIES = {
     "more than 64 bits": lambda index: index[:-1] + b"\x06\x40" + b"\xff" * 10 + b"\x00",
     "a record without an end": lambda index: index[:-1],
     "field 4 is missing": lambda index: index[:1] + b"\x02\x26\x02\x00",
+    "its field 4 of kind 6": lambda index: index[:1] + b"\x02\x26\x02\x16\x02\x00",
+    "more columns than its schema": lambda index: index.replace(b"schema\x15\2", b"schema\x15\0"),
     "a value of kind 13": lambda index: index[:-1] + b"\x0d\x40\x00\x00",
 }
 

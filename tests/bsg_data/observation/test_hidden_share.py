@@ -14,10 +14,6 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 
 
-def test_a_vague_share_is_uniform() -> None:
-    assert ShareBelief(0.5, 1 / math.sqrt(12)).beta == pytest.approx((1, 1))
-
-
 @given(mean=st.floats(0.01, 0.99), part=st.floats(0.01, 0.99))
 def test_the_beta_has_the_moments(mean: float, part: float) -> None:
     sd = part * math.sqrt(mean * (1 - mean))

@@ -133,7 +133,7 @@ EXPLORED: tuple[list[object], ...] = (
 )
 
 
-@pytest.mark.parametrize("rooms", [1, 2, 3, 9])
+@pytest.mark.parametrize("rooms", [1, 2, 9])
 @pytest.mark.parametrize("exploration", [None, (0.3, 0.9), (1.0, 1.0)])
 def test_explore_hides_the_fraction_in_the_mean(
     rooms: int, exploration: tuple[float, float] | None
@@ -144,8 +144,8 @@ def test_explore_hides_the_fraction_in_the_mean(
         chosen = Exploration(not_entered=exploration, searched=exploration, glimpsed=1.0)
     for fraction in FRACTIONS:
         recipe = MaskRecipe(strategy="explore", fraction=fraction, exploration=chosen)
-        shares = np.array([view.hidden_share[0] for view in draw_views(recipe, rooms, 400)])
-        assert abs(shares.mean() - fraction) < 4 * shares.std() / np.sqrt(400) + 1e-6
+        shares = np.array([view.hidden_share[0] for view in draw_views(recipe, rooms, 200)])
+        assert abs(shares.mean() - fraction) < 4 * shares.std() / np.sqrt(200) + 1e-6
 
 
 def test_explore_has_rooms_of_all_four_kinds() -> None:

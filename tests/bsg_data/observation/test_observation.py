@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from one_building import observe_building, same_surroundings, surround_rooms
+from one_building import observe_building, surround_rooms
 
 from bsg_data.observation.observation import Observation, stack
 
 HOME = surround_rooms([12, None], [None, "kitchen"], building_kind="home", source="hm3d")
-FIELDS = ("starts", "inputs", "hidden_share", "visited", "withheld", "unclassified")
-
-
-def same(a: Observation, b: Observation) -> bool:
-    return (
-        (a.scene_ids, a.vocabulary) == (b.scene_ids, b.vocabulary)
-        and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in FIELDS)
-        and np.array_equal(a.connections.pairs, b.connections.pairs)
-        and same_surroundings(a.surroundings, b.surroundings)
-    )
 
 
 @pytest.fixture

@@ -58,14 +58,6 @@ GRAPH = PartialGraph(
 )
 
 
-def test_histograms_by_hand() -> None:
-    found = GRAPH.histograms()
-    assert found.shape == (3, 45)
-    assert found[:, CLASS["bed"]].tolist() == [2, 2, 0]
-    assert found[:, CLASS["book"]].tolist() == [1, 0, 0]  # in no room: the building's
-    assert found.sum() == 5
-
-
 def test_an_observation_by_hand() -> None:
     seen = GRAPH.observation(vocabulary=("drawer", "tap"), withheld=[CLASS["sink"]])
     assert seen.scene_ids == ("home",)

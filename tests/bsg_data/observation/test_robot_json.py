@@ -146,26 +146,19 @@ def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
         ({"format": "bsg-belief-graph"}, "a belief graph without `partial`"),
         ({"scene_id": "a", "roms": []}, "'roms' is no key; did you mean rooms"),
         ({"x" * 10_000: 1}, f"'{'x' * 80}' is no key"),
-        ({"version": True}, "version: "),
         ({"building_kind": "castle"}, "building_kind: "),
         ({"detector": "chair"}, "detector: no vocabulary 'chair'"),
         ({"detector": ["chair", 5]}, "detector: expected a JSON list of words"),
-        ({"rooms": 5}, "rooms: expected a JSON list"),
-        ({"rooms": [5]}, "room number 1: expected a JSON object"),
         ({"rooms": [{"id": "a"}, {"id": "a"}]}, "room id 'a'"),
         ({"objects": [{"id": "1", "category": "bed", "room": "attic"}]}, "object '1' (bed): "),
         ({"objects": [{"id": "7", "clas": "bed"}]}, "object '7': 'clas' is no key; did you mean"),
         ({"objects": [{"id": "7", "category": "bed"}] * 11 + [5]}, "object number 12: "),
         ({"adjacency": [["hall", "hall"]]}, "adjacency: 'hall' with itself"),
         ({"adjacency": [["hall", "attic"]]}, "adjacency of 'hall' and 'attic': "),
-        ({"adjacency": [["hall", "kitchen"], ["hall", 5]]}, "adjacency of 'hall' and '5': "),
         ({"adjacency": [["hall", "kitchen"], ["hall", []]]}, "pair of adjacency number 2: 1: "),
-        ({"rooms": 3}, "rooms: expected a JSON list, found 3; a map of rooms is written without"),
         ({"rooms": {"hall": []}}, "rooms: expected a JSON list, found {'hall': []}; a map of"),
         ({"rooms": ["hall"]}, 'room number 1: expected a JSON object, such as {"id": "kitchen"}'),
         ({"rooms": [{"name": "hall"}]}, "room number 1: 'name' is no key; did you mean id?"),
-        ({"rooms": [{"id": 4, "type": "hall"}]}, "room '4': 'type' is no key; did you mean "),
-        ({"objects": [{"name": "7"}]}, "object number 1: 'name' is no key; did you mean id?"),
         ({"kind": "home"}, "'kind' is no key; did you mean building_kind?"),
     ],
 )
@@ -204,7 +197,6 @@ def test_the_simplest_map_says_what_its_document_says() -> None:
     [
         ({"kitchen": "sink"}, "kitchen: expected a JSON list"),
         ({"kitchen": ["sink"], "hall": ["lamp", 5]}, "hall.1: Input should be a valid string"),
-        ({"": []}, ".[key]: String should have at least 1 character"),
         ({"x" * 10_000: []}, f"{'x' * 80}.[key]: String should have at most 500 characters"),
         ({"kitchen": ["sink"], "scene_id": "home"}, "'kitchen' is no key; beside its rooms"),
         ({"kitchen": ["sink"], "looks": []}, "'kitchen' is no key; beside its rooms"),
@@ -221,32 +213,13 @@ def test_a_fault_of_the_simplest_map_is_at_its_place(said: Any, place: str) -> N
 
 
 @pytest.mark.parametrize(
-    "said",
-    [
-        {str(room): [] for room in range(MAX_ROBOT_ROOMS + 1)},
-        {"kitchen": [1] * 1_000_000},
-        {"scene_id": "a", "rooms": [1] * 1_000_000},
-        {"scene_id": "a", "rooms": [], "objects": [1] * 1_000_000},
-    ],
-    ids=("rooms", "things", "numbers as rooms", "numbers as objects"),
-)
-def test_a_map_with_very_many_faults_is_refused_for_one(said: Any) -> None:
-    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
-        parse_robot_graph(said, path=Path("x"))
-
-
-@pytest.mark.parametrize(
     ("key", "value"),
     [
         ("hiden_share", 0.5),
-        ("visited", "yes"),
         ("hidden_share", 1.5),
-        ("hidden_share_sd", -0.1),
         ("seconds_inside", -1),
-        ("position", [True, 2, 3]),
         ("position", [1e300, 0, 0]),
         ("box", [[0, 0, 0]] * 3),
-        ("footprint", [[0, 0]]),
         ("floor_index", True),
         ("floor_area", 0),
         ("room_type", 5),
@@ -324,9 +297,10 @@ def test_rooms_tell_the_kind_of_a_building_that_nobody_says() -> None:
     assert told.startswith("building kind taken for `hospital`, by nurse station, patient room 1;")
     assert "hospital" in known
     assert encode_robot_graph(graph)["building_kind"] == "hospital"
-    said = parse_robot_graph({**ward, "building_kind": "school"}, path=Path("x"))
-    assert said.building_kind == "school"
-    assert len(note_room_types(said)) == 1, "of the patient room"
+    for kind in ("school", "other"):
+        said = parse_robot_graph({**ward, "building_kind": kind}, path=Path("x"))
+        assert said.building_kind == encode_robot_graph(said)["building_kind"] == kind
+        assert len(note_room_types(said)) == 1, "of the patient room"
     home = {"bedroom": [], "living room": [], "office": [], "kitchen": []}
     assert parse_robot_graph(home, path=Path("x")).building_kind is None
 
@@ -450,13 +424,6 @@ def test_a_detector_is_a_vocabulary() -> None:
         parse_robot_graph({**said, "detector": "cocoa"}, path=Path("x"))
 
 
-def test_a_building_that_is_said_to_be_another_is_not_guessed() -> None:
-    said = {"building_kind": "other", "ward 1": [], "ward 2": [], "nurse station": []}
-    graph = parse_robot_graph(said, path=Path("x"))
-    assert graph.building_kind == "other"
-    assert encode_robot_graph(graph)["building_kind"] == "other"
-
-
 KITCHEN: dict[str, Any] = {
     "scene_id": "home",
     "rooms": [{"id": "kitchen"}, {"id": "hall"}],
@@ -470,11 +437,14 @@ KITCHEN: dict[str, Any] = {
 }
 
 
-def test_what_lies_on_what_is_read_and_written() -> None:
+def test_what_lies_on_what_is_read_and_written_and_a_look_is_at_a_piece_of_its_room() -> None:
     graph = parse_robot_graph(KITCHEN, path=Path("x"))
     assert [obj.on for obj in graph.objects] == [None, "table", "tray", None]
     assert [one.at for one in graph.looks] == ["table"]
     assert parse_robot_graph(encode_robot_graph(graph), path=Path("x")) == graph
+    looks = [{"room": "hall", "thing": "key", "at": "table"}]
+    with refuses(RobotGraphError, "graph-malformed", where="x"):
+        parse_robot_graph(KITCHEN | {"looks": looks}, path=Path("x"))
 
 
 @pytest.mark.parametrize(
@@ -510,13 +480,6 @@ def test_circles_of_any_length_and_long_piles_are_read_in_one_pass() -> None:
     with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
         circle = [*pile, bottom | {"on": "0"}]
         parse_robot_graph(KITCHEN | {"objects": circle, "looks": []}, path=Path("x"))
-
-
-def test_a_look_is_at_a_piece_of_its_room() -> None:
-    looks = [{"room": "hall", "thing": "key", "at": "table"}]
-    with refuses(RobotGraphError, "graph-malformed", where="x") as caught:
-        parse_robot_graph(KITCHEN | {"looks": looks}, path=Path("x"))
-    assert str(caught.value).startswith("x: look for 'key': at: 'table' is in room 'kitchen'")
 
 
 MANY_KEYS = {f"k{number}": 0 for number in range(100_000)}

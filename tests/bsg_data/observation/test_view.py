@@ -91,12 +91,12 @@ def test_parts_are_seen_only_with_a_whole() -> None:
 def test_the_share_of_hidden_parts_is_that_of_the_others() -> None:
     for strategy in ("uniform", "explore"):
         gone, expected = np.zeros(4), np.zeros(4)
-        for draw in range(1500):
+        for draw in range(600):
             recipe = MaskRecipe(strategy=strategy, parts=True)
             gone += hide(recipe, draw)[1][:, 0]
             view = sample_view(CURTAINS.shape, recipe, scene_id="s", draw=draw)
             expected += view.hidden_share * RODS[:, 0]
-        np.testing.assert_allclose(gone, expected, rtol=0.08)
+        np.testing.assert_allclose(gone, expected, rtol=0.12)
 
 
 def test_parts_of_a_withheld_class_are_hidden() -> None:
@@ -134,10 +134,3 @@ def test_draws_of_several_views_are_each_as_if_alone() -> None:
     ]
     assert together.tolist() == np.concatenate(alone).tolist()
     assert len({one.tobytes() for one in alone}) == 9
-
-
-def test_of_no_objects_none_is_hidden() -> None:
-    for exact in (True, False):
-        view = View.of_rooms(SHARES, classes=2, exact=exact)
-        streams = MaskStreams([MaskRecipe()] * 2, ["s"] * 2, range(2))
-        assert hide_cells(np.zeros_like(CELLS), [view], streams).tolist() == [[0, 0]] * 10

@@ -6,8 +6,6 @@ import json
 import numpy as np
 import pytest
 from conftest import REPOSITORY
-from hypothesis import given
-from hypothesis import strategies as st
 
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space
@@ -89,37 +87,16 @@ def test_a_class_of_both_spaces_is_that_of_the_default() -> None:
         ("socks", "sock", ("bedroom", "closet", "laundry room"), 0.98, 1),
         ("settee", "sofa", ("living room",), 0.9, 1),
         ("cell phone", "phone", ("bedroom", "living room"), 0.95, 1),
-        ("Hoover", "vacuum cleaner", ("utility room", "closet"), 0.8, 1),
-        ("loo rolls", "toilet paper", ("bathroom", "toilet"), 0.98, 1),
         ("pills", "medicine", ("pharmacy",), 0.95, 1),
         ("car keys", "key", ("entrance", "corridor"), 0.98, 1),
-        ("wheel chair", "wheelchair", ("patient room",), 0.02, 0.1),
-        ("AED", "defibrillator", ("lobby",), 0, 0.02),
         ("scissors", "scissors", ("kitchen",), 0.95, 1),
         ("knives", "knife", ("kitchen",), 0.98, 1),
-        ("coffee mug", "mug", ("kitchen",), 0.95, 1),
         ("toothbrushes", "toothbrush", ("bathroom",), 0.98, 1),
         ("charger", "phone charger", ("bedroom",), 0.95, 1),
-        ("printer", "printer", ("copy room",), 0.3, 0.6),
-        ("brolly", "umbrella", ("entrance",), 0.85, 1),
-        ("besom", "broom", ("utility room",), 0.8, 1),
-        ("torch", "flashlight", ("kitchen",), 0.7, 0.95),
         ("insulin", "insulin", ("pharmacy",), 0.02, 0.1),
-        ("crutches", "crutch", ("infirmary",), 0.02, 0.15),
         ("alarm clock", "alarm clock", ("bedroom",), 0.4, 0.8),
-        ("clothes iron", "iron", ("laundry room",), 0.7, 0.95),
-        ("doormat", "doormat", ("entrance",), 0.8, 0.95),
-        ("serviettes", "napkin", ("kitchen",), 0.7, 0.95),
-        ("winter coat", "coat", ("entrance",), 0.95, 1),
-        ("nappies", "diaper", ("bedroom",), 0.1, 0.25),
-        ("stapler", "stapler", ("office",), 0.5, 0.8),
-        ("passport", "passport", ("office",), 0.7, 0.95),
-        ("dog lead", "dog leash", ("entrance",), 0.2, 0.5),
-        ("spanner", "wrench", ("garage",), 0.7, 0.95),
-        ("guitar", "guitar", ("living room",), 0.15, 0.45),
         ("glasses", "eyeglasses", ("bedroom",), 0.6, 0.95),
         ("glass", "glass", ("kitchen",), 0.98, 1),
-        ("tablet", "tablet", ("living room",), 0.5, 0.85),
         ("tablets", "medicine", ("pharmacy",), 0.95, 1),
         ("tv_monitor", "television", ("living room",), 0.9, 1),
     ],
@@ -146,37 +123,20 @@ WARD = ("patient room", "office", "pharmacy", "corridor", "bathroom", "storage r
     ("building", "word", "room"),
     [
         (FLAT, "towel", "bathroom"),
-        (FLAT, "bed", "bedroom"),
-        (FLAT, "microwave", "kitchen"),
-        (FLAT, "scissors", "kitchen"),
         (FLAT, "keys", "corridor"),
-        (FLAT, "toothbrush", "bathroom"),
         (FLAT, "medicine", "bathroom"),
-        (FLAT, "umbrella", "corridor"),
         (FLAT, "broom", "utility room"),
-        (FLAT, "knife", "kitchen"),
-        (FLAT, "mug", "kitchen"),
         (FLAT, "charger", "bedroom"),
         (OFFICE, "printer", "copy room"),
         (OFFICE, "toilet paper", "toilet"),
-        (OFFICE, "towel", "toilet"),
-        (OFFICE, "toilet", "toilet"),
         (OFFICE, "stapler", "office"),
         (OFFICE, "whiteboard", "meeting room"),
         (WARD, "medicine", "pharmacy"),
         (WARD, "bed", "patient room"),
-        (WARD, "wheelchair", "patient room"),
     ],
 )
 def test_a_person_looks_there_first(building: tuple[str, ...], word: str, room: str) -> None:
     assert first_room(word, *building) == room
-
-
-@pytest.mark.parametrize("word", ["toilet", "bed"])
-def test_a_printer_room_has_no_toilet_and_a_server_room_no_bed(word: str) -> None:
-    thing = find_thing(word)
-    assert thing is not None
-    assert thing.probability_in("copy room") == thing.probability_in("computer room") == 0
 
 
 def test_a_label_that_models_read_as_another_has_its_own_share_or_that_of_the_other() -> None:
@@ -196,11 +156,6 @@ def test_every_everyday_thing_is_known() -> None:
 @pytest.mark.parametrize("word", ["", " ", "person", "blue", "fire", "irwell", "xyy", "red mug"])
 def test_other_words_name_no_thing(word: str) -> None:
     assert find_thing(word) is None
-
-
-@given(st.text())
-def test_any_text_has_an_answer(word: str) -> None:
-    find_thing(word)
 
 
 @pytest.mark.parametrize(
@@ -226,19 +181,10 @@ def test_words_of_robots_name_pieces_of_furniture(word: str, name: str | None) -
     [
         ("milk", "refrigerator"),
         ("mug", "top cabinet"),
-        ("cutlery", "bottom cabinet"),
-        ("pillow", "bed"),
         ("remote control", "coffee table"),
-        ("toothbrush", "sink"),
-        ("shampoo", "shower"),
         ("winter coat", "coat rack"),
-        ("sneakers", "shoe rack"),
-        ("ice cream", "freezer"),
-        ("dirty plate", "sink"),
         ("dirty socks", "laundry basket"),
-        ("laptop", "table"),
         ("book", "shelf"),
-        ("laundry", "laundry basket"),
         ("keys", "key rack"),
     ],
 )

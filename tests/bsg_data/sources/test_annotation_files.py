@@ -31,15 +31,6 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
     ]
 
 
-def test_a_fingerprint_tells_files_apart(tmp_path: Path) -> None:
-    (tmp_path / "a").write_text("1")
-    (tmp_path / "b").write_text("2")
-    os.utime(tmp_path / "b", ns=(0, 0))
-    assert fingerprint(tmp_path / "a") != fingerprint(tmp_path / "b")
-    with refuses(SourceChangedError, "source-changed", tmp_path / "c"):
-        fingerprint(tmp_path / "c")
-
-
 def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
     path, bound = tmp_path / "a", 9
     path.write_text("1")
@@ -73,12 +64,3 @@ def test_a_numbered_copy_then_the_newest_then_the_split_is_kept() -> None:
     assert [ref.location for ref in kept.scenes] == ["val"]
     assert [skip.location for skip in kept.duplicates] == ["hash/alone", "minival"]
     assert [skip.location for skip in kept.conflicts] == ["older"]
-
-
-def test_scenes_of_other_names_are_other_buildings_unless_the_source_knows_better() -> None:
-    """Five digits before a hyphen number HM3D's buildings; elsewhere they are part of a name."""
-    names = ["00001-flat", "00002-flat"]
-    refs = [SceneRef(name, name, name) for name in names]
-    kept = keep_one_copy(refs, path=Path("flats"), expected="")
-    assert [ref.scene_id for ref in kept.scenes] == names
-    assert (kept.duplicates, kept.conflicts) == ((), ())

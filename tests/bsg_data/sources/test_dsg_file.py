@@ -176,7 +176,10 @@ def _turn(rng: np.random.Generator) -> np.ndarray:
     return turn * np.sign(np.linalg.det(turn))
 
 
-@pytest.mark.parametrize("kind", ["nodes", "edges", "labels"])
+@pytest.mark.parametrize(
+    "kind",
+    [*(pytest.param(one, marks=pytest.mark.heavy) for one in ("nodes", "edges")), "labels"],
+)
 def test_a_graph_has_a_bound_of(kind: str) -> None:
     graph = robot_graph()
     if kind == "nodes":

@@ -117,13 +117,3 @@ def test_a_malformed_list_is_refused_with_its_line(
     path.write_text(text, "utf-8")
     with refuses(SourceError, code, f"{path}, line {line}" if line else path):
         WithRoomLabels(write_rooms(tmp_path, "Küche"), path)
-
-
-@pytest.mark.parametrize(
-    ("label", "meant"), [("kichen", "kitchen"), ("Bath Room", "bathroom"), ("corrider", "corridor")]
-)
-def test_an_unknown_label_is_asked_for(tmp_path: Path, label: str, meant: str) -> None:
-    path = tmp_path / "words.csv"
-    path.write_text(f"source_label,label\nKüche,{label}\n", "utf-8")
-    with pytest.raises(SourceError, match=f"did you mean {meant}\\?"):
-        WithRoomLabels(write_rooms(tmp_path, "Küche"), path)

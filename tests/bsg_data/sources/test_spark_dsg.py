@@ -85,16 +85,6 @@ def test_names_of_labels_come_from_their_space(
     assert [obj.raw_category for obj in graph.objects] == expected
 
 
-def test_a_build_depends_on_the_label_space(tmp_path: Path) -> None:
-    write_graph(tmp_path / "graphs" / "flat.json")
-    plain = build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "plain")
-    assert ("label 99", 1) in [(entry.name, entry.instances) for entry in plain.unmapped]
-    source = open_source("spark-dsg", tmp_path / "graphs", labels="mpcat40")
-    named = build_dataset(source, tmp_path / "named")
-    assert str(named.sources[0].options["labels"]).startswith("mpcat40 ")
-    assert named.totals.classified == 3
-
-
 def test_of_a_graph_with_and_without_its_mesh_one_is_read(tmp_path: Path) -> None:
     for name in ("dsg.json", "dsg_with_mesh.json"):
         write_graph(tmp_path / "run" / "backend" / name)

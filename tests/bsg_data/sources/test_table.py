@@ -93,15 +93,6 @@ def test_a_table_worked_out_by_hand(tmp_path: Path) -> None:
     ]
 
 
-def test_columns_that_are_not_read_are_reported_once(tmp_path: Path) -> None:
-    path = write_table(tmp_path, *ROWS)
-    (note,) = open_source("table", path).find().unused
-    assert (note.location, note.reason) == ("objects.csv", "columns that are not read: colour")
-    manifest = build_dataset(open_source("table", path), tmp_path / "dataset")
-    assert [skip.reason for skip in manifest.left_out] == [note.reason]
-    assert check_dataset(tmp_path / "dataset") == ()
-
-
 @given(st.randoms())
 def test_the_order_of_rows_does_not_matter(
     tmp_path_factory: pytest.TempPathFactory, chance: random.Random
@@ -160,20 +151,16 @@ def test_rows_that_do_not_agree_are_named(tmp_path: Path, row: str, code: str) -
     ("text", "code"),
     [
         (b"", "column-missing"),
-        (b"scene;room;category\n", "column-missing"),
         (b"scene,room,category,x,y\n", "column-missing"),
-        (b"scene,room,category,scene\n", "column-twice"),
         (b"scene,room,category\n", "source-empty"),
         (b"scene,room,category\na,1\n", "row-ragged"),
         (b'scene,room,category\na,1,"bed\n', "csv-malformed"),
         (b"scene,room,category\na,1,\xff\n", "csv-malformed"),
         ("scene,room,category\n1,1,1\na,Küche,Herd\n".encode("cp1252"), "csv-malformed"),
         ("scene,room,category\na,Küche,Herd\n".encode("utf-16"), "csv-malformed"),
-        ("scene,room,category\na,hall,bed\n".encode("utf-16-le"), "csv-malformed"),
         (b"scene,room,category\na,ha\0ll,bed\n", "csv-malformed"),
         (b"scene\troom\tcategory\na\thall\tbed\n", "column-missing"),
         (b"scene_id,room,category\na,1,bed\n", "column-missing"),
-        (b"a,kitchen,stove\n", "column-missing"),
         (b"Scene,SCENE,room,category\na,a,1,bed\n", "column-twice"),
         (b"scene,room,category\n,,\n", "source-empty"),
         (b"scene,room,category,count\na,,bed,0\n", "source-empty"),
@@ -209,21 +196,6 @@ def test_letters_of_different_names_have_a_bound(
     path.write_text(path.read_text() + "a,1,abcdefghik\nb,1,abcdefghil\n")
     with pytest.raises(SourceError, match="letters of different names"):
         open_source("table", path).find()
-
-
-def test_the_same_rows_in_every_kind_of_file(tmp_path: Path) -> None:
-    path = write_table(tmp_path, *ROWS)
-    text = path.read_text("utf-8")
-    (tmp_path / "packed.csv.gz").write_bytes(gzip.compress(b"\xef\xbb\xbf" + text.encode()))
-    (tmp_path / "tabs.tsv").write_text(text.replace(",", "\t") + "\n\n", "utf-8")
-    pq.write_table(pyarrow.csv.read_csv(path), tmp_path / "objects.parquet")
-    for name in ("packed.csv.gz", "tabs.tsv", "objects.parquet"):
-        assert read_all(tmp_path / name) == read_all(path)
-    # Whole numbers that pandas made real are names of rooms.
-    table = pd.DataFrame({"scene": "a", "room": [3, None], "category": ["bed", "door"]})
-    table.to_parquet(tmp_path / "t.parquet")
-    (graph,) = read_all(tmp_path / "t.parquet").values()
-    assert [(room.region_id, room.source_label) for room in graph.rooms] == [(3, None)]
 
 
 GIVEN = {"licence": "CC-BY-4.0", "homepage": "https://example.org", "citation": "Doe, 2026"}
@@ -353,25 +325,6 @@ def test_rooms_are_numbered_by_their_names_and_whole_numbers_are_names(
     assert notes == []
 
 
-def test_numbers_of_scenes_and_connections_are_whole_too(tmp_path: Path) -> None:
-    rows = [
-        {"scene": 101.0, "room": 1, "category": "bed", "connected": 2.0},
-        {"scene": 101.0, "room": 2, "category": "sink", "connected": None},
-        {"scene": 102.0, "room": 1, "category": "bed", "connected": None},
-    ]
-    graphs, notes = read_everywhere(tmp_path, rows)
-    assert [graph.scene_id for graph in graphs] == ["101", "102"]
-    assert graphs[0].adjacency == (Edge(1, 2, "adjacent", "given"),)
-    assert notes == []
-
-
-def test_another_building_does_not_change_how_rooms_are_numbered(tmp_path: Path) -> None:
-    """As after `pandas.concat` of a building with numbers and gaps, and one with names."""
-    path = write_table(tmp_path, "a,3.0,bed", "b,hall,bed", header="scene,room,category")
-    rooms = {scene: graph.rooms[0] for scene, graph in read_all(path).items()}
-    assert (rooms["a"].region_id, rooms["b"].source_label) == (3, "hall")
-
-
 def test_pandas_writes_the_same_scenes_with_gaps_as_without(tmp_path: Path) -> None:
     table = pd.DataFrame({"scene": "a", "room": [3, 7, None], "category": ["bed", None, "door"]})
     table["floor"] = [1, None, None]
@@ -386,23 +339,13 @@ def test_pandas_writes_the_same_scenes_with_gaps_as_without(tmp_path: Path) -> N
     assert [(room.region_id, room.floor_index) for room in first["a"].rooms] == [(3, 0), (7, None)]
 
 
-@pytest.mark.parametrize(
-    "word",
-    sorted({*pd._libs.parsers.STR_NA_VALUES, "NaT"} - {""}),  # type: ignore[attr-defined]
-    ids=repr,
-)
-def test_what_pandas_reads_as_missing_is_missing(tmp_path: Path, word: str) -> None:
-    rows: Rows = [*in_rooms([word, "hall"]), {"scene": "a", "room": "bath", "category": word}]
-    ((graph,), notes) = read_everywhere(tmp_path, rows)
-    assert [room.source_label for room in graph.rooms] == ["bath", "hall"]
-    assert [obj.room_index for obj in graph.objects] == [0, 2]
-    assert notes == [f"cells that say {word}, read as empty: 2"]
-
-
-def test_other_words_are_names(tmp_path: Path) -> None:
-    ((graph,), notes) = read_everywhere(tmp_path, in_rooms(["-", "Na", "none", "unknown"]))
-    assert [room.source_label for room in graph.rooms] == ["-", "Na", "none", "unknown"]
-    assert notes == []
+def test_what_pandas_reads_as_missing_is_missing(tmp_path: Path) -> None:
+    for word in {*pd._libs.parsers.STR_NA_VALUES, "NaT"} - {""}:  # type: ignore[attr-defined]
+        rows: Rows = [*in_rooms([word, "hall"]), {"scene": "a", "room": "bath", "category": word}]
+        ((graph,), notes) = read_everywhere(tmp_path, rows)
+        assert [room.source_label for room in graph.rooms] == ["bath", "hall"]
+        assert [obj.room_index for obj in graph.objects] == [0, 2]
+        assert notes == [f"cells that say {word}, read as empty: 2"]
 
 
 def test_spellings_of_one_name_are_one_room_and_are_said(tmp_path: Path) -> None:
@@ -439,15 +382,6 @@ def test_spellings_of_one_building_are_one_and_are_said(tmp_path: Path) -> None:
     assert check_dataset(tmp_path / "dataset") == ()
 
 
-def test_spellings_of_a_label_do_not_disagree(tmp_path: Path) -> None:
-    rows = ["a,1,bed,Bedroom", "a,1,lamp,bedroom"]
-    for number, order in enumerate((rows, rows[::-1])):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        path = write_table(folder, *order, header="scene,room,category,room_label")
-        assert read_all(path)["a"].rooms[0].source_label == "Bedroom"
-
-
 def test_columns_have_the_users_names(tmp_path: Path) -> None:
     table = ["building_id,Room ,label,N,scene", "a,hall,bed,2,x", "a,bath,sink,,x"]
     path = write_table(tmp_path, *table[1:], header=table[0])
@@ -460,16 +394,6 @@ def test_columns_have_the_users_names(tmp_path: Path) -> None:
     assert check_dataset(tmp_path / "dataset") == ()
     with refuses(SourceError, "column-missing", path):
         open_source("table", path, scene="bulding_id").find()
-
-
-def test_every_column_can_be_named(tmp_path: Path) -> None:
-    path = write_table(tmp_path, *ROWS)
-    others = HEADER.removesuffix(",colour").split(",")
-    header = ",".join(f"my {name}" for name in others) + ",colour"
-    (tmp_path / "other").mkdir()
-    other = write_table(tmp_path / "other", *ROWS, header=header)
-    options = parse_options("table", {name: f"my {name}" for name in others})
-    assert answer(other, **options) == answer(path)  # type: ignore[arg-type]
 
 
 def test_a_row_of_n_objects_is_n_rows(tmp_path: Path) -> None:
@@ -492,12 +416,6 @@ def test_a_row_of_n_objects_is_n_rows(tmp_path: Path) -> None:
 def test_an_impossible_count_is_refused_with_its_line(tmp_path: Path, row: str) -> None:
     path = write_table(tmp_path, f"a,1,{row}", header="scene,room,category,count,x,y,z")
     with refuses(SourceError, "row-malformed", f"{path}, line 2"):
-        open_source("table", path).find()
-
-
-def test_a_control_character_in_parquet_is_refused_with_its_row(tmp_path: Path) -> None:
-    path = write_everywhere(tmp_path, in_rooms(["hall", "ba\0th"]))[-1]
-    with refuses(SourceError, "row-malformed", f"{path}, row 2"):
         open_source("table", path).find()
 
 
@@ -544,11 +462,11 @@ def test_text_of_parquet_may_be_bytes_and_dictionaries_but_no_lists(tmp_path: Pa
 
 
 def test_a_header_of_many_columns_is_noted_in_short(tmp_path: Path) -> None:
-    more = 100_000
+    more = 2_000
     header = "scene,room,category" + "".join(f",c{number}" for number in range(more))
     path = write_table(tmp_path, "a,1,bed" + "," * more, header=header)
     (note,) = open_source("table", path).find().unused
-    assert note.reason.endswith("c18, c19 and 99,980 more")
+    assert note.reason.endswith("c18, c19 and 1,980 more")
 
 
 def test_a_cell_that_no_program_writes_is_refused_before_it_is_read(tmp_path: Path) -> None:

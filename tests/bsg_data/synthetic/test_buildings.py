@@ -31,8 +31,8 @@ RATES = load_rates()
 
 @pytest.fixture(scope="module")
 def buildings() -> list[SyntheticBuilding]:
-    """Two hundred buildings of one seed."""
-    return [synthesise(RATES, seed=7, number=number) for number in range(200)]
+    """A hundred buildings of one seed."""
+    return [synthesise(RATES, seed=7, number=number) for number in range(100)]
 
 
 def contents(paths: list[Path], root: Path) -> dict[str, bytes]:
@@ -122,7 +122,7 @@ def test_the_irregularities_of_real_files_occur(buildings: list[SyntheticBuildin
     assert sum(names[name] for name in odd) / len(rows) == pytest.approx(0.05, abs=0.025)
 
 
-# Statistics: z-scores of 200 buildings; 4 standard errors are passed once in 16,000
+# Statistics: z-scores of 100 buildings; 4 standard errors are passed once in 16,000
 
 
 def test_number_of_objects_follows_the_rates_of_its_rooms(
@@ -199,9 +199,7 @@ def test_a_stopped_run_is_made_again_without_force(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "where",
     [
-        "train/mine/notes.txt",
         "train/00000-mine/mine.semantic.txt",
-        "val/notes.txt",
         "layouts/00000-mine.yaml",
         "BESIDE",
     ],
