@@ -82,6 +82,8 @@ def main(model: tuple[str, ...], as_json: bool, **options: Any) -> None:
     print_text(format_text(headline_rows(comparison), header=["", *names]))
     figures = f"figures beside them: {len(report.figures)}"
     print_text(f"\nall metrics: {report.report}; per class: {report.classes}; {figures}")
+    if (folder := options["write_predictions"]) is not None:
+        print_text(f"predictions in {folder}, by name: {', '.join(comparison.runs)}")
     if options["html"] is None:
         print_text("all on one page: the same command with --html report.html --force")
     else:

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from bsg_data.dataset.manifest import LICENCE_REF, is_address
 from bsg_data.files import AnyPath
@@ -34,9 +34,9 @@ from bsg_models.runs.found_model import (
     read_shipped_card,
     shipped_names,
 )
+from bsg_models.runs.run_folder import UNKNOWN, TrainedOn, read_record
 from bsg_models.zoo.settings import DataConfig
 
-UNKNOWN = "unknown"
 LIBRARY = "belief-scene-graphs"
 PAPER = "https://arxiv.org/abs/2402.03840"
 TAGS = ("belief-scene-graphs", "object-search", "robotics", "scene-graph")
@@ -50,17 +50,6 @@ _CANNOT = (
     "people.",
     "Its training buildings are public. Do not test it on them: it looks better there than it is.",
 )
-
-
-class TrainedOn(Record):
-    """One source of a model's training data."""
-
-    source: str  # its kind, e.g. `hm3d`.
-    buildings: int = Field(ge=0)  # number used for training or validation
-    licence: str = UNKNOWN  # SPDX, or `unknown`
-    licence_url: str = ""  # link to the licence; empty if unknown
-    sentence: str = ""  # what a user must know of the terms
-    citation: str = ""  # of the source
 
 
 class ModelCard(Record):
@@ -306,4 +295,6 @@ def write_model_card(found: FoundModel, fields: Mapping[str, Any]) -> str:
     if found.kind in ("hub", "hub folder") and beside.is_file():
         return read_bytes(beside, CARD, error=CheckpointError).decode("utf-8", "replace")
     purpose = f"A trained {fields['config']['name']}."
-    return write_card(ModelCard(name=found.name, purpose=purpose), fields=fields)
+    record = read_record(found.path.parent) if found.kind == "run" else None
+    known = record.trained_on if record else ()
+    return write_card(ModelCard(name=found.name, purpose=purpose, trained_on=known), fields=fields)

@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.recipes import Record, name_fault
 from bsg_models.errors import TrainingError
 
+if TYPE_CHECKING:  # a card is read without Arrow
+    from bsg_data.dataset.dataset import Dataset
+
 BEST, CONFIG, RECORD = "best.safetensors", "config.toml", "training.json"
 METRICS, CURVE = "metrics.csv", "curve.png"  # only of networks
+UNKNOWN = "unknown"
+
+
+class TrainedOn(Record):
+    """One source of a model's training data."""
+
+    source: str  # its kind, e.g. `hm3d`.
+    buildings: int = Field(ge=0)  # number used for training or validation
+    licence: str = UNKNOWN  # SPDX, or `unknown`
+    licence_url: str = ""  # link to the licence; empty if unknown
+    sentence: str = ""  # what a user must know of the terms
+    citation: str = ""  # of the source
 
 
 class EpochReport(Record):
@@ -33,6 +51,25 @@ class TrainingRecord(Record):
     seconds: float  # that it took; of one that went on after a kill, since then
     versions: dict[str, str]  # package → version; includes `python`
     notes: tuple[str, ...] = ()  # what it left out, such as rooms above a limit
+    trained_on: tuple[TrainedOn, ...] = ()  # the sources, in the order of the dataset
+
+
+def list_trained_on(data: Dataset, scenes: Collection[str]) -> tuple[TrainedOn, ...]:
+    """Return the sources of some buildings of a dataset, their numbers and their terms."""
+    table = data.read_table("scenes", columns=["scene_id", "source"])
+    sources = dict(zip(*(table[name].to_pylist() for name in ("scene_id", "source")), strict=True))
+    buildings = Counter(sources[scene] for scene in scenes)
+    terms = {entry.kind: entry.terms for entry in data.manifest.sources}
+    names = ("licence", "licence_url", "sentence", "citation")
+    return tuple(
+        TrainedOn(
+            source=kind,
+            buildings=buildings[kind],
+            **({name: getattr(said, name) for name in names} if said else {}),
+        )
+        for kind, said in terms.items()
+        if buildings[kind]
+    )
 
 
 def checkpoint_of(run: Path) -> Path:

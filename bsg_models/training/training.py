@@ -36,7 +36,9 @@ from bsg_models.runs.run_folder import (
     METRICS,
     RECORD,
     EpochReport,
+    TrainedOn,
     TrainingRecord,
+    list_trained_on,
 )
 from bsg_models.training.buildings import validation_buildings
 from bsg_models.training.count_gradients import as_network
@@ -93,7 +95,8 @@ def train_run(
         if trained.reports:
             write_bytes(staged / METRICS, _encode_metrics(trained.reports))
             _plot_curve(config, trained.reports, staged / CURVE, notes)
-        record = _make_record(began=began, notes=notes)
+        known = list_trained_on(data, scenes_of(data, "train", fold=config.data.fold))
+        record = _make_record(known, began=began, notes=notes)
         write_bytes(staged / RECORD, (record.model_dump_json(indent=1) + "\n").encode())
     _remove_partial(partial)
     return trained.reports
@@ -188,7 +191,9 @@ def _encode_metrics(rows: Sequence[EpochReport]) -> bytes:
     return text.getvalue().encode()
 
 
-def _make_record(*, began: float, notes: Sequence[str]) -> TrainingRecord:
+def _make_record(
+    known: tuple[TrainedOn, ...], *, began: float, notes: Sequence[str]
+) -> TrainingRecord:
     """Return the record of a training that ends now; `began` is of `time.perf_counter`."""
     versions = {name: version(name) for name in _PACKAGES} | {"python": platform.python_version()}
     return TrainingRecord(
@@ -196,6 +201,7 @@ def _make_record(*, began: float, notes: Sequence[str]) -> TrainingRecord:
         seconds=round(time.perf_counter() - began, 3),
         versions=versions,
         notes=tuple(notes),
+        trained_on=known,
     )
 
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -48,8 +47,8 @@ from bsg_models.runs.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.runs.found_model import SUFFIX
-from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
-from bsg_models.runs.run_folder import BEST
+from bsg_models.runs.model_card import ModelCard, write_card
+from bsg_models.runs.run_folder import BEST, list_trained_on
 from bsg_models.training.buildings import mask_as_trained
 from bsg_models.training.training import calibrate, train_run
 from bsg_models.zoo.calibration import CalibratedModel
@@ -241,7 +240,9 @@ def ship(
     inside, outside = (
         _stack_draws(data, part, config, vocabulary=model.vocabulary) for part in ("train", "val")
     )
-    card = ModelCard(name=name, purpose=MODELS[name].purpose, trained_on=_list_sources(data))
+    card = ModelCard(
+        name=name, purpose=MODELS[name].purpose, trained_on=list_trained_on(data, data.scene_ids)
+    )
     text = write_card(
         card,
         fields=checkpoint.header.model_dump(mode="json"),
@@ -260,22 +261,6 @@ def describe_accuracy(name: str) -> str:
         f"Models like this one, trained {like_it}, predicted the buildings of HM3D in five folds. "
         "No model had seen the buildings that it predicted. ± is half the 95 % interval over "
         f"buildings.\n\n<!-- generated: accuracy {name} -->\n<!-- end -->"
-    )
-
-
-def _list_sources(data: Dataset) -> tuple[TrainedOn, ...]:
-    """Return the sources of a dataset, with the number of buildings of each and their terms."""
-    table = data.read_table("scenes", columns=["source"])
-    buildings = Counter(table["source"].to_pylist())
-    terms = {entry.kind: entry.terms for entry in data.manifest.sources}
-    names = ("licence", "licence_url", "sentence", "citation")
-    return tuple(
-        TrainedOn(
-            source=kind,
-            buildings=buildings[kind],
-            **({name: getattr(said, name) for name in names} if said else {}),
-        )
-        for kind, said in terms.items()
     )
 
 
