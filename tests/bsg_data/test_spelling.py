@@ -17,11 +17,9 @@ KNOWN = ["mobile", "boiler", "microwave", "shoes", "stools", "vase", "mini fridg
     [
         ("bicycle", KNOWN, ()),  # it only shares letters
         ("microwav", KNOWN, ("microwave",)),
-        ("shoos", KNOWN, ("shoes",)),
         ("vaze", KNOWN, ("vase",)),
         ("fridg", KNOWN, ("mini fridge",)),
         ("univ", ["universal", "universal-gcn"], ("universal", "universal-gcn")),
-        ("tand", ["understanding"], ()),  # a word begins with it, or it is another
         ("uni", ["universal"], ()),  # too short to tell
         ("a.*z", ["abcdefz"], ()),  # no pattern
         ("living room", ["living", "bath"], ("living",)),

@@ -29,7 +29,7 @@ def test_models_are_listed_and_shown() -> None:
 
 
 def test_a_run_is_shown_too(run: Path) -> None:
-    assert "| synthetic | 7 | [Apache-2.0]" in call("show", run).stdout
+    assert "The weights are under the terms of their sources: Apache-2.0" in call("show", run).stdout
 
 
 @pytest.mark.usefixtures("shipped")

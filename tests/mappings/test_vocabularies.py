@@ -7,7 +7,6 @@ from importlib.resources import files
 from pathlib import Path
 
 import pytest
-from conftest import SHARED
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
@@ -94,15 +93,6 @@ def test_words_that_name_no_thing_are_not_those_that_a_map_or_a_vocabulary_gives
     assert {row["kind"] for row in rows} == {"person", "animal", "colour", "action", "event"}
     for class_map in MAPS:
         assert [row["word"] for row in rows if class_of(class_map, row["word"])] == []
-
-
-@pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is not on this machine")
-def test_the_objects_of_ithor_have_the_classes_of_their_own_table() -> None:
-    path = SHARED.parent / "sources" / "ithor" / "objects.csv"
-    with path.open(encoding="utf-8", newline="") as file:
-        said = {row["category"]: row["class"] for row in csv.DictReader(file)}
-    differing = {name for name, one in said.items() if (class_of(V2, name) or "") != one}
-    assert differing == {"BasketBall"}, "the map of ProcTHOR has it as a toy"
 
 
 def write_without_a_class() -> None:

@@ -35,16 +35,6 @@ def glb(tmp_path: Path) -> Path:
     return write_glb(tmp_path / "mesh.glb", textured(RED))
 
 
-def test_a_square_by_hand(glb: Path) -> None:
-    (part,) = read_parts(glb)
-    np.testing.assert_allclose(part.vertices.T, SQUARE)
-    assert part.faces.T.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert part.texture is not None
-    assert part.texture.size == (1, 1)
-    np.testing.assert_allclose(np.asarray(part.places).T, CORNERS)
-    assert part.colours is None
-
-
 def test_nested_transforms_multiply(glb: Path) -> None:
     def nest(tree: dict[str, Any]) -> None:
         mesh = next(i for i, node in enumerate(tree["nodes"]) if "mesh" in node)

@@ -41,11 +41,3 @@ def test_draws_that_numpy_counts_are_seeded_as_those_of_python() -> None:
     recipes, scenes = [MaskRecipe()] * 5, ["home"] * 5
     theirs, ours = (MaskStreams(recipes, scenes, d).of("rooms") for d in (np.arange(5), range(5)))
     assert [rng.random() for rng in theirs] == [rng.random() for rng in ours]
-
-
-def test_recipes_of_short_and_long_seeds_are_drawn_together() -> None:
-    recipes = [MaskRecipe(seed=1), MaskRecipe(seed=2**40)] * 5
-    streams = MaskStreams(recipes, ["home"] * 10, range(10))
-    for draw, rng in enumerate(streams.of("rooms")):
-        (alone,) = MaskStreams([recipes[draw]], ["home"], [draw]).of("rooms")
-        assert rng.random() == alone.random()

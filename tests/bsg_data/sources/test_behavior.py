@@ -86,14 +86,6 @@ def test_rooms_that_the_garden_scene_lacks_are_kept(tmp_path: Path) -> None:
     assert source.find().duplicates == ()
 
 
-def test_scenes_as_listed(tmp_path: Path) -> None:
-    source = open_source("behavior", write_list(tmp_path), as_listed=True)
-    graphs = read_all(source)
-    assert list(graphs) == sorted(SCENES)
-    assert len(graphs["Rs_int"].objects) == 5
-    assert source.options != open_source("behavior", source.path).options
-
-
 def test_a_name_says_building_and_kind(tmp_path: Path) -> None:
     kinds = {
         "gates_bedroom": "home",

@@ -325,20 +325,6 @@ def test_rooms_are_numbered_by_their_names_and_whole_numbers_are_names(
     assert notes == []
 
 
-def test_pandas_writes_the_same_scenes_with_gaps_as_without(tmp_path: Path) -> None:
-    table = pd.DataFrame({"scene": "a", "room": [3, 7, None], "category": ["bed", None, "door"]})
-    table["floor"] = [1, None, None]
-    table.to_csv(tmp_path / "plain.csv")  # with its index
-    for na_rep in ("nan", "NULL", "<NA>", "NaT"):
-        table.to_csv(tmp_path / f"{na_rep}.csv", na_rep=na_rep, index=False)
-    table.to_parquet(tmp_path / "t.parquet")
-    table.convert_dtypes().to_parquet(tmp_path / "nullable.parquet")
-    table.astype(object).astype(str).to_csv(tmp_path / "text.csv")
-    first, *others = [read_all(path) for path in sorted(tmp_path.iterdir())]
-    assert others == [first] * 7
-    assert [(room.region_id, room.floor_index) for room in first["a"].rooms] == [(3, 0), (7, None)]
-
-
 def test_what_pandas_reads_as_missing_is_missing(tmp_path: Path) -> None:
     for word in {*pd._libs.parsers.STR_NA_VALUES, "NaT"} - {""}:  # type: ignore[attr-defined]
         rows: Rows = [*in_rooms([word, "hall"]), {"scene": "a", "room": "bath", "category": word}]
