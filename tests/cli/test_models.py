@@ -29,7 +29,9 @@ def test_models_are_listed_and_shown() -> None:
 
 
 def test_a_run_is_shown_too(run: Path) -> None:
-    assert "The weights are under the terms of their sources: Apache-2.0" in call("show", run).stdout
+    shown = call("show", run).stdout
+    assert "| hm3d | 10 | [LicenseRef-matterport-academic]" in shown
+    assert "**The weights are for non-commercial research**" in shown
 
 
 @pytest.mark.usefixtures("shipped")
