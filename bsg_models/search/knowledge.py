@@ -9,8 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.errors import RecipeError
 
 Task = Literal["single", "all"]
+MOST_JOINED = 1_400  # nodes that are gone by one after the other: it takes the cube
 _MANY = 8  # if every node left has one in so many as neighbours, going by all of them is faster
 
 
@@ -122,6 +124,9 @@ def find_costs(edges: Floats) -> Floats:
     Nodes are taken out, those with the fewest neighbours first. The ways through a node become
     edges between its neighbours. Then the nodes come back, the last one first, and reach all others
     through those neighbours. So a large graph in which few rooms connect takes about N², not N³.
+
+    Raises:
+        RecipeError: if so many connect that it takes N³, and there are more than `MOST_JOINED`.
     """
     nodes, joined = len(edges), np.isfinite(edges) | np.isfinite(edges.T)
     np.fill_diagonal(joined, False)
@@ -152,6 +157,12 @@ def find_costs(edges: Floats) -> Floats:
 
 def _find_by_all(edges: Floats) -> Floats:
     """Return what `find_costs` does, by the method of Floyd and Warshall."""
+    if len(edges) > MOST_JOINED:
+        raise RecipeError(
+            f"expected at most {MOST_JOINED:,} rooms to measure ways between where most connect, "
+            f"found {len(edges):,}; ask without the robot's room, or about a part of the building",
+            code="rooms-too-many",
+        )
     costs = edges.astype(np.float64)
     np.fill_diagonal(costs, 0.0)
     for k in range(len(costs)):
