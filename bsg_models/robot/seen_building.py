@@ -457,7 +457,7 @@ class SeenBuilding(ToldBuilding):
 
     @alone
     def ways(self, costs: Costs | None = None) -> Ways:
-        """Return the costs of going from room to room, at most 2,000 rooms, or 1,400 if most connect.
+        """Return the costs of going from room to room, at most 2,000, or 1,400 if most connect.
 
         Raises:
             RecipeError: also if there are more rooms, or a cost is not 0 or more.
