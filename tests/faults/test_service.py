@@ -184,7 +184,7 @@ def test_nothing_of_a_question_stays(service: tuple[int, str], stride: int) -> N
         for one in both:
             one.join()
 
-    ask_twice(44, 1_000)  # until all that is kept for the next question is full: no large ones
+    ask_twice(300, 1_000)  # until the 65,536 words that each of two processes keeps are full
     before = measure()
     ask_twice(20_000 if stride == 1 else 500, 8)
     assert measure() - before < 20_000_000, (before, measure())
