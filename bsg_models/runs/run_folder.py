@@ -26,7 +26,7 @@ class TrainedOn(Record):
     """One source of a model's training data."""
 
     source: str  # its kind, e.g. `hm3d`.
-    buildings: int = Field(ge=0)  # number used for training or validation
+    buildings: int = Field(ge=0)  # number that it learned from
     licence: str = UNKNOWN  # SPDX, or `unknown`
     licence_url: str = ""  # link to the licence; empty if unknown
     sentence: str = ""  # what a user must know of the terms
