@@ -48,9 +48,9 @@ demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; result
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
 	$(BIN)/bsg-data check $(DEMO)/dataset
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
-	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-gcn --out $(DEMO)/ceci-gcn --set training.epochs=100
+	$(BIN)/bsg-train $(DEMO)/dataset --config ceci --out $(DEMO)/ceci --set training.epochs=100
 	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-sage --out $(DEMO)/ceci-sage --set training.epochs=100
-	$(BIN)/bsg-evaluate $(DEMO)/dataset --model $(DEMO)/ceci-gcn --model $(DEMO)/ceci-sage --out $(DEMO)/evaluation --html $(DEMO)/report.html
+	$(BIN)/bsg-evaluate $(DEMO)/dataset --model $(DEMO)/ceci --model $(DEMO)/ceci-sage --out $(DEMO)/evaluation --html $(DEMO)/report.html
 	$(BIN)/bsg-search $(DEMO)/dataset --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --out $(DEMO)/search
 	@echo
 	@echo "These buildings are synthetic and few: the figures show that it works, not how well."

@@ -112,8 +112,8 @@ def encode_json(value: object, **style: Any) -> str:
 def stem_of(name: str) -> str:
     """Return a name as the stem of a file; all but letters, digits, - _ and . become -.
 
-    >>> stem_of("ceci-gcn (second)"), stem_of("../owner/name")
-    ('ceci-gcn-second', 'owner-name')
+    >>> stem_of("ceci (second)"), stem_of("../owner/name")
+    ('ceci-second', 'owner-name')
     """
     return re.sub(r"[^\w.-]+", "-", name).strip("-.") or "-"
 

@@ -5,6 +5,8 @@ from .belief.document import to_networkx
 from .belief.expectation import Expectation
 from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
 from .belief.graph_file import read_graph
+from .ceci.masked_graphs import MaskedGraphs
+from .ceci.network import Network
 from .errors import (
     BeliefFileError,
     CheckpointError,
@@ -14,7 +16,7 @@ from .errors import (
     TrainingError,
 )
 from .inputs.folds import scenes_of
-from .inputs.graphs import MaskedGraphs, read_split, to_pyg
+from .inputs.graphs import read_split, to_pyg
 from .robot.answers import EXPLORE, ExpectedClass, Place, Step
 from .robot.seen_building import SeenBuilding, open_graph
 from .robot.ways import Ways
@@ -59,6 +61,7 @@ __all__ = [
     "MaskedGraphs",
     "Meaning",
     "ModelConfig",
+    "Network",
     "Place",
     "Planner",
     "PredictionError",

@@ -103,7 +103,7 @@ class ModelContract:
             return
         network.fit(data, config.data)
         read = read_split(data, "test", vocabulary=network.vocabulary)
-        nodes = network.nodes_of(read.seen, read.targets)
+        nodes = network.read(read.seen, read.targets)
         total, cells = network.validation_loss(nodes)
         assert np.isfinite(total)
         assert cells > 0

@@ -22,12 +22,18 @@ from bsg_data.observation.masks import MASKS
 from bsg_data.scene.class_map import list_class_maps
 from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
 from bsg_models.search.catalogue import PLANNERS
+from bsg_models.zoo.catalogue import RECIPES
 from bsg_models.zoo.catalogue import ZOO as MODELS
 
 if TYPE_CHECKING:
     from bsg_models.zoo.config import RunConfig
 
-__all__ = ["MASKS", "MODELS", "PLANNERS"]  # registries: they read their names on first use
+__all__ = [
+    "MASKS",
+    "MODELS",
+    "PLANNERS",
+    "RECIPES",
+]  # registries: they read their names on first use
 MOST_SCENES = 10_000_000  # of one seed
 
 
@@ -44,8 +50,9 @@ def load_config(name: str, settings: tuple[str, ...] = ()) -> RunConfig:
     # Imported here: a help must not wait for it.
     from bsg_models.zoo.config import find_config, override, read_config, validate_config
 
-    if name in MODELS or not (name.endswith(".toml") or Path(name).is_file()):
-        require_known("model", [name], MODELS)
+    known = (*RECIPES, *MODELS)
+    if name in known or not (name.endswith(".toml") or Path(name).is_file()):
+        require_known("model", [name], known)
         tables = find_config(name).model_dump(mode="json")
     else:
         tables = read_config(Path(name))

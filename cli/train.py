@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 import bsg_data
-from bsg_cli.choices import MODELS, complete_names_or_files, load_config
+from bsg_cli.choices import MODELS, RECIPES, complete_names_or_files, load_config
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     "--config",
     "config_name",
     required=True,
-    help=f"Model to train: a TOML file, or one of {', '.join(MODELS)}.",
+    help=f"What to train: a TOML file, or one of {', '.join((*RECIPES, *MODELS))}.",
     metavar="NAME|FILE",
-    shell_complete=complete_names_or_files(lambda: MODELS),
+    shell_complete=complete_names_or_files(lambda: (*RECIPES, *MODELS)),
 )
 @out_option("Folder of the run.")
 @click.option(
@@ -62,8 +62,8 @@ def main(
 
     \b
     Example:
-      bsg-train dataset --config ceci-gcn --out run --set training.epochs=50
-      bsg-train --config ceci-gcn --print
+      bsg-train dataset --config quick --out run
+      bsg-train --config paper --print
     """
     if seed is not None:
         settings = (*settings, f"seed={seed}")

@@ -40,7 +40,7 @@ COMPARED = {  # model of the README's table → what it is
     "prior-table": "a rival: common sense written down",
     "cooccurrence": "a rival: which classes go together",
     "doubled": "twice what was seen",
-    "ceci-gcn-600": "the paper's network",
+    "ceci": "the paper's network",
 }
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 

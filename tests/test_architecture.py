@@ -36,6 +36,7 @@ HOUSE = (
     "bsg_models.belief bsg_models.search",
     "bsg_models.inputs",
     "bsg_models.zoo",
+    "bsg_models.ceci",
     "bsg_models.runs bsg_models.evaluation",
     "bsg_models.rendering bsg_models.robot",
     "bsg_models.training",

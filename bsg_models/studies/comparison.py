@@ -248,10 +248,10 @@ def _load_runs(runs: Sequence[AnyPath], data: Dataset) -> list[_Run]:
 
 
 def _name_runs(runs: Sequence[tuple[FoundModel, CheckpointHeader]]) -> tuple[str, ...]:
-    """Return a name for each run: its model's, such as `ceci-gcn`.
+    """Return a name for each run: its model's, such as `ceci`.
 
     Runs of one model, and a run whose model is also a baseline, get their folder as well:
-    `ceci-gcn (second)`. If that name is taken too, a number follows.
+    `ceci (second)`. If that name is taken too, a number follows.
     """
     models = [
         found.name if found.kind == "shipped" else header.config.name for found, header in runs

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
 import torch
+from torch_geometric.loader import DataLoader
 
 from bsg_data.arrays import Ints
 from bsg_data.dataset.dataset import Dataset
@@ -21,21 +21,33 @@ from bsg_data.observation.masked_buildings import (
     vary_fractions,
 )
 from bsg_data.recipes import MaskRecipe
+from bsg_models.ceci.masked_graphs import MaskedGraphs
+from bsg_models.ceci.network import Network
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
+from bsg_models.inputs.nodes import Nodes
+from bsg_models.training.count_gradients import CountGradients
 from bsg_models.zoo.config import RunConfig
 
 _VAL_DRAWS = 10  # of every val building, if the stored pairs are of another kind than the training
 
 
-class TrainingBuildings:
-    """The masked buildings of every epoch of one training, from an open dataset.
+def feed_of(network: Network, config: RunConfig, data: Dataset) -> TrainingGraphs | TrainingNodes:
+    """Return the batches of every epoch in the form that the loss of a network takes."""
+    if isinstance(network, CountGradients):
+        return TrainingNodes(config, data, network=network)
+    return TrainingGraphs(config, data, network=network)
+
+
+class TrainingNodes:
+    """The masked buildings of every epoch of one training, as the nodes that a count network reads.
 
     Stored pairs are held in memory; fresh masks are drawn a batch at a time.
     """
 
-    def __init__(self, config: RunConfig, data: Dataset, *, vocabulary: tuple[str, ...]) -> None:
-        self._config, self._data, self._vocabulary = config, data, vocabulary
+    def __init__(self, config: RunConfig, data: Dataset, *, network: CountGradients) -> None:
+        self._config, self._data, self._network = config, data, network
+        vocabulary = self._vocabulary = network.vocabulary
         fold, self._stored = config.data.fold, None
         self._scenes = scenes_of(data, "train", fold=fold)
         if config.data.masks == "fixed":
@@ -47,8 +59,13 @@ class TrainingBuildings:
         """Number of steps of an epoch."""
         return -(-self._number // self._config.training.batch_size)
 
-    def batches(self, epoch: int) -> Iterator[MaskedBuildings]:
+    def batches(self, epoch: int) -> Iterator[Nodes]:
         """Yield the batches of an epoch."""
+        for some in self.masked(epoch):
+            yield self._network.read(some.seen, some.targets)
+
+    def masked(self, epoch: int) -> Iterator[MaskedBuildings]:
+        """Yield the buildings of the batches of an epoch."""
         order, size = self._order(epoch), self._config.training.batch_size
         choice = self._config.data
         recipes = vary_fractions(choice.fresh_mask, choice.fractions, epoch, len(self._scenes))
@@ -67,15 +84,53 @@ class TrainingBuildings:
         )
 
     def _order(self, epoch: int) -> Ints:
-        order = torch.Generator().manual_seed(epoch_seed(self._config, epoch))
+        order = torch.Generator().manual_seed(self._config.seed_of(epoch))
         torch.empty((), dtype=torch.int64).random_(generator=order)  # as torch's loader did
         permuted: Ints = torch.randperm(self._number, generator=order).numpy()
         return permuted
 
 
-def epoch_seed(config: RunConfig, epoch: int) -> int:
-    """Return the seed of an epoch: of its order, and of its dropout."""
-    return int(np.random.SeedSequence([config.seed, epoch]).generate_state(1)[0])
+class TrainingGraphs:
+    """The graphs of every epoch of a training: stored pairs, as in the paper, or fresh masks.
+
+    Its batches have the fields that the network reads, `edge_index` and `y`.
+    """
+
+    def __init__(self, config: RunConfig, data: Dataset, *, network: Network) -> None:
+        self._config, self._data, self._vocabulary = config, data, network.vocabulary
+        self._reads = {*network.reads, "edge_index", "y"}
+        self._graphs = self._take(1)
+        self.steps = -(-len(self._graphs) // config.training.batch_size)
+
+    def batches(self, epoch: int) -> DataLoader:
+        """Return the batches of an epoch, whose order depends on (seed, epoch) alone."""
+        if self._config.data.masks == "fresh":
+            self._graphs = self._take(epoch)
+        return DataLoader(
+            self._graphs,
+            batch_size=self._config.training.batch_size,
+            shuffle=True,
+            generator=torch.Generator().manual_seed(self._config.seed_of(epoch)),
+            exclude_keys=[name for name, _ in self._graphs[0] if name not in self._reads],
+        )
+
+    def _take(self, epoch: int) -> MaskedGraphs:
+        """Return the stored pairs of the train buildings, or their masks of an epoch."""
+        choice, vocabulary = self._config.data, self._vocabulary
+        if choice.masks == "fixed":
+            return MaskedGraphs.stored(
+                self._data, "train", fold=choice.fold, edges=choice.edges, vocabulary=vocabulary
+            )
+        return MaskedGraphs.fresh(
+            self._data,
+            "train",
+            mask=choice.fresh_mask,
+            draw=epoch,
+            fractions=choice.fractions,
+            fold=choice.fold,
+            edges=choice.edges,
+            vocabulary=vocabulary,
+        )
 
 
 def validation_buildings(

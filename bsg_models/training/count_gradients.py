@@ -15,10 +15,10 @@ from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import log_beyond_none, log_none, log_normaliser
+from bsg_models.ceci.network import Network
 from bsg_models.inputs.nodes import Nodes
 from bsg_models.zoo.layers import NO_DROPOUT, NoDropout
 from bsg_models.zoo.model import BeliefModel
-from bsg_models.zoo.network import Network
 from bsg_models.zoo.networks import CountNetwork, Posterior
 from bsg_models.zoo.settings import DataConfig
 
@@ -57,11 +57,11 @@ class CountGradients(Network):
         self._model.fit(data, choice)
         self.load_state(self._model.state())
 
-    def nodes_of(self, seen: Observation, targets: Counts | None = None) -> Nodes:
+    def read(self, seen: Observation, targets: Counts | None = None) -> Nodes:
         """Return an observation as the tensors that the network reads."""
         return self._model.nodes_of(seen, targets).to(torch.device("cpu"))
 
-    def forward(self, nodes: Nodes) -> Posterior:
+    def forward(self, nodes: Nodes) -> Posterior:  # type: ignore[override]
         """Return the posterior of the hidden counts; a training drops at random."""
         drop = Dropout() if self.training else NO_DROPOUT
         return self._model.forward(dict(self.named_parameters()), nodes, drop)

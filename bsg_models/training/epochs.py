@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,8 +21,8 @@ from torch import nn
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import BATCH
+from bsg_models.ceci.network import Network
 from bsg_models.errors import TrainingError
-from bsg_models.inputs.nodes import Nodes
 from bsg_models.runs.checkpoint import (
     load_checkpoint,
     make_header,
@@ -29,10 +30,14 @@ from bsg_models.runs.checkpoint import (
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import EpochReport
-from bsg_models.training.buildings import TrainingBuildings, epoch_seed, validation_buildings
+from bsg_models.training.buildings import (
+    TrainingGraphs,
+    TrainingNodes,
+    feed_of,
+    validation_buildings,
+)
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import State
-from bsg_models.zoo.network import Network
 from bsg_models.zoo.settings import Device, TrainingConfig
 
 Progress = Callable[[EpochReport], None]
@@ -84,19 +89,17 @@ class GradientSteps:
         self.optimiser = _make_optimiser(model, config.training)
         self._config, self._device = config, device
 
-    def train_epoch(self, buildings: TrainingBuildings, epoch: int) -> float:
+    def train_epoch(self, feed: TrainingGraphs | TrainingNodes, epoch: int) -> float:
         """Take the steps of an epoch; return the mean of their losses."""
-        training = self._config.training
-        torch.manual_seed(epoch_seed(self._config, epoch))  # of dropout
-        steps = buildings.steps
+        training, steps = self._config.training, feed.steps
+        torch.manual_seed(self._config.seed_of(epoch))  # of dropout
         self.model.train()
         losses = []
-        for step, some in enumerate(buildings.batches(epoch), (epoch - 1) * steps):
-            nodes = self.model.nodes_of(some.seen, some.targets).to(self._device)
+        for step, batch in enumerate(feed.batches(epoch), (epoch - 1) * steps):
             for group in self.optimiser.param_groups:
                 group["lr"] = learning_rate(training, step, steps=steps * training.epochs)
             self.optimiser.zero_grad()
-            loss = self.model.loss(nodes)
+            loss = self.model.loss(batch.to(self._device))
             loss.backward()  # type: ignore[no-untyped-call]
             if training.clip is not None:
                 nn.utils.clip_grad_norm_(self.model.parameters(), training.clip)
@@ -172,15 +175,15 @@ def train_network(
         The weights of the lowest validation loss, and one report per epoch.
     """
     training, device = config.training, find_device(config.training.device)
-    buildings = TrainingBuildings(config, data, vocabulary=network.vocabulary)
+    feed = feed_of(network, config, data)
     masked = validation_buildings(config, data, vocabulary=network.vocabulary)
-    validation = [network.nodes_of(one.seen, one.targets) for one in masked.batches(BATCH)]
+    validation = [network.read(one.seen, one.targets) for one in masked.batches(BATCH)]
     network.fit(data, config.data)
     steps = GradientSteps(network, config, device=device)
     done = steps.restore(unfinished, data)
     for epoch in range(len(done.reports) + 1, training.epochs + 1):
         began = time.perf_counter()
-        train_loss, val_loss = steps.train_epoch(buildings, epoch), None
+        train_loss, val_loss = steps.train_epoch(feed, epoch), None
         if epoch % training.validate_every == 0 or epoch == training.epochs:
             val_loss = _validate(steps.on_cpu(), validation)
         if not np.isfinite([train_loss, val_loss or 0.0]).all():
@@ -196,7 +199,7 @@ def train_network(
     return done.best, done.reports
 
 
-def _validate(model: Network, validation: Sequence[Nodes]) -> float:
+def _validate(model: Network, validation: Sequence[Any]) -> float:
     """Return a model's loss per (node, class) cell."""
     parts = [model.validation_loss(some) for some in validation]
     return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)

@@ -40,17 +40,22 @@ ZOO: Registry[ZooRow] = Registry(
     ZooRow,
     group="bsg_models.zoo",
     rows={
+        "ceci": "bsg_models.ceci.gcn:ROW",
         "input": "bsg_models.zoo.baselines:INPUT",
         "doubled": "bsg_models.zoo.baselines:DOUBLED",
         "train-mean": "bsg_models.zoo.baselines:TRAIN_MEAN",
         "gamma-poisson": "bsg_models.zoo.gamma_poisson:GAMMA_POISSON",
         "tilted-gamma-poisson": "bsg_models.zoo.gamma_poisson:TILTED_GAMMA_POISSON",
         "mixture": "bsg_models.zoo.mixture:MIXTURE",
-        "ceci-gcn": "bsg_models.zoo.gcn:CECI_GCN",
         "ceci-sage": "bsg_models.zoo.networks:CECI_SAGE",
         "ensemble": "bsg_models.zoo.ensemble:ENSEMBLE",
         "universal": "bsg_models.zoo.networks:UNIVERSAL",
     },
 )
+# What `--config` takes besides: a model of the zoo, and settings of it.
+RECIPES: dict[str, tuple[str, dict[str, Any]]] = {
+    "paper": ("ceci", {}),
+    "quick": ("ceci", {"name": "ceci-quick", "training": {"epochs": 60}}),
+}
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")
 UNTRAINED = BASELINES[:2]  # learn nothing

@@ -29,7 +29,7 @@ from bsg_data.inputs.documents import parse_toml
 from bsg_data.recipes import Exploration, MaskRecipe, Record, Seed
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import ConfigError
-from bsg_models.zoo.catalogue import ZOO
+from bsg_models.zoo.catalogue import RECIPES, ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig
 
 _MOST_FAULTS = 20  # that an error names
@@ -44,6 +44,12 @@ class RunConfig(Record):
     model: SerializeAsAny[ModelConfig]  # settings of its family
     data: DataConfig = DataConfig()  # what it is trained on
     training: TrainingConfig = TrainingConfig()  # models fitted by counting ignore it
+
+    def seed_of(self, epoch: int) -> int:
+        """Return the seed of an epoch: of its order, and of its dropout."""
+        import numpy as np  # names and settings are listed without it
+
+        return int(np.random.SeedSequence([self.seed, epoch]).generate_state(1)[0])
 
     @field_validator("name")
     @classmethod
@@ -74,16 +80,19 @@ class RunConfig(Record):
 
 
 def find_config(name: str) -> RunConfig:
-    """Return the configuration of a zoo name.
+    """Return the configuration of a name of the zoo or of `RECIPES`.
 
     Raises:
         ConfigError: for an unknown name; the message suggests the nearest.
     """
+    model, settings = RECIPES.get(name, (name, {}))
     try:
-        row = ZOO[name]
+        row = ZOO[model]
     except RecipeError as error:
         raise ConfigError(str(error)) from error
-    return RunConfig(name=name, model=row.config, data=row.data, training=row.training)
+    training = row.training.model_copy(update=settings.get("training", {}))
+    name = settings.get("name", model)
+    return RunConfig(name=name, model=row.config, data=row.data, training=training)
 
 
 def read_config(path: AnyPath) -> dict[str, Any]:

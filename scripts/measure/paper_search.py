@@ -1,7 +1,7 @@
 """Let the paper's own system search, in all the ways that the paper may be read.
 
     python scripts/measure/paper_search.py --leaderboard board --readings up@uniform --models \
-        ceci-gcn-600@uniform --kept kept --out docs/results/figures.json
+        ceci@uniform --kept kept --out docs/results/figures.json
 
 A reading is a way to fill what the paper leaves open of its network. The three that save most on
 the val buildings of each fold, in the first world, are measured on the test buildings beside

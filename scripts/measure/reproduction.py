@@ -35,7 +35,7 @@ from bsg_models.zoo.config import find_config, override, validate_config
 
 # The open points of the paper, one reading a row. A reading changes the settings that it lists.
 READINGS: dict[str, tuple[str, ...]] = {
-    "ceci-gcn": (),
+    "ceci": (),
     "decay as schedule": ("training.decay_as=learning-rate",),
     "fixed pairs": ("data.masks=fixed",),
     "dropout 0.1": ("model.dropout=0.1",),
@@ -78,7 +78,7 @@ def prepare(source: Path, out: Path, *, seed: int, draws: int) -> Path:
 
 def train(name: str, settings: tuple[str, ...], dataset: Path, run: Path) -> None:
     """Train one reading, unless its run is finished."""
-    zoo_name = name if name in ZOO else "ceci-gcn"
+    zoo_name = name if name in ZOO else "ceci"
     tables = override(find_config(zoo_name).model_dump(mode="json"), settings)
     config = validate_config(tables, source=name)
     if not is_finished(run, config, Dataset.open(dataset)):

@@ -158,8 +158,8 @@ def measure_training(raw: Path, folder: Path) -> Iterator[Speed]:
     """
     build(raw, folder / "dataset")
     prepare(folder / "dataset")
-    tables = find_config("ceci-gcn").model_dump(mode="json")
-    config = validate_config(override(tables, [f"training.epochs={EPOCHS}"]), source="ceci-gcn")
+    tables = find_config("ceci").model_dump(mode="json")
+    config = validate_config(override(tables, [f"training.epochs={EPOCHS}"]), source="ceci")
     training, model = config.training, config.model
     graphs = HalfSeen(Dataset.open(folder / "dataset"))
     sizes = [45, *[model.width] * (model.depth - 1), 45]
@@ -179,7 +179,7 @@ def measure_training(raw: Path, folder: Path) -> Iterator[Speed]:
             optimiser.step()
 
     taken = time_both(ours, theirs, repeats=3)
-    what = f"a training of `ceci-gcn`, {EPOCHS} epochs"
+    what = f"a training of `ceci`, {EPOCHS} epochs"
     yield Speed(what, "the same network in plain PyG, masks drawn by a loop", *taken, 5, True)
 
 

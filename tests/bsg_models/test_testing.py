@@ -150,9 +150,9 @@ def test_a_careless_loss_is_found_out(
     method: str, answer: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Careless(ModelContract):
-        name = "ceci-gcn"
+        name = "ceci"
 
     Careless().test_losses_are_numbers()
-    monkeypatch.setattr(ZOO["ceci-gcn"].make, method, answer)
+    monkeypatch.setattr(ZOO["ceci"].make, method, answer)
     with pytest.raises(AssertionError):
         Careless().test_losses_are_numbers()

@@ -24,7 +24,7 @@ run = runner(main)
 
 
 def train_run(dataset: Path, out: Path) -> Result:
-    words = (dataset, "--config", "ceci-gcn", "--out", out, "--set", "model.width=8")
+    words = (dataset, "--config", "ceci", "--out", out, "--set", "model.width=8")
     return runner(train.main)(*words, "--set", "training.epochs=2")
 
 
@@ -47,21 +47,21 @@ def test_a_run_beside_the_baselines(dataset: Path, trained: Path, tmp_path: Path
     assert "Belief scene graph" in text
     assert not re.search(r"(src|href)=.?https?:", text), "it opens offline"
     assert "worse" not in result.stdout
-    assert f"ceci-gcn {' '.join(BASELINES)}" in " ".join(result.stdout.split())
+    assert f"ceci {' '.join(BASELINES)}" in " ".join(result.stdout.split())
     for name in (*HEADLINES["what is hidden"], *HEADLINES["whole histograms"]):
         assert head_value(name) in result.stdout
     assert max(map(len, result.stdout.split("\n\n")[0].splitlines())) <= 120
     report = json.loads((trained / "evaluation" / "evaluation.json").read_text("utf-8"))
     nll = report["metrics"]["rooms/hidden_nll"]
-    assert set(nll) == {"ceci-gcn", *BASELINES}
-    assert nll["ceci-gcn"]["low"] is nll["ceci-gcn"]["high"] is None  # of one building
+    assert set(nll) == {"ceci", *BASELINES}
+    assert nll["ceci"]["low"] is nll["ceci"]["high"] is None  # of one building
     assert report["draws"] == 4
-    assert report["runs"]["ceci-gcn"]["config"]["model"]["width"] == 8
-    assert report["runs"]["ceci-gcn"]["folder"] == "run"
+    assert report["runs"]["ceci"]["config"]["model"]["width"] == 8
+    assert report["runs"]["ceci"]["folder"] == "run"
     assert report["checkpoints_sha256"] == [hash_file(trained / "best.safetensors")]
     classes = pd.read_csv(trained / "evaluation" / "classes.csv")
     assert len(classes) == 5 * 2 * 45
-    assert len(list((trained / "evaluation").glob("ceci-gcn-*.png"))) == 3
+    assert len(list((trained / "evaluation").glob("ceci-*.png"))) == 3
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_results_are_kept_if_a_figure_cannot_be_drawn(
     assert result.stderr.count("note: a figure is missing: ") == 2
     assert "figures beside them: 1\n" in result.stdout
     names = sorted(path.name for path in (tmp_path / "run" / "evaluation").iterdir())
-    assert names == ["SHA256SUMS", "ceci-gcn-building.png", "classes.csv", "evaluation.json"]
+    assert names == ["SHA256SUMS", "ceci-building.png", "classes.csv", "evaluation.json"]
 
 
 @pytest.mark.usefixtures("no_figures", "shipped")
@@ -98,12 +98,12 @@ def test_a_shipped_model_is_measured_by_its_name(
     other = (dataset, "--model", "other")
     named = run(*other, "--model", "run")  # a name, and a folder that is there
     report = json.loads(Path("evaluation/evaluation.json").read_text("utf-8"))
-    assert list(report["runs"]) == ["other", "ceci-gcn"]
+    assert list(report["runs"]) == ["other", "ceci"]
     assert "other" in named.stdout
     shutil.copytree(trained, "other")
     run(*other)  # a folder that is there comes first
     report = json.loads(Path("other/evaluation/evaluation.json").read_text("utf-8"))
-    assert report["runs"]["ceci-gcn"]["folder"] == "other"
+    assert report["runs"]["ceci"]["folder"] == "other"
     assert "did you mean other?" in run(dataset, "--model", "othr", "--out", "x", code=1).stderr
 
 
@@ -114,7 +114,7 @@ def test_json_and_twins(dataset: Path, trained: Path, tmp_path: Path) -> None:
     words = [dataset, *models, "--out", tmp_path / "e"]
     report = json.loads(run(*words, "--split", "val", "--json").stdout)
     assert report["split"] == "val"
-    assert report["metrics"]["rooms/hidden_nll"]["ceci-gcn (run)"]["low"] is None
-    assert [*report["runs"]] == ["ceci-gcn (run)", "ceci-gcn (run)-2", "ceci-gcn (run)-3"]
+    assert report["metrics"]["rooms/hidden_nll"]["ceci (run)"]["low"] is None
+    assert [*report["runs"]] == ["ceci (run)", "ceci (run)-2", "ceci (run)-3"]
     assert "--force" in run(*words, code=1).stderr
     assert "rooms/wasserstein_classes/kurtosis" in report["metrics"]

@@ -20,7 +20,7 @@ run = runner(main)
 
 
 def test_print_config_is_what_runs_and_reads_back(dataset: Path, tmp_path: Path) -> None:
-    printed = run("--config", "ceci-gcn", "--seed", "7", *SMALL, "--print").stdout
+    printed = run("--config", "ceci", "--seed", "7", *SMALL, "--print").stdout
     assert tomllib.loads(printed)["seed"] == 7
     file = tmp_path / "mine.toml"
     file.write_text(printed, "utf-8")
@@ -30,7 +30,7 @@ def test_print_config_is_what_runs_and_reads_back(dataset: Path, tmp_path: Path)
 
 def test_a_run_tells_how_it_was_trained(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
-    words = (dataset, "--config", "ceci-gcn", "--seed", "7", *SMALL)
+    words = (dataset, "--config", "ceci", "--seed", "7", *SMALL)
     assert "4 epochs in" in run(*words, "--out", out).stdout
     assert "--force replaces it" in run(*words, "--out", out, code=1).stderr
     assert (out / "curve.png").read_bytes().startswith(b"\x89PNG")
@@ -48,10 +48,10 @@ def test_a_run_tells_how_it_was_trained(dataset: Path, tmp_path: Path) -> None:
     ("words", "code"),
     [
         (["--config", "none.toml", "--print"], 2),
-        (["--config", "ceci-gcn", "--set", "sed=1", "--print"], 2),
+        (["--config", "ceci", "--set", "sed=1", "--print"], 2),
         ([], 2),
-        (["--config", "ceci-gcn"], 2),
-        (["none", "--config", "ceci-gcn", "--out", "x"], 1),
+        (["--config", "ceci"], 2),
+        (["none", "--config", "ceci", "--out", "x"], 1),
     ],
 )
 def test_what_cannot_be_trained_is_refused(words: list[str], code: int) -> None:
@@ -66,7 +66,7 @@ def test_after_ctrl_c_the_same_command_goes_on(
             raise KeyboardInterrupt
 
     monkeypatch.setattr("bsg_cli.train._bar", lambda config: nullcontext(stop))
-    words = (dataset, "--config", "ceci-gcn", "--out", tmp_path / "run", *SMALL)
+    words = (dataset, "--config", "ceci", "--out", tmp_path / "run", *SMALL)
     words += ("--set", "training.validate_every=1")
     partial = name_staged(tmp_path / "run")
     assert f"{partial}: the same command goes on" in run(*words, code=130).stderr

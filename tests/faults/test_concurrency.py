@@ -91,7 +91,7 @@ def test_a_command_in_the_middle_of_another(
 
 def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: Path) -> None:
     small = ["model.width=4", "training.epochs=2"]
-    tables = override(find_config("ceci-gcn").model_dump(mode="json"), small)
+    tables = override(find_config("ceci").model_dump(mode="json"), small)
     config = validate_config(tables, source="test")
 
     def interrupt(_: object) -> None:

@@ -62,7 +62,7 @@ def test_in_a_dataset(dataset: Path, full: bool) -> None:
 def test_in_a_run(dataset: Path, tmp_path: Path, full: bool) -> None:
     run = tmp_path / "run"
     small = ["model.width=4", "training.epochs=1"]
-    tables = override(find_config("ceci-gcn").model_dump(mode="json"), small)
+    tables = override(find_config("ceci").model_dump(mode="json"), small)
     train_run(validate_config(tables, source="test"), dataset, run)
     assert {*check_results(run), "SHA256SUMS"} == {path.name for path in run.iterdir()}
     assert find_missed(run, lambda: not check_results(run), full=full) == []

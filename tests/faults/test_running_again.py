@@ -64,7 +64,7 @@ def search(run: Path, dataset: Path, out: Path) -> None:
 def train(_: Path, dataset: Path, out: Path) -> None:
     """A run, and what a stopped one goes on from beside it."""
     small = ["model.width=4", "model.depth=1", "training.epochs=2", "training.validate_every=1"]
-    tables = override(find_config("ceci-gcn").model_dump(mode="json"), small)
+    tables = override(find_config("ceci").model_dump(mode="json"), small)
     train_run(validate_config(tables, source="test"), dataset, out / "run")
 
 

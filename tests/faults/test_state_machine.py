@@ -117,7 +117,7 @@ def pairs_recipe(draws: int) -> PairsRecipe:
 def configure(name: str) -> RunConfig:
     small = {
         "gamma-poisson": [],
-        "ceci-gcn": ["model.width=4", "model.depth=1", "training.epochs=3"],
+        "ceci": ["model.width=4", "model.depth=1", "training.epochs=3"],
     }
     tables = override(find_config(name).model_dump(mode="json"), small[name])
     return validate_config(tables, source="test")
@@ -220,7 +220,7 @@ class House(RuleBasedStateMachine):
             self.growing = any(self.folder.glob(f"*{PARTIAL}*"))
 
     @precondition(lambda self: self.made is not None and self.made.draws is not None)
-    @rule(name=st.sampled_from(["gamma-poisson", "gamma-poisson", "ceci-gcn"]), kill=kills)
+    @rule(name=st.sampled_from(["gamma-poisson", "gamma-poisson", "ceci"]), kill=kills)
     def train(self, name: str, kill: Kill) -> None:
         made, run = self.made, self.runs / name
         assert made is not None

@@ -46,7 +46,7 @@ def compare(runs: Sequence[Path], dataset: Path, **options: Any) -> Comparison:
 
 def train(dataset: Path, run: Path, *settings: str) -> Path:
     small = ["model.width=8", "training.epochs=2", "training.batch_size=4", *settings]
-    list(train_run(configure("ceci-gcn", *small), dataset, run))
+    list(train_run(configure("ceci", *small), dataset, run))
     return run
 
 
@@ -55,7 +55,7 @@ def test_runs_are_compared_with_the_baselines_on_the_same_masks(
 ) -> None:
     runs = [train(dataset, tmp_path / "a"), train(dataset, tmp_path / "b", "model.dropout=0.0")]
     found = compare(runs, dataset, split="val", resamples=2)
-    names = ("ceci-gcn (a)", "ceci-gcn (b)")  # two runs of one model
+    names = ("ceci (a)", "ceci (b)")  # two runs of one model
     assert list(found.estimates) == [*names, *BASELINES]
     assert found.runs == names
     graphs = read_split(Dataset.open(dataset), "val")
@@ -124,7 +124,7 @@ def run_of(model: str, folder: str, kind: Kind = "run") -> tuple[FoundModel, Che
 @pytest.mark.parametrize(
     ("runs", "names"),
     [
-        ([("mixture", "a"), ("ceci-gcn", "b")], ("mixture", "ceci-gcn")),
+        ([("mixture", "a"), ("ceci", "b")], ("mixture", "ceci")),
         ([("mixture", "a"), ("mixture", "a")], ("mixture (a)", "mixture (a)-2")),
         ([("mixture", "a b"), ("mixture", "a-b")], ("mixture (a b)", "mixture (a-b)-2")),
         ([("gamma-poisson", "a")], ("gamma-poisson (a)",)),  # a baseline has this name

@@ -119,12 +119,12 @@ def test_a_class_is_trained_where_it_can_be_named(merged: Path) -> None:
     values, times = tally_rooms(data, data.scene_ids)[bed]
     assert (values.tolist(), times.tolist()) == ([1], [6])  # no office counts as without
     masked = sample_masked(data, data.scene_ids, mask=MaskRecipe(strategy="rooms"), draw=0)
-    for name in ("universal", "ceci-gcn"):
+    for name in ("universal", "ceci"):
         model = make_model(find_config(name), classes=len(data.manifest.class_space.classes))
         network = as_network(model)
         assert network is not None
         network.eval()
-        nodes = network.nodes_of(masked.seen, masked.targets)
+        nodes = network.read(masked.seen, masked.targets)
         assert torch.isfinite(network.loss(nodes))
         rooms = ~nodes.is_building
         known = masked.known[rooms.numpy()] if name == "universal" else masked.known

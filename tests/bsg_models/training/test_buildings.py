@@ -12,7 +12,9 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked, vary_fractions
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.inputs.graphs import read_split
-from bsg_models.training.buildings import TrainingBuildings, epoch_seed
+from bsg_models.training.buildings import TrainingNodes
+from bsg_models.training.count_gradients import CountGradients, as_network
+from bsg_models.zoo.ensemble import make_model
 
 
 def names(masked: MaskedBuildings) -> list[tuple[str, int]]:
@@ -48,7 +50,7 @@ def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> Non
             vocabulary=vocabulary,
         )
     )
-    order = torch.Generator().manual_seed(epoch_seed(config, 3))
+    order = torch.Generator().manual_seed(config.seed_of(3))
     numbers: DataLoader[int] = DataLoader(
         range(len(whole)),  # type: ignore[arg-type]
         batch_size=4,
@@ -56,8 +58,11 @@ def test_batches_come_as_torch_would_load_them(dataset: Path, masks: str) -> Non
         generator=order,
         collate_fn=list,
     )
-    buildings = TrainingBuildings(config, data, vocabulary=vocabulary)
-    batches = list(buildings.batches(3))
+    model = make_model(config, classes=45, vocabulary=vocabulary)
+    network = as_network(model)
+    assert isinstance(network, CountGradients)
+    buildings = TrainingNodes(config, data, network=network)
+    batches = list(buildings.masked(3))
     assert buildings.steps == len(batches) == -(-len(whole) // 4)
     for some, chosen in zip(batches, numbers, strict=True):
         assert same(some, whole.take(chosen))

@@ -29,7 +29,7 @@ from bsg_models.runs.run_folder import (
     read_record,
 )
 from bsg_models.training import training
-from bsg_models.training.buildings import TrainingBuildings, validation_buildings
+from bsg_models.training.buildings import feed_of, validation_buildings
 from bsg_models.training.count_gradients import as_network
 from bsg_models.training.epochs import Progress, find_device
 from bsg_models.training.training import train_run
@@ -43,8 +43,8 @@ from bsg_models.zoo.config import (
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
 
 
-def short(*settings: str, name: str = "ceci-gcn") -> RunConfig:
-    small = SMALL if name == "ceci-gcn" else ()
+def short(*settings: str, name: str = "ceci") -> RunConfig:
+    small = SMALL if name == "ceci" else ()
     return configure(name, *small, "training.epochs=8", *settings)
 
 
@@ -106,7 +106,7 @@ def stop_at(epoch: int) -> Progress:
 @pytest.mark.parametrize(
     ("name", "stop", "settings"),
     [
-        ("ceci-gcn", 5, ("training.decay_as=learning-rate", "training.decay=0.01")),
+        ("ceci", 5, ("training.decay_as=learning-rate", "training.decay=0.01")),
         ("ensemble", 3, ('model.members=["ceci-sage","gamma-poisson"]',)),
     ],
 )
@@ -188,22 +188,17 @@ def test_a_gpu_is_taken_if_it_is_there(is_there: bool, monkeypatch: pytest.Monke
             find_device("cuda")
 
 
-@pytest.mark.parametrize("name", ["ceci-gcn", "universal"])
-def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(
-    name: str, dataset: Path
-) -> None:
+def test_a_step_asks_its_device_for_no_value_and_shares_nothing_with_the_cpu(dataset: Path) -> None:
     """Torch's device `meta` computes shapes: who reads a value there, or mixes devices, fails.
 
     So a step on a GPU neither waits nor copies, and the CPU draws the next masks meanwhile.
     """
-    data, config, meta = Dataset.open(dataset), find_config(name), torch.device("meta")
+    data, config, meta = Dataset.open(dataset), find_config("universal"), torch.device("meta")
     network = as_network(training.new_model(config, data))
     assert network is not None
-    buildings = TrainingBuildings(config, data, vocabulary=network.vocabulary)
-    some = next(buildings.batches(1))
-    nodes = network.nodes_of(some.seen, some.targets).to(meta)
+    batch = next(iter(feed_of(network, config, data).batches(1))).to(meta)
     network.to(meta).train()
-    network.loss(nodes).backward()  # type: ignore[no-untyped-call]
+    network.loss(batch).backward()  # type: ignore[no-untyped-call]
     norm = torch.nn.utils.clip_grad_norm_(network.parameters(), 5.0)
     assert norm.device == meta
 

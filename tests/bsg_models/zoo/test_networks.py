@@ -13,15 +13,13 @@ import pytest
 import torch
 from configurations import configure
 from one_building import make_zoo_model, observe_building, surround_rooms
-from scipy.stats import poisson
-from torch_geometric.nn import GCNConv
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
 from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.inputs.graphs import read_split
-from bsg_models.inputs.nodes import EVIDENCE, list_edges, to_nodes
+from bsg_models.inputs.nodes import EVIDENCE, to_nodes
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.run_folder import BEST
 from bsg_models.training.count_gradients import CountGradients, Dropout
@@ -94,7 +92,7 @@ def test_numpy_answers_as_torch_trains(name: str, dataset: Path) -> None:
     network = CountGradients(shake(model))
     network.load_state(model.state())
     with torch.no_grad():
-        trained = network(network.nodes_of(seen))
+        trained = network(network.read(seen))
     answered = model.forward(model.weights, model.nodes_of(seen))
     for one in ("mean", "dispersion", "log_weight"):
         np.testing.assert_allclose(
@@ -110,7 +108,7 @@ def test_the_loss_is_minus_the_log_probability_of_what_rooms_hide(dataset: Path)
     network = CountGradients(model)
     network.load_state(shake(model).state())
     masked = read_split(data, "test", vocabulary=model.vocabulary)
-    found = network.loss(network.nodes_of(masked.seen, masked.targets)).item()
+    found = network.loss(network.read(masked.seen, masked.targets)).item()
     rooms = np.flatnonzero(~masked.seen.is_building)
     beliefs = model.predict_hidden_counts(masked.seen).take(rooms)
     expected = -beliefs.log_probability(masked.hidden[rooms].astype(float)).mean()
@@ -246,37 +244,6 @@ def test_a_batch_without_rooms_has_no_loss(dataset: Path) -> None:
     assert isinstance(model, CountNetwork)
     alone = observe_building([[3] * 45])
     network = CountGradients(model)
-    loss = network.loss(network.nodes_of(alone, alone.inputs))
+    loss = network.loss(network.read(alone, alone.inputs))
     assert loss.item() == 0
     loss.backward()  # type: ignore[no-untyped-call]
-
-
-def test_the_gcn_normalises_once_what_pygs_layers_normalise_each() -> None:
-    torch.manual_seed(0)
-    model = make_zoo_model("ceci-gcn", classes=2, depth=3, width=8, dropout=0.0).eval()
-    seen = observe_building([[4, 2], [3, 0], [1, 2]])
-    nodes = model.nodes_of(seen)
-    x, edges = nodes.x, torch.from_numpy(list_edges(seen, model.inputs.edges))
-    for layer, convolution in enumerate(model.convolutions):
-        pygs = GCNConv(convolution.in_channels, convolution.out_channels)
-        pygs.load_state_dict(convolution.state_dict())
-        x = pygs(x, edges)
-        if layer < len(model.blocks):
-            x = model.blocks[layer](x)
-    torch.testing.assert_close(model(nodes), x)
-
-
-def test_the_gcn_of_poisson_laws_loses_what_scipy_says() -> None:
-    how = {"depth": 2, "width": 8, "dropout": 0.0, "likelihood": "poisson"}
-    model = make_zoo_model("ceci-gcn", classes=2, **how).eval()
-    seen = observe_building([[4, 2], [3, 0], [1, 2]])
-    targets = np.array([[7, 2], [5, 0], [2, 2]])
-    expected = model.expect(seen)
-    assert (expected.expected >= seen.inputs).all(), "hidden counts are never below 0"
-    law = poisson(expected.expected - seen.inputs)
-    loss, cells = model.validation_loss(model.nodes_of(seen, targets))
-    assert cells == targets.size
-    # torch takes Stirling's formula for the factorial of counts above 1.
-    exact = -law.logpmf(targets - seen.inputs).sum()
-    assert loss == pytest.approx(exact, abs=0.03 * cells)
-    assert model.loss(model.nodes_of(seen, targets)).item() == pytest.approx(loss / cells)

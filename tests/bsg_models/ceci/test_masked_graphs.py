@@ -12,7 +12,8 @@ from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.observation import stack
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
-from bsg_models.inputs.graphs import MaskedGraphs, read_split, to_graph
+from bsg_models.ceci.masked_graphs import MaskedGraphs, to_graph
+from bsg_models.inputs.graphs import read_split
 from bsg_models.inputs.nodes import EdgeSet
 
 
