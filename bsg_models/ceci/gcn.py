@@ -64,12 +64,11 @@ class CECI(Network):
     def forward(self, graph: Data) -> torch.Tensor:
         """Return E″ × O″, `[N, C]`."""
         # All layers have the same edges, so their weights are computed once.
-        nodes, improved = len(graph.x), self.config.improved
-        edges, weights = gcn_norm(graph.edge_index, num_nodes=nodes, improved=improved)
-        x: torch.Tensor = graph.x
+        x, ones = graph.x, graph.x.new_ones(graph.num_edges)  # without, `improved` does nothing
+        edges, weights = gcn_norm(graph.edge_index, ones, len(x), self.config.improved)
         for convolution, block in zip(self.convolutions, self.blocks, strict=True):
             x = block(convolution(x, edges, weights))
-        return x
+        return torch.as_tensor(x)
 
 
 ROW = ZooRow(CECIConfig(), CECI, data=DataConfig(masks="fixed", edges=("up",)))

@@ -79,7 +79,7 @@ def test_it_answers_what_layers_of_pyg_answer_that_normalise_themselves() -> Non
     for convolution, block in zip(model.convolutions, model.blocks, strict=True):
         pygs = GCNConv(convolution.in_channels, convolution.out_channels, improved=True)
         pygs.load_state_dict(convolution.state_dict())
-        x = block(pygs(x, graph.edge_index))
+        x = block(pygs(x, graph.edge_index, torch.ones(graph.num_edges)))
     torch.testing.assert_close(model(graph), x)
 
 
