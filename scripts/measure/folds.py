@@ -112,11 +112,11 @@ def open_dataset(board: Path, name: str) -> Dataset:
     return Dataset.open(there if there.is_dir() else sorted(board.glob(f"*/{DATASET}"))[0])
 
 
-def open_folds(board: Path, name: str) -> Iterator[FoldModel]:
-    """Yield the model of every fold of `NAME@MASK`, trained by the first seed."""
+def open_folds(board: Path, name: str, folds: Sequence[int] | None = None) -> Iterator[FoldModel]:
+    """Yield the model of some folds of `NAME@MASK`, or of all, trained by the first seed."""
     data = open_dataset(board, name)
     model, _, mask = name.partition("@")
-    for fold in range(len(data.splits)):
+    for fold in range(len(data.splits)) if folds is None else folds:
         run = run_of(board / mask, model, fold)
         restored = restore_model(run / BEST, load_checkpoint(run / BEST))
         yield FoldModel(fold, data, restored, scenes_of(data, "test", fold=fold), run)

@@ -132,7 +132,7 @@ def choose_readings(options: argparse.Namespace) -> tuple[list[str], ResultsTabl
     rows = [[f"`{name}`", *(f"{value:.1f}" for value in saved[name])] for name in order]
     reading = f"Cost saved on val buildings, in per cent, in `{WORLDS[0]}`, task `single`."
     header = ("reading", *(f"`{planner}`" for planner in PLANNERS))
-    return order[:BEST], ResultsTable("Readings on val", header, rows, reading)
+    return order[:BEST], ResultsTable("Readings on val", header, rows, reading, tested_on="chosen")
 
 
 def tabulate_worlds(models: Sequence[str], found: Mapping[Search, Standings]) -> ResultsTable:
@@ -148,7 +148,7 @@ def tabulate_worlds(models: Sequence[str], found: Mapping[Search, Standings]) ->
         "buildings. Below 0, it costs more."
     )
     header = ("belief of", "planner", "task", *(f"`{world}`" for world in WORLDS))
-    return ResultsTable("The paper's system", header, rows, reading)
+    return ResultsTable("The paper's system", header, rows, reading, tested_on="unseen")
 
 
 def _percent(saved: Mapping[str, float]) -> str:
@@ -216,7 +216,7 @@ def tabulate_choices(
         f"145. Room-specific are {', '.join(ROOM_SPECIFIC)}; frequent are the {FREQUENT} classes "
         "with most objects."
     )
-    moves = ResultsTable("What each choice moves", header, rows, reading)
+    moves = ResultsTable("What each choice moves", header, rows, reading, tested_on="unseen")
     goal = np.array([PAPER[task] for task in TASKS])
     near = sorted(every, key=lambda one: float(np.abs(np.array(one[1:]) - goal).max()))[:5]
     rows = [
@@ -228,7 +228,7 @@ def tabulate_choices(
     reading = (
         "The ways to measure whose larger distance from the two figures of the paper is least."
     )
-    return [moves, ResultsTable("Nearest to the paper", header, rows, reading)]
+    return [moves, ResultsTable("Nearest to the paper", header, rows, reading, tested_on="unseen")]
 
 
 def main(argv: Sequence[str] | None = None) -> int:

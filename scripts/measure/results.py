@@ -6,12 +6,14 @@ import hashlib
 import json
 import os
 import shlex
+import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path, PurePath
+from typing import Literal
 
 import numpy as np
 
@@ -22,6 +24,9 @@ from bsg_models.evaluation.bootstrap import Estimate
 
 FIGURES = "docs/results/figures.json"
 PACKAGES = ("belief-scene-graphs", "torch", "numpy")
+# What the measured data did before: nothing, teach the model, or choose a setting of it. Pages
+# print all but the first under the table.
+TestedOn = Literal["unseen", "training", "chosen"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +37,7 @@ class ResultsTable:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     reading: str = ""
+    tested_on: TestedOn = field(kw_only=True)
 
 
 def write_figures(
@@ -52,15 +58,18 @@ def write_figures(
         name: of the measurement.
         tables: what was measured.
         argv: the command.
-        data: dataset that was measured on.
+        data: dataset that was measured on; None if the script makes its own buildings.
         packages: whose versions are noted.
     """
     made = {
         "command": format_command(argv),
         "date": date.today().isoformat(),
+        "commit": name_commit(),
         "versions": ", ".join(f"{name} {version(name)}" for name in packages),
     }
-    if data is not None:
+    if data is None:
+        made["dataset"] = "made by the script"
+    else:
         totals = data.manifest.totals
         geometry = f" ({totals.placed} with geometry)" if totals.placed else ""
         space, start = data.manifest.class_space.name, hash_unsplit(data)[:16]
@@ -71,6 +80,7 @@ def write_figures(
         "tables": {
             one.title: {
                 "reading": one.reading,
+                "tested_on": one.tested_on,
                 "header": list(one.header),
                 "rows": [list(row) for row in one.rows],
             }
@@ -79,6 +89,20 @@ def write_figures(
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, (encode_json(figures, indent=1, ensure_ascii=False) + "\n").encode())
+
+
+def name_commit() -> str:
+    """Return the commit that is checked out; a `+` behind it says that its code was changed."""
+    commit = _ask_git("rev-parse", "--short=8", "HEAD")
+    changed = _ask_git("status", "--porcelain", "--untracked-files=no", "--", ":(exclude)*.json")
+    return f"{commit}+" if changed else commit
+
+
+def _ask_git(*words: str) -> str:
+    done = subprocess.run(
+        ["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+    )
+    return done.stdout.strip()
 
 
 def hash_unsplit(data: Dataset) -> str:
