@@ -20,6 +20,7 @@ import numpy as np
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.evaluation.bootstrap import Estimate
 
 FIGURES = "docs/results/figures.json"
@@ -47,6 +48,7 @@ def write_figures(
     *,
     argv: Sequence[str],
     data: Dataset | None = None,
+    files: Sequence[Path] = (),
     packages: Sequence[str] = PACKAGES,
 ) -> None:
     """Put the tables of one measurement into the JSON that pages, README and cards are made of.
@@ -58,7 +60,8 @@ def write_figures(
         name: of the measurement.
         tables: what was measured.
         argv: the command.
-        data: dataset that was measured on; None if the script makes its own buildings.
+        data: dataset that was measured on.
+        files: that were measured on instead; with neither, the script makes its own buildings.
         packages: whose versions are noted.
     """
     made = {
@@ -68,7 +71,8 @@ def write_figures(
         "versions": ", ".join(f"{name} {version(name)}" for name in packages),
     }
     if data is None:
-        made["dataset"] = "made by the script"
+        hashes = [f"{one.name} {hash_file(one)[:16]}" for one in files]
+        made["dataset"] = ", ".join(hashes) or "made by the script"
     else:
         totals = data.manifest.totals
         geometry = f" ({totals.placed} with geometry)" if totals.placed else ""
