@@ -98,7 +98,8 @@ def write_figures(
 def name_commit() -> str:
     """Return the commit that is checked out; a `+` behind it says that its code was changed."""
     commit = _ask_git("rev-parse", "--short=8", "HEAD")
-    changed = _ask_git("status", "--porcelain", "--untracked-files=no", "--", ":(exclude)*.json")
+    code = (":(top)", ":(top,exclude)docs/results")
+    changed = _ask_git("status", "--porcelain", "--untracked-files=no", "--", *code)
     return f"{commit}+" if changed else commit
 
 
