@@ -10,7 +10,7 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from decimal import ROUND_HALF_UP, Decimal
 from pathlib import Path
 from typing import Any
@@ -39,8 +39,15 @@ COMPARED = {  # model of the README's table → what it is
     "mixture": "room types, trains in seconds",
     "prior-table": "a rival: common sense written down",
     "cooccurrence": "a rival: which classes go together",
-    "doubled": "twice what was seen",
-    "ceci-gcn-600": "the paper's network",
+    "doubled": "twice what was seen; a number, scored as the mean of a Poisson distribution",
+    "ceci-gcn-600": "the paper's network; a number, scored in the same way",
+}
+LABELS = "AUROC of rooms not entered, by label"
+# What a page says under a table whose data did more than test.
+WARNINGS = {
+    "unseen": "",
+    "training": "**Measured on buildings that the model was trained on.**",
+    "chosen": "**Settings of ours were chosen on these data.**",
 }
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -74,15 +81,14 @@ def _generate(kind: str, name: str) -> str:
         header = ("metric", "in tables", "better", "of", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
     if kind == "figures":
-        table = _find_table(*name.split("/", 1))
-        return "\n".join(format_markdown(table["rows"], header=table["header"]))
+        return "\n".join(_show_figures(name))
     if kind == "made":
         rows = [_describe_measurement(one) for one in name.split()]
-        return "\n".join(format_markdown(rows, header=("figures", "command", "date", "data")))
+        return "\n".join(format_markdown(rows, header=("figures", "command", "commit", "data")))
     if kind == "accuracy":
         return "\n".join(_show_accuracy(name))
     if kind == "results":
-        return "\n".join(_compare_models() if name == "models" else _tell_robots())
+        return "\n".join(RESULTS[name]())
     if kind == "helps":
         return "\n".join(_list_helps())
     if kind == "file":
@@ -102,13 +108,23 @@ def _find_table(measurement: str, title: str) -> dict[str, Any]:
     return dict(_read_figures()[measurement]["tables"][title])
 
 
+def _show_figures(name: str) -> list[str]:
+    """Return a table of `MEASUREMENT/TITLE`, or of some of its columns: `… | COLUMN; COLUMN`."""
+    place, _, columns = name.partition(" | ")
+    table = _find_table(*place.split("/", 1))
+    header, warning = table["header"], WARNINGS[table["tested_on"]]
+    chosen = [header.index(one) for one in columns.split("; ")] if columns else range(len(header))
+    rows = [[row[n] for n in chosen] for row in table["rows"]]
+    shown = format_markdown(rows, header=[header[n] for n in chosen])
+    return [*shown, "", warning] if warning else shown
+
+
 def _describe_measurement(name: str) -> tuple[str, ...]:
     made = _read_figures()[name]["made"]
-    date = f"{made['date']} at {made['commit']}" if "commit" in made else made["date"]
     command = f"`{made['command']}`"
     if "last_in" in made:  # the script has left the tree
         command += f" at {made['last_in']}"
-    return name, command, date, made.get("dataset", "–")
+    return name, command, made["commit"], made["dataset"]
 
 
 def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
@@ -124,18 +140,27 @@ def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
 
 
 def _compare_models() -> list[str]:
-    """Return the README's table of models: three figures each, rounded to three decimals."""
-    columns = {
-        "NLL, half of every room hidden": ("Masks: uniform", "NLL ↓"),
-        "NLL, half of the rooms not entered": ("Masks: rooms", "NLL ↓"),
-        "AUROC, only rooms not entered": ("Rooms not entered, masks: rooms", "AUROC macro ↑"),
+    """Return the README's table of models, rounded to three decimals."""
+    likelihoods = {
+        "NLL, half of every room hidden": "Masks: uniform",
+        "NLL, half of the rooms not entered": "Masks: rooms",
     }
+    rankings = {
+        "AUROC, rooms with a label": "labelled",
+        "AUROC, rooms without one": "unlabelled",
+    }
+    ranked = {row[0].partition("@")[0]: row for row in _find_table("labels", LABELS)["rows"]}
     rows = []
     for model, what in COMPARED.items():
-        values = [_find_cell("leaderboard", *place, model).split()[0] for place in columns.values()]
-        cells = [Decimal(v).quantize(Decimal("0.001"), ROUND_HALF_UP) for v in values]
-        rows.append((f"`{model}`, {what}", *map(str, cells)))
-    return format_markdown(rows, header=("model", *columns))
+        who = ranked[f"`{model}"][0].strip("`")
+        values = [
+            *(_find_cell("leaderboard", table, "NLL ↓", model) for table in likelihoods.values()),
+            *(_find_cell("labels", LABELS, kind, who) for kind in rankings.values()),
+        ]
+        cells = [Decimal(v.split()[0]).quantize(Decimal("0.001"), ROUND_HALF_UP) for v in values]
+        told = _find_cell("labels", LABELS, "reads labels", who)
+        rows.append((f"`{model}`, {what}", told, *map(str, cells)))
+    return format_markdown(rows, header=("model", "reads labels", *likelihoods, *rankings))
 
 
 def _show_accuracy(model: str) -> list[str]:
@@ -151,27 +176,38 @@ def _show_accuracy(model: str) -> list[str]:
 
 def _tell_robots() -> list[str]:
     """Return the README's table of what a robot gains."""
-    saved = _find_cell("search", "Task `single`", "layout", "universal@mixed", "expected-cost")
-    made = ("robot", "Worlds made from buildings")
-    metres, seconds = (
-        _find_cell(*made, f"% of {unit}", "nearest") for unit in ("metres", "seconds")
+    how = ("`single`", "expected-cost")
+    saved = _find_cell("search", f"Task {how[0]}", "layout", "universal@mixed", how[1])
+    median, mean = (
+        _find_cell("singles", "A saving, read in three ways", f"{one} search", "single", how[1])
+        for one in ("median", "mean")
     )
-    own = ("robot", "The same, from rooms that hold the thing", "seconds")
-    lost = [_find_cell(*own, who) for who in ("next_room", "nearest")]
+    pieces = ("pieces", "Pieces of a room, by people")
+    ranked, loss = ("pieces of a room, mAP ↑", "log loss ↓")
+    ours, count, chance = "ours", "how often people chose a piece", "chance"
+    found = {
+        (column, who): _find_cell(*pieces, column, who).split(" (")[0]
+        for column in (ranked, loss)
+        for who in (ours, count, chance)
+    }
+    than_chance = "worse" if float(found[loss, ours]) > float(found[loss, chance]) else "better"
     ratios = _find_table("rooms_found", "Objects expected ÷ objects there")["rows"]
     said = sorted(float(cell) for cell in _first(ratios, "`universal@mixed`")[1:])
     rows = [
         (
-            "find one thing in 50 HM3D homes, room labels told, against going to the nearest room",
-            f"{saved} % less travel",
+            "find one thing in 50 HM3D homes, against going to the nearest room; half of all "
+            "objects were seen before, room labels are told",
+            f"{saved} % less travel in all",
         ),
         (
-            "the same in the simulator pyrobosim, 20 HM3D homes",
-            f"{metres} % fewer metres, {seconds} % less time",
+            "the same, search by search",
+            f"median {median} %, mean {mean} %: short searches gain little or lose",
         ),
         (
-            "the thing is in the robot's own room (pyrobosim's own worlds)",
-            f"**loses**: {lost[0]} s against {lost[1]} s",
+            "say on which piece of furniture a thing is, against people's answers",
+            f"likelihood **{than_chance} than chance** (log loss {found[loss, ours]}, chance "
+            f"{found[loss, chance]}); ranking {found[ranked, ours]} mAP, of a count whatever the "
+            f"thing {found[ranked, count]}",
         ),
         (
             "objects expected in rooms not entered ÷ objects there (1 is right), however many "
@@ -184,6 +220,12 @@ def _tell_robots() -> list[str]:
 
 def _first(rows: list[list[str]], name: str) -> list[str]:
     return next(row for row in rows if row[0] == name)
+
+
+RESULTS: dict[str, Callable[[], list[str]]] = {
+    "models": _compare_models,
+    "robot": _tell_robots,
+}
 
 
 def _list_helps() -> Iterator[str]:

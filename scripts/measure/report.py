@@ -178,10 +178,12 @@ def report_labels(options: argparse.Namespace) -> Tables:
             for kind in LABELS
         ]
         rows.append([f"`{name}`", _reads(options, name), *cells])
+        buildings = sum(len(one.scenes) for one in folds)
     reading = (
-        "AUROC macro over the rooms of which nothing was seen (mask `rooms`), mean over the folds, "
-        f"{INTERVAL}: of all these rooms, of those that have a room label, and of those that have "
-        "none. 0.5 is guessing. Only models that read labels are told them."
+        f"AUROC macro over the rooms of {buildings} buildings of which nothing was seen (mask "
+        f"`rooms`), mean over the folds, {INTERVAL}: of all these rooms, of those that have a room "
+        "label, and of those that have none. 0.5 is guessing. Only models that read labels are "
+        "told them."
     )
     header = ("model", READS, *LABELS)
     return [unseen_table("AUROC of rooms not entered, by label", header, rows, reading)]
