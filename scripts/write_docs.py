@@ -149,18 +149,29 @@ def _compare_models() -> list[str]:
         "AUROC, rooms with a label": "labelled",
         "AUROC, rooms without one": "unlabelled",
     }
-    ranked = {row[0].partition("@")[0]: row for row in _find_table("labels", LABELS)["rows"]}
+    table = _find_table("labels", LABELS)
+    ranked = {
+        row[0].strip("`").partition("@")[0]: dict(zip(table["header"], row, strict=True))
+        for row in table["rows"]
+    }
     rows = []
     for model, what in COMPARED.items():
-        who = ranked[f"`{model}"][0].strip("`")
-        values = [
-            *(_find_cell("leaderboard", table, "NLL ↓", model) for table in likelihoods.values()),
-            *(_find_cell("labels", LABELS, kind, who) for kind in rankings.values()),
-        ]
-        cells = [Decimal(v.split()[0]).quantize(Decimal("0.001"), ROUND_HALF_UP) for v in values]
-        told = _find_cell("labels", LABELS, "reads labels", who)
-        rows.append((f"`{model}`, {what}", told, *map(str, cells)))
+        told, *scored = (
+            _find_cell("leaderboard", *place, model)
+            for place in (
+                ("Masks: uniform", "reads labels"),
+                *((one, "NLL ↓") for one in likelihoods.values()),
+            )
+        )
+        values = [*scored, *(ranked.get(model, {}).get(one, "–") for one in rankings.values())]
+        rows.append((f"`{model}`, {what}", told, *map(_round, values)))
     return format_markdown(rows, header=("model", "reads labels", *likelihoods, *rankings))
+
+
+def _round(value: str) -> str:
+    """Return a cell's value to three decimals; a dash stays."""
+    first = value.split()[0]
+    return first if first == "–" else str(Decimal(first).quantize(Decimal("0.001"), ROUND_HALF_UP))
 
 
 def _show_accuracy(model: str) -> list[str]:
