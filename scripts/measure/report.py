@@ -322,7 +322,7 @@ def report_steps(options: argparse.Namespace) -> Tables:
         for mask, one in found.items():
             gained = before and format_estimate(one.difference(before[mask], "nll"), signed=True)
             cells += [f"{_nll(one):.3f}", gained or "–"]
-        rows.append([f"`{name}`", *cells])
+        rows.append([f"`{name}`", _reads(options, name), *cells])
         before = found
     columns = [
         column for mask in STEP_MASKS for column in (f"NLL, `{mask}` ↓", "against the row above")
@@ -331,7 +331,9 @@ def report_steps(options: argparse.Namespace) -> Tables:
         "Each row changes the one above. The hidden NLL over the classes of all rooms, and paired "
         f"differences {INTERVAL}; below 0 is better."
     )
-    return [unseen_table("From the paper's network to ours", ("model", *columns), rows, reading)]
+    return [
+        unseen_table("From the paper's network to ours", ("model", READS, *columns), rows, reading)
+    ]
 
 
 def report_searches(options: argparse.Namespace) -> Tables:
