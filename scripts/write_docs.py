@@ -36,6 +36,7 @@ WEIGHTS = DOCS / "weights"
 DEMO = "docs/assets/demo.html"  # the explorer of docs/home.json
 COMPARED = {  # model of the README's table → what it is
     "universal": "the kind that is shipped",
+    "universal-untold": "the same, told objects alone",
     "mixture": "room types, trains in seconds",
     "prior-table": "a rival: common sense written down",
     "cooccurrence": "a rival: which classes go together",
@@ -146,37 +147,30 @@ def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
 
 def _compare_models() -> list[str]:
     """Return the README's table of models, rounded to three decimals."""
-    likelihoods = {
-        "NLL, half of every room hidden": "Masks: uniform",
-        "NLL, half of the rooms not entered": "Masks: rooms",
+    columns = {
+        "reads labels": ("Masks: uniform", "reads labels"),
+        "NLL, half of every room hidden": ("Masks: uniform", "NLL ↓"),
+        "NLL, half of the rooms not entered": ("Masks: rooms", "NLL ↓"),
+        "AUROC, rooms not entered": ("Rooms not entered, masks: rooms", "AUROC macro ↑"),
     }
-    table, buildings = _find_table("labels", LABELS), _count_buildings("labels", LABELS)
+    with_label = f"those with a label, {_count_buildings('labels', LABELS)} buildings"
     ranked = {
-        row[0].strip("`").partition("@")[0]: dict(zip(table["header"], row, strict=True))
-        for row in table["rows"]
-    }
-    rankings = {
-        f"AUROC in {buildings} of them, rooms with a label": "labelled",
-        "AUROC, rooms without one": "unlabelled",
+        row[0].strip("`").partition("@")[0]: row[-2:]  # with a label, without
+        for row in _find_table("labels", LABELS)["rows"]
     }
     rows = []
     for model, what in COMPARED.items():
-        told, *scored = (
-            _find_cell("leaderboard", *place, model)
-            for place in (
-                ("Masks: uniform", "reads labels"),
-                *((one, "NLL ↓") for one in likelihoods.values()),
-            )
-        )
-        values = [*scored, *(ranked.get(model, {}).get(one, "–") for one in rankings.values())]
-        rows.append((f"`{model}`, {what}", told, *map(_round, values)))
-    return format_markdown(rows, header=("model", "reads labels", *likelihoods, *rankings))
+        cells = [_find_cell("leaderboard", *place, model) for place in columns.values()]
+        cells += ranked.get(model, ("–", "–"))
+        rows.append((f"`{model}`, {what}", *map(_round, cells)))
+    return format_markdown(rows, header=("model", *columns, with_label, "those without"))
 
 
-def _round(value: str) -> str:
-    """Return a cell's value to three decimals; a dash stays."""
-    first = value.split()[0]
-    return first if first == "–" else str(Decimal(first).quantize(Decimal("0.001"), ROUND_HALF_UP))
+def _round(cell: str) -> str:
+    """Return a cell's value to three decimals; a word or a dash stays."""
+    first = cell.split()[0]
+    number = first[0].isdigit()
+    return str(Decimal(first).quantize(Decimal("0.001"), ROUND_HALF_UP)) if number else first
 
 
 def _show_accuracy(model: str) -> list[str]:
