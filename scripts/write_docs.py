@@ -186,21 +186,11 @@ def _show_accuracy(model: str) -> list[str]:
 
 def _tell_robots() -> list[str]:
     """Return the README's table of what a robot gains."""
-    how = ("`single`", "expected-cost")
-    saved = _find_cell("search", f"Task {how[0]}", "layout", "universal@mixed", how[1])
-    three = ("singles", "A saving, read in three ways")
+    who, three = "expected-cost", ("singles", "A saving, read in three ways")
+    saved = _find_cell("search", "Task `single`", "layout", "universal@mixed", who)
     median, mean = (
-        _find_cell(*three, f"{one} search", "single", how[1]) for one in ("median", "mean")
+        _find_cell(*three, f"{one} search", "single", who) for one in ("median", "mean")
     )
-    pieces = ("pieces", "Pieces of a room, by people")
-    ranked, loss = ("pieces of a room, mAP ↑", "log loss ↓")
-    ours, count, chance = "ours", "how often people chose a piece", "chance"
-    found = {
-        (column, who): _find_cell(*pieces, column, who).split(" (")[0]
-        for column in (ranked, loss)
-        for who in (ours, count, chance)
-    }
-    than_chance = "worse" if float(found[loss, ours]) > float(found[loss, chance]) else "better"
     ratios = _find_table("rooms_found", "Objects expected ÷ objects there")["rows"]
     said = sorted(float(cell) for cell in _first(ratios, "`universal@mixed`")[1:])
     rows = [
@@ -213,12 +203,7 @@ def _tell_robots() -> list[str]:
             f"the same, search by search, in {_count_buildings(*three)} of these homes",
             f"median {median} %, mean {mean} %: long searches gain most",
         ),
-        (
-            "say on which piece of furniture a thing is, against people's answers",
-            f"likelihood **{than_chance} than chance** (log loss {found[loss, ours]}, chance "
-            f"{found[loss, chance]}); ranking {found[ranked, ours]} mAP, of a count whatever the "
-            f"thing {found[ranked, count]}",
-        ),
+        ("say on which piece of furniture a thing is, by people's answers", _tell_furniture()),
         (
             "objects expected in rooms not entered ÷ objects there (1 is right), however many "
             "rooms the robot has found",
@@ -226,6 +211,20 @@ def _tell_robots() -> list[str]:
         ),
     ]
     return format_markdown(rows, header=("task", "with `universal` (95 % interval)"))
+
+
+def _tell_furniture() -> str:
+    """Return what people's answers say of our likelihoods and rankings of furniture."""
+    rows = {row[0]: row[1:] for row in _find_table("pieces", "Pieces of a room, by people")["rows"]}
+    names = ("ours", "how often people chose a piece", "chance")
+    (ranked, loss), (counted, _), (_, chance) = (
+        [cell.split(" (")[0] for cell in rows[name]] for name in names
+    )
+    better = "better" if float(loss) < float(chance) else "worse"
+    return (
+        f"likelihood **{better} than chance** (log loss {loss}, chance {chance}); ranking {ranked} "
+        f"mAP, by a count whatever the thing {counted}"
+    )
 
 
 def _first(rows: list[list[str]], name: str) -> list[str]:

@@ -118,9 +118,12 @@ def read_tables(path: Path, name: str) -> dict[str, Any]:
     assert "nan" not in text
     found = json.loads(text)[name]
     assert found["made"]["command"].startswith("python scripts/measure/")
+    assert found["made"]["commit"]
+    assert found["made"]["dataset"]
     assert found["tables"]
     for table in found["tables"].values():
         assert {len(row) for row in table["rows"]} == {len(table["header"])}
+        assert table["tested_on"] in ("unseen", "training", "chosen")
     return dict(found["tables"])
 
 
