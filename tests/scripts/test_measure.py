@@ -100,6 +100,11 @@ def test_masks_and_likelihood_are_those_of_the_leaderboard(board: Path) -> None:
             ["--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
             marks=pytest.mark.heavy,
         ),
+        pytest.param(
+            "singles",
+            ["--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
+            marks=pytest.mark.heavy,
+        ),
     ],
 )
 def test_figures_are_written(board: Path, tmp_path: Path, name: str, options: list[str]) -> None:
