@@ -34,6 +34,7 @@ from bsg_models.zoo.model import BeliefModel, one_thread
 # Name → what each node adds to the sum, `[N]`, and its number of cells, `[N]`.
 Shares = Mapping[str, tuple[Floats, Floats]]
 Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
+READS = "reads labels"  # column of tables whose models are not all told the same
 VIEWS = ("half-seen", "glimpsed", "unvisited")  # of rooms that hide something
 
 
@@ -120,6 +121,11 @@ def open_folds(board: Path, name: str, folds: Sequence[int] | None = None) -> It
         run = run_of(board / mask, model, fold)
         restored = restore_model(run / BEST, load_checkpoint(run / BEST))
         yield FoldModel(fold, data, restored, scenes_of(data, "test", fold=fold), run)
+
+
+def say_reads(board: Path, name: str, folds: Sequence[int] | None = None) -> str:
+    """Say for the column `READS` whether the settings of `NAME@MASK` let it read room labels."""
+    return "yes" if next(open_folds(board, name, folds)).model.reads_labels else "–"
 
 
 def mask_of(data: Dataset, strategy: str) -> MaskRecipe:

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from folds import open_dataset, open_folds
+from folds import READS, open_dataset, open_folds, say_reads
 from results import ResultsTable, format_estimate, write_figures
 
 from bsg_models.evaluation.bootstrap import Estimate
@@ -135,19 +135,22 @@ def choose_readings(options: argparse.Namespace) -> tuple[list[str], ResultsTabl
     return order[:BEST], ResultsTable("Readings on val", header, rows, reading, tested_on="chosen")
 
 
-def tabulate_worlds(models: Sequence[str], found: Mapping[Search, Standings]) -> ResultsTable:
+def tabulate_worlds(
+    board: Path, models: Sequence[str], found: Mapping[Search, Standings]
+) -> ResultsTable:
     """Return what each model saves in each world and task, every class an artifact."""
     rows = []
     for name in models:
+        told = say_reads(board, name)
         for planner in PLANNERS:
             for task in TASKS:
                 of = [found[Search(name, world)][task, planner]["saved"] for world in WORLDS]
-                rows.append([f"`{name}`", f"`{planner}`", f"`{task}`", *map(_percent, of)])
+                rows.append([f"`{name}`", f"`{planner}`", told, f"`{task}`", *map(_percent, of)])
     reading = (
         "Cost saved against going to the nearest room, in per cent, with 95 % intervals over "
         "buildings. Below 0, it costs more."
     )
-    header = ("belief of", "planner", "task", *(f"`{world}`" for world in WORLDS))
+    header = ("belief of", "planner", READS, "task", *(f"`{world}`" for world in WORLDS))
     return ResultsTable("The paper's system", header, rows, reading, tested_on="unseen")
 
 
@@ -250,7 +253,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     models = [*options.models, *(name for name in best if name not in options.models)]
     asked = [Search(*one) for one in _cross(models)]
     found = search_all(asked, options)
-    tables = [chosen, tabulate_worlds(models, found), *tabulate_choices(models, found)]
+    tables = [
+        chosen,
+        tabulate_worlds(options.leaderboard, models, found),
+        *tabulate_choices(models, found),
+    ]
     data = open_dataset(options.leaderboard, models[0])
     words = [__file__, *(argv or sys.argv[1:])]
     write_figures(options.out, "paper_search", tables, argv=words, data=data)

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from folds import (
+    READS,
     VIEWS,
     FoldModel,
     Tally,
@@ -34,6 +35,7 @@ from folds import (
     measure,
     open_dataset,
     open_folds,
+    say_reads,
     tally_likelihood,
     tally_unvisited,
     tally_views,
@@ -82,7 +84,6 @@ TASKS = {"single": "the first object of the class is", "all": "all objects of th
 LOOKING = ("greedy-belief", "ratio", "expected-cost", "routing", "oracle")  # if looks cost
 CHANCES = {"looks miss nothing": 1.0, "looks miss 20 %": 0.8}
 TEAMS = (2, 3)  # robots
-READS = "reads labels"
 LABELS = ("all", "labelled", "unlabelled")  # rooms
 Tables = list[ResultsTable]
 unseen_table = partial(ResultsTable, tested_on="unseen")  # each model is measured on its own fold
@@ -93,7 +94,8 @@ def report_leaderboard(options: argparse.Namespace) -> Tables:
     board = json.loads((options.leaderboard / REPORT).read_text("utf-8"))
     means, intervals = say_means(board["recipe"].get("seeds", 1))
     reads = {
-        name.partition("@")[0]: _reads(options, name) for name in list_models(options.leaderboard)
+        name.partition("@")[0]: say_reads(options.leaderboard, name, options.folds)
+        for name in list_models(options.leaderboard)
     }
     tables = []
     for mask, models in board["masks"].items():
@@ -154,15 +156,6 @@ def _halved(value: Mapping[str, float | None] | None, *, digits: int = 4) -> str
     return text if low is None or high is None else f"{text} ± {(high - low) / 2:.1g}"
 
 
-def _reads(options: argparse.Namespace, name: str) -> str:
-    """Say whether the settings of a model let it read room labels."""
-    return (
-        "yes"
-        if next(open_folds(options.leaderboard, name, options.folds)).model.reads_labels
-        else "–"
-    )
-
-
 def report_labels(options: argparse.Namespace) -> Tables:
     """Return how models rank rooms not entered: all, those with a label, and those without."""
     rows = []
@@ -177,7 +170,7 @@ def report_labels(options: argparse.Namespace) -> Tables:
             format_estimate(found[kind].estimate("rooms/presence_auroc_macro/unvisited"), digits=3)
             for kind in LABELS
         ]
-        rows.append([f"`{name}`", _reads(options, name), *cells])
+        rows.append([f"`{name}`", say_reads(options.leaderboard, name, options.folds), *cells])
         buildings = sum(len(one.scenes) for one in folds)
     reading = (
         f"AUROC macro over the rooms of {buildings} buildings of which nothing was seen (mask "
@@ -322,7 +315,7 @@ def report_steps(options: argparse.Namespace) -> Tables:
         for mask, one in found.items():
             gained = before and format_estimate(one.difference(before[mask], "nll"), signed=True)
             cells += [f"{_nll(one):.3f}", gained or "–"]
-        rows.append([f"`{name}`", _reads(options, name), *cells])
+        rows.append([f"`{name}`", say_reads(options.leaderboard, name, options.folds), *cells])
         before = found
     columns = [
         column for mask in STEP_MASKS for column in (f"NLL, `{mask}` ↓", "against the row above")
@@ -348,10 +341,11 @@ def report_searches(options: argparse.Namespace) -> Tables:
             for planner in PLANNERS:
                 if planner != "oracle" or name == first:
                     cells = [_saved(one, planner) for one in one_task]
-                    who = "the truth" if planner == "oracle" else f"`{name}`"
-                    rows.append([who, f"`{planner}`", *cells])
+                    told = say_reads(options.leaderboard, name, options.folds)
+                    who = ("the truth", "–") if planner == "oracle" else (f"`{name}`", told)
+                    rows.append([who[0], f"`{planner}`", who[1], *cells])
         worlds = [one for one in found[first] if one.task == task]
-        header = ("belief of", "planner", *(f"`{w.world}` ({w.buildings})" for w in worlds))
+        header = ("belief of", "planner", READS, *(f"`{w.world}` ({w.buildings})" for w in worlds))
         reading = (
             f"The search ends when {end} found. Values are the cost saved compared with going to "
             f"the nearest room, in per cent, {INTERVAL}. Below 0, the planner costs more. The "
@@ -390,10 +384,13 @@ def report_told(options: argparse.Namespace) -> Tables:
     rows = []
     for name in _models(options):
         (result,) = _search(options, name, worlds=WORLDS[-1:], task="single")
-        rows += [[f"`{name}`", f"`{p}`", _saved(result, p)] for p in PLANNERS if p != "oracle"]
-    rows.append(["none", f"`{ROUTING}`", _saved(result, ROUTING)])
+        told = say_reads(options.leaderboard, name, options.folds)
+        rows += [
+            [f"`{name}`", f"`{p}`", told, _saved(result, p)] for p in PLANNERS if p != "oracle"
+        ]
+    rows.append(["none", f"`{ROUTING}`", "–", _saved(result, ROUTING)])
     reading = f"Cost saved in `{WORLDS[-1]}`, task `single`, in per cent, {INTERVAL}."
-    return [unseen_table("What is told", ("belief of", "planner", "saved"), rows, reading)]
+    return [unseen_table("What is told", ("belief of", "planner", READS, "saved"), rows, reading)]
 
 
 def _report_looks(options: argparse.Namespace, name: str) -> ResultsTable:
