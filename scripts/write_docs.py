@@ -10,7 +10,7 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from decimal import ROUND_HALF_UP, Decimal
 from pathlib import Path
 from typing import Any
@@ -36,11 +36,19 @@ WEIGHTS = DOCS / "weights"
 DEMO = "docs/assets/demo.html"  # the explorer of docs/home.json
 COMPARED = {  # model of the README's table → what it is
     "universal": "the kind that is shipped",
+    "universal-untold": "the same, told objects alone",
     "mixture": "room types, trains in seconds",
     "prior-table": "a rival: common sense written down",
     "cooccurrence": "a rival: which classes go together",
-    "doubled": "twice what was seen",
-    "ceci": "the paper's network",
+    "doubled": "twice what was seen; a number, scored as the mean of a Poisson distribution",
+    "ceci": "the paper's network; a number, scored in the same way",
+}
+LABELS = "AUROC of rooms not entered, by label"
+# What a page says under a table whose data did more than test.
+WARNINGS = {
+    "unseen": "",
+    "training": "**Measured on buildings that the model was trained on.**",
+    "chosen": "**Settings of ours were chosen on these data.**",
 }
 PART = re.compile(r"(<!-- generated: (\S+) (.+?) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -74,15 +82,14 @@ def _generate(kind: str, name: str) -> str:
         header = ("metric", "in tables", "better", "of", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
     if kind == "figures":
-        table = _find_table(*name.split("/", 1))
-        return "\n".join(format_markdown(table["rows"], header=table["header"]))
+        return "\n".join(_show_figures(name))
     if kind == "made":
         rows = [_describe_measurement(one) for one in name.split()]
-        return "\n".join(format_markdown(rows, header=("figures", "command", "date", "data")))
+        return "\n".join(format_markdown(rows, header=("figures", "command", "commit", "data")))
     if kind == "accuracy":
         return "\n".join(_show_accuracy(name))
     if kind == "results":
-        return "\n".join(_compare_models() if name == "models" else _tell_robots())
+        return "\n".join(RESULTS[name]())
     if kind == "helps":
         return "\n".join(_list_helps())
     if kind == "file":
@@ -102,13 +109,28 @@ def _find_table(measurement: str, title: str) -> dict[str, Any]:
     return dict(_read_figures()[measurement]["tables"][title])
 
 
+def _show_figures(name: str) -> list[str]:
+    """Return a table of `MEASUREMENT/TITLE`, or of some of its columns: `… | COLUMN; COLUMN`."""
+    place, _, columns = name.partition(" | ")
+    table = _find_table(*place.split("/", 1))
+    header, warning = table["header"], WARNINGS[table["tested_on"]]
+    chosen = [header.index(one) for one in columns.split("; ")] if columns else range(len(header))
+    rows = [[row[n] for n in chosen] for row in table["rows"]]
+    shown = format_markdown(rows, header=[header[n] for n in chosen])
+    return [*shown, "", warning] if warning else shown
+
+
+def _count_buildings(measurement: str, title: str) -> str:
+    """Return how many buildings a table says that it was measured on."""
+    return re.findall(r"(\d+) buildings", _find_table(measurement, title)["reading"])[0]
+
+
 def _describe_measurement(name: str) -> tuple[str, ...]:
     made = _read_figures()[name]["made"]
-    date = f"{made['date']} at {made['commit']}" if "commit" in made else made["date"]
     command = f"`{made['command']}`"
     if "last_in" in made:  # the script has left the tree
         command += f" at {made['last_in']}"
-    return name, command, date, made.get("dataset", "–")
+    return name, command, made["commit"], made["dataset"]
 
 
 def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
@@ -124,18 +146,31 @@ def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
 
 
 def _compare_models() -> list[str]:
-    """Return the README's table of models: three figures each, rounded to three decimals."""
+    """Return the README's table of models, rounded to three decimals."""
     columns = {
+        "reads labels": ("Masks: uniform", "reads labels"),
         "NLL, half of every room hidden": ("Masks: uniform", "NLL ↓"),
         "NLL, half of the rooms not entered": ("Masks: rooms", "NLL ↓"),
-        "AUROC, only rooms not entered": ("Rooms not entered, masks: rooms", "AUROC macro ↑"),
+        "AUROC, rooms not entered": ("Rooms not entered, masks: rooms", "AUROC macro ↑"),
+    }
+    with_label = f"those with a label, {_count_buildings('labels', LABELS)} buildings"
+    ranked = {
+        row[0].strip("`").partition("@")[0]: row[-2:]  # with a label, without
+        for row in _find_table("labels", LABELS)["rows"]
     }
     rows = []
     for model, what in COMPARED.items():
-        values = [_find_cell("leaderboard", *place, model).split()[0] for place in columns.values()]
-        cells = [Decimal(v).quantize(Decimal("0.001"), ROUND_HALF_UP) for v in values]
-        rows.append((f"`{model}`, {what}", *map(str, cells)))
-    return format_markdown(rows, header=("model", *columns))
+        cells = [_find_cell("leaderboard", *place, model) for place in columns.values()]
+        cells += ranked.get(model, ("–", "–"))
+        rows.append((f"`{model}`, {what}", *map(_round, cells)))
+    return format_markdown(rows, header=("model", *columns, with_label, "those without"))
+
+
+def _round(cell: str) -> str:
+    """Return a cell's value to three decimals; a word or a dash stays."""
+    first = cell.split()[0]
+    number = first[0].isdigit()
+    return str(Decimal(first).quantize(Decimal("0.001"), ROUND_HALF_UP)) if number else first
 
 
 def _show_accuracy(model: str) -> list[str]:
@@ -151,28 +186,24 @@ def _show_accuracy(model: str) -> list[str]:
 
 def _tell_robots() -> list[str]:
     """Return the README's table of what a robot gains."""
-    saved = _find_cell("search", "Task `single`", "layout", "universal@mixed", "expected-cost")
-    made = ("robot", "Worlds made from buildings")
-    metres, seconds = (
-        _find_cell(*made, f"% of {unit}", "nearest") for unit in ("metres", "seconds")
+    who, three = "expected-cost", ("singles", "A saving, read in three ways")
+    saved = _find_cell("search", "Task `single`", "layout", "universal@mixed", who)
+    median, mean = (
+        _find_cell(*three, f"{one} search", "single", who) for one in ("median", "mean")
     )
-    own = ("robot", "The same, from rooms that hold the thing", "seconds")
-    lost = [_find_cell(*own, who) for who in ("next_room", "nearest")]
     ratios = _find_table("rooms_found", "Objects expected ÷ objects there")["rows"]
     said = sorted(float(cell) for cell in _first(ratios, "`universal@mixed`")[1:])
     rows = [
         (
-            "find one thing in 50 HM3D homes, room labels told, against going to the nearest room",
-            f"{saved} % less travel",
+            "find one thing in 50 HM3D homes, against going to the nearest room; half of all "
+            "objects were seen before, room labels are told",
+            f"{saved} % less travel in all",
         ),
         (
-            "the same in the simulator pyrobosim, 20 HM3D homes",
-            f"{metres} % fewer metres, {seconds} % less time",
+            f"the same, search by search, in {_count_buildings(*three)} of these homes",
+            f"median {median} %, mean {mean} %: long searches gain most",
         ),
-        (
-            "the thing is in the robot's own room (pyrobosim's own worlds)",
-            f"**loses**: {lost[0]} s against {lost[1]} s",
-        ),
+        ("say on which piece of furniture a thing is, by people's answers", _tell_furniture()),
         (
             "objects expected in rooms not entered ÷ objects there (1 is right), however many "
             "rooms the robot has found",
@@ -182,8 +213,28 @@ def _tell_robots() -> list[str]:
     return format_markdown(rows, header=("task", "with `universal` (95 % interval)"))
 
 
+def _tell_furniture() -> str:
+    """Return what people's answers say of our likelihoods and rankings of furniture."""
+    rows = {row[0]: row[1:] for row in _find_table("pieces", "Pieces of a room, by people")["rows"]}
+    names = ("ours", "how often people chose a piece", "chance")
+    (ranked, loss), (counted, _), (_, chance) = (
+        [cell.split(" (")[0] for cell in rows[name]] for name in names
+    )
+    better = "better" if float(loss) < float(chance) else "worse"
+    return (
+        f"likelihood **{better} than chance** (log loss {loss}, chance {chance}); ranking {ranked} "
+        f"mAP, by a count whatever the thing {counted}"
+    )
+
+
 def _first(rows: list[list[str]], name: str) -> list[str]:
     return next(row for row in rows if row[0] == name)
+
+
+RESULTS: dict[str, Callable[[], list[str]]] = {
+    "models": _compare_models,
+    "robot": _tell_robots,
+}
 
 
 def _list_helps() -> Iterator[str]:

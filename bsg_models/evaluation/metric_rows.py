@@ -105,7 +105,7 @@ WASSERSTEIN_VALUES = NodeMetric(
     spread=True,
     values=_between_distributions(metrics.wasserstein_values),
     about="distance of E″ and E with their 45 probabilities taken as samples, "
-    "`scipy.stats.wasserstein_distance(p, q)`; this reading fits the paper's Table I",
+    "`scipy.stats.wasserstein_distance(p, q)`: our reading of the paper's Table I",
 )
 ENERGY_VALUES = NodeMetric(
     label="energy",

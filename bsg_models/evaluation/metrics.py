@@ -25,7 +25,7 @@ def wasserstein_values(p: Floats, q: Floats) -> Floats:
     """Return the 1-D Wasserstein distance of the C probabilities as samples, `[N]`.
 
     W = 1/C Σ |p₍ᵢ₎ − q₍ᵢ₎| over the sorted values: `scipy.stats.wasserstein_distance(p, q)`. It
-    fits the paper's Table I, and it ignores which class has which probability.
+    is our reading of the paper's Table I, and it ignores which class has which probability.
     """
     return np.asarray(np.abs(np.sort(p, axis=1) - np.sort(q, axis=1)).mean(axis=1))
 

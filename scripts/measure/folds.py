@@ -34,6 +34,7 @@ from bsg_models.zoo.model import BeliefModel, one_thread
 # Name → what each node adds to the sum, `[N]`, and its number of cells, `[N]`.
 Shares = Mapping[str, tuple[Floats, Floats]]
 Tally = Callable[[Truth, MaskedBuildings, Expectation], Shares]
+READS = "reads labels"  # column of tables whose models are not all told the same
 VIEWS = ("half-seen", "glimpsed", "unvisited")  # of rooms that hide something
 
 
@@ -112,14 +113,19 @@ def open_dataset(board: Path, name: str) -> Dataset:
     return Dataset.open(there if there.is_dir() else sorted(board.glob(f"*/{DATASET}"))[0])
 
 
-def open_folds(board: Path, name: str) -> Iterator[FoldModel]:
-    """Yield the model of every fold of `NAME@MASK`, trained by the first seed."""
+def open_folds(board: Path, name: str, folds: Sequence[int] | None = None) -> Iterator[FoldModel]:
+    """Yield the model of some folds of `NAME@MASK`, or of all, trained by the first seed."""
     data = open_dataset(board, name)
     model, _, mask = name.partition("@")
-    for fold in range(len(data.splits)):
+    for fold in range(len(data.splits)) if folds is None else folds:
         run = run_of(board / mask, model, fold)
         restored = restore_model(run / BEST, load_checkpoint(run / BEST))
         yield FoldModel(fold, data, restored, scenes_of(data, "test", fold=fold), run)
+
+
+def say_reads(board: Path, name: str, folds: Sequence[int] | None = None) -> str:
+    """Say for the column `READS` whether the settings of `NAME@MASK` let it read room labels."""
+    return "yes" if next(open_folds(board, name, folds)).model.reads_labels else "–"
 
 
 def mask_of(data: Dataset, strategy: str) -> MaskRecipe:

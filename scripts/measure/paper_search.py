@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from folds import open_dataset, open_folds
+from folds import READS, open_dataset, open_folds, say_reads
 from results import ResultsTable, format_estimate, write_figures
 
 from bsg_models.evaluation.bootstrap import Estimate
@@ -132,23 +132,26 @@ def choose_readings(options: argparse.Namespace) -> tuple[list[str], ResultsTabl
     rows = [[f"`{name}`", *(f"{value:.1f}" for value in saved[name])] for name in order]
     reading = f"Cost saved on val buildings, in per cent, in `{WORLDS[0]}`, task `single`."
     header = ("reading", *(f"`{planner}`" for planner in PLANNERS))
-    return order[:BEST], ResultsTable("Readings on val", header, rows, reading)
+    return order[:BEST], ResultsTable("Readings on val", header, rows, reading, tested_on="chosen")
 
 
-def tabulate_worlds(models: Sequence[str], found: Mapping[Search, Standings]) -> ResultsTable:
+def tabulate_worlds(
+    board: Path, models: Sequence[str], found: Mapping[Search, Standings]
+) -> ResultsTable:
     """Return what each model saves in each world and task, every class an artifact."""
     rows = []
     for name in models:
+        told = say_reads(board, name)
         for planner in PLANNERS:
             for task in TASKS:
                 of = [found[Search(name, world)][task, planner]["saved"] for world in WORLDS]
-                rows.append([f"`{name}`", f"`{planner}`", f"`{task}`", *map(_percent, of)])
+                rows.append([f"`{name}`", f"`{planner}`", told, f"`{task}`", *map(_percent, of)])
     reading = (
         "Cost saved against going to the nearest room, in per cent, with 95 % intervals over "
         "buildings. Below 0, it costs more."
     )
-    header = ("belief of", "planner", "task", *(f"`{world}`" for world in WORLDS))
-    return ResultsTable("The paper's system", header, rows, reading)
+    header = ("belief of", "planner", READS, "task", *(f"`{world}`" for world in WORLDS))
+    return ResultsTable("The paper's system", header, rows, reading, tested_on="unseen")
 
 
 def _percent(saved: Mapping[str, float]) -> str:
@@ -216,7 +219,7 @@ def tabulate_choices(
         f"145. Room-specific are {', '.join(ROOM_SPECIFIC)}; frequent are the {FREQUENT} classes "
         "with most objects."
     )
-    moves = ResultsTable("What each choice moves", header, rows, reading)
+    moves = ResultsTable("What each choice moves", header, rows, reading, tested_on="unseen")
     goal = np.array([PAPER[task] for task in TASKS])
     near = sorted(every, key=lambda one: float(np.abs(np.array(one[1:]) - goal).max()))[:5]
     rows = [
@@ -228,7 +231,7 @@ def tabulate_choices(
     reading = (
         "The ways to measure whose larger distance from the two figures of the paper is least."
     )
-    return [moves, ResultsTable("Nearest to the paper", header, rows, reading)]
+    return [moves, ResultsTable("Nearest to the paper", header, rows, reading, tested_on="unseen")]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -250,7 +253,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     models = [*options.models, *(name for name in best if name not in options.models)]
     asked = [Search(*one) for one in _cross(models)]
     found = search_all(asked, options)
-    tables = [chosen, tabulate_worlds(models, found), *tabulate_choices(models, found)]
+    tables = [
+        chosen,
+        tabulate_worlds(options.leaderboard, models, found),
+        *tabulate_choices(models, found),
+    ]
     data = open_dataset(options.leaderboard, models[0])
     words = [__file__, *(argv or sys.argv[1:])]
     write_figures(options.out, "paper_search", tables, argv=words, data=data)

@@ -26,7 +26,7 @@ PEOPLE = 10
 SMOOTH = 0.5  # people added to both answers
 SHRINK = 0.5  # of the effects of rooms and pieces
 _LEFT_OUT = ("childs_room",)  # robots call it a bedroom
-_WORDS = {  # of Housekeep, and ours
+WORDS = {  # of Housekeep, and ours
     "exercise_room": "gym",
     "home_office": "office",
     "lobby": "entrance",
@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     shares = read_shares(options.housekeep)
     rows = [
         [
-            *(_WORDS.get(one, one.replace("_", " ")) for one in (room, piece)),
+            *(WORDS.get(one, one.replace("_", " ")) for one in (room, piece)),
             *(f"{one:.3f}" for one in both),
             "yes" if (room, piece) in shares else "no",
         ]

@@ -5,11 +5,12 @@
 
 `leaderboard` reads the board's numbers. The others measure its models again, each on the buildings
 that it was not trained on, as the first of several seeds trained it: `masks` under every mask and
-in every view of a room, `rooms_found` in buildings that are still being found, `ablation` as
-differences from `--base`, `steps` as differences from the model before, `search` by the cost that
-beliefs save: in the paper's worlds, where a robot has looked into what it enters; and, in the last
-world that is named, where looks cost something, and for several robots. `told` is that of real
-layouts alone.
+in every view of a room, `rooms_found` in buildings that are still being found, `labels` in rooms
+with a label and without, `ablation` as differences from `--base`, `steps` as differences from the
+model before, `search` by the cost that beliefs save: in the paper's worlds, where a robot has
+looked into what it enters; and, in the last world that is named, where looks cost something, and
+for several robots. `told` and `singles` are those of real layouts alone: by what models are told,
+and over single searches.
 """
 
 from __future__ import annotations
@@ -18,18 +19,23 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from folds import (
+    READS,
     VIEWS,
+    FoldModel,
     Tally,
     list_models,
     mask_of,
     measure,
     open_dataset,
     open_folds,
+    say_reads,
     tally_likelihood,
     tally_unvisited,
     tally_views,
@@ -38,7 +44,10 @@ from results import ResultsTable, format_estimate, is_told_apart, write_figures
 
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.surroundings import EVIDENCE
+from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap
+from bsg_models.evaluation.measurement import Fold, measure_models, predict_all, read_truth
+from bsg_models.evaluation.truth import Truth
 from bsg_models.studies.leaderboard_report import REPORT, say_means
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
@@ -75,30 +84,41 @@ TASKS = {"single": "the first object of the class is", "all": "all objects of th
 LOOKING = ("greedy-belief", "ratio", "expected-cost", "routing", "oracle")  # if looks cost
 CHANCES = {"looks miss nothing": 1.0, "looks miss 20 %": 0.8}
 TEAMS = (2, 3)  # robots
+LABELS = ("all", "labelled", "unlabelled")  # rooms
 Tables = list[ResultsTable]
+unseen_table = partial(ResultsTable, tested_on="unseen")  # each model is measured on its own fold
 
 
 def report_leaderboard(options: argparse.Namespace) -> Tables:
     """Return a table a mask, and one of the rooms not entered where a mask leaves some."""
     board = json.loads((options.leaderboard / REPORT).read_text("utf-8"))
     means, intervals = say_means(board["recipe"].get("seeds", 1))
+    reads = {
+        name.partition("@")[0]: say_reads(options.leaderboard, name, options.folds)
+        for name in list_models(options.leaderboard)
+    }
     tables = []
     for mask, models in board["masks"].items():
         ranked = sorted(models, key=lambda name: _metric(models[name], "hidden_nll")["value"])
         rows = [
             [
                 f"`{name}`",
+                reads[name],
                 *(_halved(_metric(models[name], column)) for column in COLUMNS.values()),
                 _halved(models[name].get("nll_over_gamma_poisson"), digits=3),
                 f"{models[name]['seconds']:.0f}",
             ]
             for name in ranked
         ]
-        header = ("model", *COLUMNS, "NLL ÷ gamma-poisson", "training, s")
+        header = ("model", READS, *COLUMNS, "NLL ÷ gamma-poisson", "training, s")
         reading = f"Values are means over {means}; ± is half the 95 % interval over {intervals}."
-        tables.append(ResultsTable(f"Masks: {mask}", header, rows, reading))
+        tables.append(unseen_table(f"Masks: {mask}", header, rows, reading))
         rows = [
-            [f"`{name}`", *(_halved(_metric(models[name], one)) for one in UNVISITED.values())]
+            [
+                f"`{name}`",
+                reads[name],
+                *(_halved(_metric(models[name], one)) for one in UNVISITED.values()),
+            ]
             for name in ranked
         ]
         if not any("–" in row for row in rows):
@@ -108,17 +128,18 @@ def report_leaderboard(options: argparse.Namespace) -> Tables:
                 "rooms were entered is well above 0.5."
             )
             title = f"Rooms not entered, masks: {mask}"
-            tables.append(ResultsTable(title, ("model", *UNVISITED), rows, reading))
+            tables.append(unseen_table(title, ("model", READS, *UNVISITED), rows, reading))
         rows = [
             [
                 f"`{name}`",
+                reads[name],
                 *(_halved(_metric(models[name], one, "building")) for one in SOMEWHERE.values()),
             ]
             for name in ranked
         ]
         reading = "Somewhere in the building: classes of which none was seen there."
         title = f"Somewhere, masks: {mask}"
-        tables.append(ResultsTable(title, ("model", *SOMEWHERE), rows, reading))
+        tables.append(unseen_table(title, ("model", READS, *SOMEWHERE), rows, reading))
     return tables
 
 
@@ -133,6 +154,44 @@ def _halved(value: Mapping[str, float | None] | None, *, digits: int = 4) -> str
     low, high = value.get("low"), value.get("high")
     text = f"{value['value']:.{digits}f}"
     return text if low is None or high is None else f"{text} ± {(high - low) / 2:.1g}"
+
+
+def report_labels(options: argparse.Namespace) -> Tables:
+    """Return how models rank rooms not entered: all, those with a label, and those without."""
+    rows = []
+    for name in _models(options):
+        print(f"measures {name} by label", file=sys.stderr, flush=True)
+        folds = list(open_folds(options.leaderboard, name, options.folds))
+        found = measure_models(
+            {kind: [_fold_of(one, kind, options) for one in folds] for kind in LABELS},
+            resamples=options.resamples,
+        )
+        cells = [
+            format_estimate(found[kind].estimate("rooms/presence_auroc_macro/unvisited"), digits=3)
+            for kind in LABELS
+        ]
+        rows.append([f"`{name}`", say_reads(options.leaderboard, name, options.folds), *cells])
+        buildings = sum(len(one.scenes) for one in folds)
+    reading = (
+        f"AUROC macro over the rooms of {buildings} buildings of which nothing was seen (mask "
+        f"`rooms`), mean over the folds, {INTERVAL}: of all these rooms, of those that have a room "
+        "label, and of those that have none. 0.5 is guessing. Only models that read labels are "
+        "told them."
+    )
+    header = ("model", READS, *LABELS)
+    return [unseen_table("AUROC of rooms not entered, by label", header, rows, reading)]
+
+
+def _fold_of(one: FoldModel, kind: str, options: argparse.Namespace) -> Fold:
+    """Return a fold in which rooms of another kind than one of `LABELS` count as visited."""
+
+    def batches() -> Iterator[tuple[Truth, Expectation]]:
+        for masked in one.stream(mask_of(one.data, "rooms"), draws=options.draws):
+            truth, labelled = read_truth(masked), masked.seen.surroundings.labels.any(axis=1)
+            others = {"all": False, "labelled": ~labelled, "unlabelled": labelled}[kind]
+            yield replace(truth, visited=truth.visited | others), predict_all(one.model, masked)
+
+    return Fold(one.scenes, batches())
 
 
 def report_masks(options: argparse.Namespace) -> Tables:
@@ -152,7 +211,7 @@ def report_masks(options: argparse.Namespace) -> Tables:
         "separate it from the best. “Largest gap” is the largest distance to the best of a column."
     )
     header = (MODEL, *MASKS, "largest gap")
-    likelihood = ResultsTable("NLL by training mask and test mask", header, rows, reading)
+    likelihood = unseen_table("NLL by training mask and test mask", header, rows, reading)
     names = [f"{what}/{view}" for view in VIEWS for what in ("gap", "nll")]
     rows = []
     for name in found:
@@ -165,7 +224,7 @@ def report_masks(options: argparse.Namespace) -> Tables:
     )
     heads = [f"{view}: {what}" for view in VIEWS for what in ("predicted − true", "NLL")]
     title = "Calibration and NLL by view of the room"
-    return [likelihood, ResultsTable(title, (MODEL, *heads), rows, reading)]
+    return [likelihood, unseen_table(title, (MODEL, *heads), rows, reading)]
 
 
 def report_rooms_found(options: argparse.Namespace) -> Tables:
@@ -194,20 +253,20 @@ def report_rooms_found(options: argparse.Namespace) -> Tables:
         "nothing of rooms and buildings but objects. "
     )
     return [
-        ResultsTable(
+        unseen_table(
             "NLL of rooms not entered",
             (MODEL, *heads),
             [*likelihood, ["rooms measured", *nodes]],
             told + "Mean over the classes; less is better. Bold marks the best of a column, and "
             "every model whose paired 95 % interval over buildings does not separate it from it.",
         ),
-        ResultsTable(
+        unseen_table(
             "Objects expected ÷ objects there",
             (MODEL, *heads),
             [*objects, ["objects there", *true]],
             "Of a room not entered; 1 is right.",
         ),
-        ResultsTable(
+        unseen_table(
             "Presence predicted − true",
             (MODEL, *heads),
             presence,
@@ -221,7 +280,7 @@ def _found(options: argparse.Namespace, name: str, number: int | None) -> Bootst
     seed = mask_of(open_dataset(options.leaderboard, name), "tour").seed
     few = number is not None and number <= _FEW
     return measure(
-        open_folds(options.leaderboard, name),
+        open_folds(options.leaderboard, name, options.folds),
         tally_unvisited,
         mask=MaskRecipe(strategy="tour", fraction=1.0, rooms=number, seed=seed),
         draws=options.draws * (4 if few else 1),
@@ -244,7 +303,7 @@ def report_ablation(options: argparse.Namespace) -> Tables:
         "The first row is the hidden NLL of the base over the classes of all rooms. The other rows "
         f"are paired differences from it, {INTERVAL}. Above 0 is worse."
     )
-    return [ResultsTable("Difference from the base, by mask", ("variant", *MASKS), rows, reading)]
+    return [unseen_table("Difference from the base, by mask", ("variant", *MASKS), rows, reading)]
 
 
 def report_steps(options: argparse.Namespace) -> Tables:
@@ -256,7 +315,7 @@ def report_steps(options: argparse.Namespace) -> Tables:
         for mask, one in found.items():
             gained = before and format_estimate(one.difference(before[mask], "nll"), signed=True)
             cells += [f"{_nll(one):.3f}", gained or "–"]
-        rows.append([f"`{name}`", *cells])
+        rows.append([f"`{name}`", say_reads(options.leaderboard, name, options.folds), *cells])
         before = found
     columns = [
         column for mask in STEP_MASKS for column in (f"NLL, `{mask}` ↓", "against the row above")
@@ -265,7 +324,9 @@ def report_steps(options: argparse.Namespace) -> Tables:
         "Each row changes the one above. The hidden NLL over the classes of all rooms, and paired "
         f"differences {INTERVAL}; below 0 is better."
     )
-    return [ResultsTable("From the paper's network to ours", ("model", *columns), rows, reading)]
+    return [
+        unseen_table("From the paper's network to ours", ("model", READS, *columns), rows, reading)
+    ]
 
 
 def report_searches(options: argparse.Namespace) -> Tables:
@@ -280,17 +341,42 @@ def report_searches(options: argparse.Namespace) -> Tables:
             for planner in PLANNERS:
                 if planner != "oracle" or name == first:
                     cells = [_saved(one, planner) for one in one_task]
-                    who = "the truth" if planner == "oracle" else f"`{name}`"
-                    rows.append([who, f"`{planner}`", *cells])
+                    told = say_reads(options.leaderboard, name, options.folds)
+                    who = ("the truth", "–") if planner == "oracle" else (f"`{name}`", told)
+                    rows.append([who[0], f"`{planner}`", who[1], *cells])
         worlds = [one for one in found[first] if one.task == task]
-        header = ("belief of", "planner", *(f"`{w.world}` ({w.buildings})" for w in worlds))
+        header = ("belief of", "planner", READS, *(f"`{w.world}` ({w.buildings})" for w in worlds))
         reading = (
             f"The search ends when {end} found. Values are the cost saved compared with going to "
             f"the nearest room, in per cent, {INTERVAL}. Below 0, the planner costs more. The "
             "number of buildings is behind each world."
         )
-        tables.append(ResultsTable(f"Task `{task}`", header, rows, reading))
+        tables.append(unseen_table(f"Task `{task}`", header, rows, reading))
     return [*tables, _report_looks(options, first), _report_teams(options, first)]
+
+
+def report_singles(options: argparse.Namespace) -> Tables:
+    """Return three readings of what the first model saves, in the last world."""
+    name = _models(options)[0]
+    results = _search(options, name, worlds=options.worlds[-1:])
+    rows = [
+        [
+            f"`{one.task}`",
+            f"`{planner}`",
+            _saved(one, planner),
+            f"{100 * one.savings[planner].median:.1f}",
+            f"{100 * one.savings[planner].mean:.1f}",
+        ]
+        for one in results
+        for planner in PLANNERS
+    ]
+    reading = (
+        f"Cost saved against `nearest` in `{results[0].world}`, in {results[0].buildings} "
+        f"buildings, by beliefs of `{name}`, in per cent: of the sum of all costs, {INTERVAL}; and "
+        "over single searches, where a short one counts as much as a long one."
+    )
+    header = ("task", "planner", "of all costs", "median search", "mean search")
+    return [unseen_table("A saving, read in three ways", header, rows, reading)]
 
 
 def report_told(options: argparse.Namespace) -> Tables:
@@ -298,10 +384,13 @@ def report_told(options: argparse.Namespace) -> Tables:
     rows = []
     for name in _models(options):
         (result,) = _search(options, name, worlds=WORLDS[-1:], task="single")
-        rows += [[f"`{name}`", f"`{p}`", _saved(result, p)] for p in PLANNERS if p != "oracle"]
-    rows.append(["none", f"`{ROUTING}`", _saved(result, ROUTING)])
+        told = say_reads(options.leaderboard, name, options.folds)
+        rows += [
+            [f"`{name}`", f"`{p}`", told, _saved(result, p)] for p in PLANNERS if p != "oracle"
+        ]
+    rows.append(["none", f"`{ROUTING}`", "–", _saved(result, ROUTING)])
     reading = f"Cost saved in `{WORLDS[-1]}`, task `single`, in per cent, {INTERVAL}."
-    return [ResultsTable("What is told", ("belief of", "planner", "saved"), rows, reading)]
+    return [unseen_table("What is told", ("belief of", "planner", READS, "saved"), rows, reading)]
 
 
 def _report_looks(options: argparse.Namespace, name: str) -> ResultsTable:
@@ -316,7 +405,7 @@ def _report_looks(options: argparse.Namespace, name: str) -> ResultsTable:
         for planner in LOOKING
     ]
     reading = f"Cost of ways and looks that is saved{_of_searches(columns[0][0], name)}"
-    return ResultsTable("Looks that cost something", ("task", "planner", *CHANCES), rows, reading)
+    return unseen_table("Looks that cost something", ("task", "planner", *CHANCES), rows, reading)
 
 
 def _report_teams(options: argparse.Namespace, name: str) -> ResultsTable:
@@ -333,7 +422,7 @@ def _report_teams(options: argparse.Namespace, name: str) -> ResultsTable:
         f"meanwhile. The second column is what a common plan saves{_of_searches(first, name)}"
     )
     header = ("robots", "saved", "each to its nearest, m", "by a common plan, m")
-    return ResultsTable("Several robots", header, rows, reading)
+    return unseen_table("Several robots", header, rows, reading)
 
 
 def _looking(options: argparse.Namespace) -> dict[str, Any]:
@@ -357,7 +446,7 @@ def _search(options: argparse.Namespace, name: str, **how: Any) -> list[WorldRes
         usual = {"planners": PLANNERS, "worlds": options.worlds}
         request = SearchRequest.read(
             open_dataset(options.leaderboard, name).path,
-            runs=tuple(one.run for one in open_folds(options.leaderboard, name)),
+            runs=tuple(one.run for one in open_folds(options.leaderboard, name, options.folds)),
             episodes=options.episodes,
             draws=options.draws,
             resamples=options.resamples,
@@ -385,7 +474,7 @@ def _under(
 ) -> Bootstrap:
     print(f"measures {name} under {mask}", file=sys.stderr, flush=True)
     return measure(
-        open_folds(options.leaderboard, name),
+        open_folds(options.leaderboard, name, options.folds),
         tally,
         mask=mask_of(open_dataset(options.leaderboard, name), mask),
         draws=options.draws,
@@ -400,11 +489,13 @@ def _nll(one: Bootstrap) -> float:
 
 MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
     "leaderboard": report_leaderboard,
+    "labels": report_labels,
     "masks": report_masks,
     "rooms_found": report_rooms_found,
     "ablation": report_ablation,
     "steps": report_steps,
     "search": report_searches,
+    "singles": report_singles,
     "told": report_told,
 }
 
@@ -418,6 +509,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--leaderboard", type=Path, required=True, help="folder of bsg-leaderboard")
     parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     parser.add_argument("--models", nargs="*", help="NAME@MASK; default: all")
+    parser.add_argument("--folds", nargs="*", type=int, help="to measure; default: all")
     parser.add_argument("--base", default="universal@mixed", help="of the ablation")
     parser.add_argument("--draws", type=int, default=5, help="masks of every building")
     parser.add_argument("--episodes", type=int, default=200, help="searches of every building")

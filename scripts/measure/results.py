@@ -6,22 +6,28 @@ import hashlib
 import json
 import os
 import shlex
+import subprocess
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path, PurePath
+from typing import Literal
 
 import numpy as np
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest
 from bsg_data.files import encode_json, write_bytes
+from bsg_data.inputs.bounded_file import hash_file
 from bsg_models.evaluation.bootstrap import Estimate
 
 FIGURES = "docs/results/figures.json"
 PACKAGES = ("belief-scene-graphs", "torch", "numpy")
+# What the measured data did before: nothing, teach the model, or choose a setting of it. Pages
+# print all but the first under the table.
+TestedOn = Literal["unseen", "training", "chosen"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +38,7 @@ class ResultsTable:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     reading: str = ""
+    tested_on: TestedOn = field(kw_only=True)
 
 
 def write_figures(
@@ -41,6 +48,7 @@ def write_figures(
     *,
     argv: Sequence[str],
     data: Dataset | None = None,
+    files: Sequence[Path] = (),
     packages: Sequence[str] = PACKAGES,
 ) -> None:
     """Put the tables of one measurement into the JSON that pages, README and cards are made of.
@@ -53,14 +61,19 @@ def write_figures(
         tables: what was measured.
         argv: the command.
         data: dataset that was measured on.
+        files: that were measured on instead; with neither, the script makes its own buildings.
         packages: whose versions are noted.
     """
     made = {
         "command": format_command(argv),
         "date": date.today().isoformat(),
+        "commit": name_commit(),
         "versions": ", ".join(f"{name} {version(name)}" for name in packages),
     }
-    if data is not None:
+    if data is None:
+        hashes = [f"{one.name} {hash_file(one)[:16]}" for one in files]
+        made["dataset"] = ", ".join(hashes) or "made by the script"
+    else:
         totals = data.manifest.totals
         geometry = f" ({totals.placed} with geometry)" if totals.placed else ""
         space, start = data.manifest.class_space.name, hash_unsplit(data)[:16]
@@ -71,6 +84,7 @@ def write_figures(
         "tables": {
             one.title: {
                 "reading": one.reading,
+                "tested_on": one.tested_on,
                 "header": list(one.header),
                 "rows": [list(row) for row in one.rows],
             }
@@ -79,6 +93,21 @@ def write_figures(
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, (encode_json(figures, indent=1, ensure_ascii=False) + "\n").encode())
+
+
+def name_commit() -> str:
+    """Return the commit that is checked out; a `+` behind it says that its code was changed."""
+    commit = _ask_git("rev-parse", "--short=8", "HEAD")
+    code = (":(top)", ":(top,exclude)docs/results")
+    changed = _ask_git("status", "--porcelain", "--untracked-files=no", "--", *code)
+    return f"{commit}+" if changed else commit
+
+
+def _ask_git(*words: str) -> str:
+    done = subprocess.run(
+        ["git", *words], cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+    )
+    return done.stdout.strip()
 
 
 def hash_unsplit(data: Dataset) -> str:

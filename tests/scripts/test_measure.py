@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
 from pathlib import Path
 from typing import Any
 
+import hidden_share
 import numpy as np
+import pieces
 import pytest
 import receptacle_shares
 import reproduction
@@ -91,8 +94,14 @@ def test_masks_and_likelihood_are_those_of_the_leaderboard(board: Path) -> None:
         ("masks", ["--models", "gamma-poisson@rooms"]),
         ("ablation", ["--base=mixture@rooms"]),
         ("rooms_found", ["--models", "mixture@uniform"]),
+        ("labels", ["--models", "mixture@rooms", "--folds", "0", "2"]),
         pytest.param(
             "search",
+            ["--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
+            marks=pytest.mark.heavy,
+        ),
+        pytest.param(
+            "singles",
             ["--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
             marks=pytest.mark.heavy,
         ),
@@ -114,10 +123,54 @@ def read_tables(path: Path, name: str) -> dict[str, Any]:
     assert "nan" not in text
     found = json.loads(text)[name]
     assert found["made"]["command"].startswith("python scripts/measure/")
+    assert found["made"]["commit"]
+    assert found["made"]["dataset"]
     assert found["tables"]
     for table in found["tables"].values():
         assert {len(row) for row in table["rows"]} == {len(table["header"])}
+        assert table["tested_on"] in ("unseen", "training", "chosen")
     return dict(found["tables"])
+
+
+def test_a_room_is_ranked_with_those_that_have_a_label_or_with_those_that_have_none(
+    board: Path,
+) -> None:
+    report = load_script("measure/report")
+    options = argparse.Namespace(draws=1)
+    (one, *_) = open_folds(board, "mixture@rooms")
+    entered = {
+        kind: np.concatenate([truth.visited for truth, _ in report._fold_of(one, kind, options)[1]])
+        for kind in report.LABELS
+    }
+    assert (~entered["all"]).any()
+    assert (entered["all"] == (entered["labelled"] & entered["unlabelled"])).all()
+    assert (entered["labelled"] | entered["unlabelled"]).all()
+
+
+def test_the_share_that_is_told_is_asked_of_buildings_held_out(board: Path, tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    argv = [f"--leaderboard={board}", "--model=mixture@uniform", f"--out={out}", "--folds", "0"]
+    assert hidden_share.main(argv) == 0
+    (table,) = read_tables(out, "hidden_share").values()
+    told = {row[0]: float(row[1]) for row in table["rows"]}
+    assert told["the true share"] == 0 < told["an estimate, its mean only"] < told["one half"]
+
+
+def test_what_is_said_of_furniture_is_judged_by_people(tmp_path: Path) -> None:
+    """Of one thing in one room: people chose the second of three pieces."""
+    rows = ["object,split,room,receptacle,people_right"]
+    rows += [f"milk,val,kitchen,{one},{n}" for one, n in (("oven", 0), ("fridge", 8), ("sink", 2))]
+    (tmp_path / "placements.csv").write_text("\n".join(rows), "utf-8")
+    votes = pieces.read_votes(tmp_path / "placements.csv", split="val")
+    scores = {"ours": [3.0, 2.0, 1.0], "chance": [1.0, 1.0, 1.0]}
+    for said in scores.values():
+        found = pieces.judge(votes, lambda *_, said=said: np.array(said))
+        shares = np.array(said) / sum(said)
+        loss = -(0.8 * np.log(shares[1]) + 0.2 * np.log(shares[2]))
+        np.testing.assert_allclose(found, [[1 / 2, 1, loss, 1]])
+    out = tmp_path / "figures.json"
+    assert pieces.main([f"--housekeep={tmp_path / 'placements.csv'}", f"--out={out}"]) == 0
+    assert "placements.csv" in json.loads(out.read_text("utf-8"))["pieces"]["made"]["dataset"]
 
 
 @pytest.mark.heavy

@@ -1,4 +1,4 @@
-"""Estimate the paper's equations 1 to 3 by counting.
+"""Estimate a mean in place of the paper's equations 1 to 3, by counting.
 
 The paper writes the probability of a class c given the observations B = {b_1 … b_m} as
 
@@ -48,7 +48,7 @@ _LEVELS = 4  # 1, 2, 3, and more
 
 
 class ConditionalConfig(ModelConfig):
-    """The paper's equations 1 to 3, by counting on masks of the training rooms."""
+    """The paper's equations 1 to 3 as a mean, by counting on masks of the training rooms."""
 
     family: Literal["conditional"] = "conditional"
     # Condition on the classes seen (equation 1), or on the count of each (2, 3).
