@@ -1,7 +1,9 @@
-# On a fresh machine, `make demo` and `make test` do everything: they make .venv and install first.
+# On a fresh machine, `make demo` and `make test` do everything: they make .venv and install first. What
+# `make demo` installs is enough for it alone; `make test` adds the rest.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
+DEMO_INSTALLED := $(VENV)/.demo-installed
 INSTALLED := $(VENV)/.installed
 DEMO := demo
 # One test process for each core, and one thread in each: more threads would wait for one another.
@@ -16,31 +18,38 @@ TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
 help: ## Say what each target does.
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-# What requirements.lock fits is installed by its hashes; what it lacks, such as CUDA's packages where
-# torch comes from the package index, and all of it on another system, by constraints.txt alone.
+# What the locks fit is installed by its hashes; what they lack, such as CUDA's packages where torch
+# comes from the package index, and all of it on another system, by constraints.txt alone.
 # Of torch, the build for the processor alone is taken where pip finds it; else, also by hash, the index's.
-LOCKED = $(BIN)/python -m pip install --quiet --require-hashes --no-deps --requirement
-IS_LOCKED = import platform, sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 12) and platform.system() == "Linux" and platform.machine() == "x86_64"))
+PIP = $(BIN)/python -m pip install --quiet
+LOCKED = $(PIP) --require-hashes --no-deps --requirement
+CONSTRAINED = $(PIP) --constraint constraints.txt
+IS_LOCKED = $(PYTHON) -c 'import platform, sys; sys.exit(not ((3, 11) <= sys.version_info[:2] <= (3, 12) and platform.system() == "Linux" and platform.machine() == "x86_64"))'
 
-$(INSTALLED): pyproject.toml constraints.txt requirements.lock requirements-torch.lock requirements-torch-cpu.lock setup.py
+$(DEMO_INSTALLED): pyproject.toml setup.py constraints.txt requirements-torch-cpu.lock requirements-torch.lock requirements-demo.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or later is needed; name it as in: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	@echo "installing into $(VENV); the first time takes a few minutes"
-	@if $(PYTHON) -c '$(IS_LOCKED)'; then \
+	@if $(IS_LOCKED); then \
 	  { $(LOCKED) requirements-torch-cpu.lock 2>/dev/null || $(LOCKED) requirements-torch.lock; } && \
-	  $(LOCKED) requirements.lock; \
+	  $(LOCKED) requirements-demo.lock; \
 	else \
-	  echo "requirements.lock is not for this system: what is installed has no hashes"; \
-	  $(BIN)/python -m pip install --quiet --constraint constraints.txt torch; \
+	  echo "the locks are not for this system: what is installed has no hashes"; \
+	  $(CONSTRAINED) torch; \
 	fi
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	$(CONSTRAINED) --editable '.[train]'
+	@touch $@
+
+$(INSTALLED): $(DEMO_INSTALLED) requirements-test.lock
+	@if $(IS_LOCKED); then echo "installing what the tests need"; $(LOCKED) requirements-test.lock; fi
+	$(CONSTRAINED) --editable '.[test]'
 	mkdir -p $(VENV)/links && ln -sfn ../../cli $(VENV)/links/bsg_cli
 	@touch $@
 
 install: $(INSTALLED) ## Make .venv and install the project with all that its tests need.
 
-demo: $(INSTALLED) ## Run the main job end to end on synthetic buildings; results in demo/.
+demo: $(DEMO_INSTALLED) ## Run the main job end to end on synthetic buildings; results in demo/.
 	rm -rf $(DEMO)
 	$(BIN)/bsg-data synth --out $(DEMO)/buildings --scenes 25 --seed 0
 	$(BIN)/bsg-data build --hm3d $(DEMO)/buildings --room-layouts $(DEMO)/buildings/layouts --out $(DEMO)/dataset
@@ -70,12 +79,12 @@ heavy: $(INSTALLED) ## Run what `make all` has besides `make test`.
 	$(PYTEST) -m heavy tests
 
 coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them runs.
-	$(BIN)/python -m pip install --quiet 'pytest-cov>=5,<8'
+	$(PIP) 'pytest-cov>=5,<8'
 	$(PYTEST) --cov --cov-report=term-missing
 
 faults: $(INSTALLED) ## Kill, damage and feed everything in full; under an hour.
 	$(PYTEST) --full tests/faults
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
+	$(CONSTRAINED) --editable '.[fuzz]'
 	$(BIN)/python scripts/faults/fuzz.py --minutes 15
 
 sentences: $(INSTALLED) ## Write tests/refusals.txt anew: the words of all errors that tests meet.
@@ -108,12 +117,12 @@ bench: $(INSTALLED) ## Time the main jobs beside what people would use instead: 
 	$(BIN)/python scripts/measure/speed.py $(if $(HM3D),--hm3d "$(HM3D)")
 
 package: $(INSTALLED) ## Build wheel and source archive into dist, and try both in fresh environments.
-	$(BIN)/python -m pip install --quiet 'build>=1.2,<2'
+	$(PIP) 'build>=1.2,<2'
 	$(BIN)/python scripts/package/try_out.py --out dist --constraint constraints.txt
 
 release: $(INSTALLED) ## Prepare a release: make release VERSION=0.2.0; stops before any upload.
 	@test -n "$(VERSION)" || { echo "say which: make release VERSION=0.2.0" >&2; exit 2; }
-	$(BIN)/python -m pip install --quiet 'build>=1.2,<2' 'twine>=6,<8'
+	$(PIP) 'build>=1.2,<2' 'twine>=6,<8'
 	$(BIN)/python scripts/package/release.py $(VERSION)
 
 # Both leave .venv alone. uv resolves, because pip has no way to ask for the lowest versions.
@@ -134,7 +143,8 @@ endef
 audit: ## Ask pip-audit for known weaknesses of what is locked; needs the network.
 	$(PYTHON) -m venv $(VENV)/audit
 	$(VENV)/audit/bin/python -m pip install --quiet 'pip-audit>=2.7,<3'
-	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes --requirement requirements.lock --requirement requirements-torch.lock
+	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes \
+	  $(addprefix --requirement ,requirements-torch.lock requirements-demo.lock requirements-test.lock)
 
 clean: ## Remove the environment, the demos and all caches.
 	rm -rf $(VENV) $(DEMO) build dist site *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

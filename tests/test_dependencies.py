@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from conftest import REPOSITORY, load_script, read_pins, tomllib
 
-LOCKS = ("requirements.lock", "requirements-torch.lock", "requirements-torch-cpu.lock")
+LOCKS = [f"requirements-{name}.lock" for name in ("torch-cpu", "torch", "demo", "test")]
 PINNED = re.compile(
     r"^([a-z0-9-]+)==([0-9][\w.+]*)((?: \\\n    --hash=sha256:[0-9a-f]{64})+)$", re.M
 )
@@ -24,7 +24,9 @@ def requirements() -> Iterator[str]:
 
 
 def read_lock() -> dict[str, str]:
-    return read_pins("requirements.lock") | read_pins("requirements-torch.lock")
+    _, torch, demo, test = map(read_pins, LOCKS)
+    assert not demo.keys() & test.keys(), "make test adds to what make demo installs"
+    return torch | demo | test
 
 
 def test_every_requirement_has_both_bounds() -> None:
@@ -63,9 +65,18 @@ def test_the_lock_has_the_versions_of_the_constraints() -> None:
     }
 
 
-def test_torch_is_kept_apart_from_the_rest() -> None:
+def test_a_lock_is_split_by_names() -> None:
     one, two = (f"    --hash=sha256:{digit * 64}" for digit in "12")
     torch, rest = f"torch==2.13.0+cpu \\\n{one} \\\n{two}\n", f"torch-geometric==3 \\\n{one}\n"
-    split = load_script("write_lock").split_torch(f"a==1 \\\n{two}\n{torch}{rest}")
-    assert split == (f"a==1 \\\n{two}\n{rest}", torch)
-    assert "torch" not in read_pins("requirements.lock")
+    split = load_script("write_lock").split(f"a==1 \\\n{two}\n{torch}{rest}", {"torch", "b"})
+    assert split == (torch, f"a==1 \\\n{two}\n{rest}")
+
+
+def test_the_demo_needs_few_packages() -> None:
+    demo = read_pins("requirements-demo.lock").keys()
+    assert len(demo) <= 57, "with torch, pip and the project at most 60"
+    with (REPOSITORY / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)["project"]
+    listed = [*project["dependencies"], *project["optional-dependencies"]["train"]]
+    needed = {re.split(r"[<>=\[; ]", line)[0] for line in listed if "< '3.11'" not in line}
+    assert needed - {project["name"], "torch"} <= demo, "scripts/write_lock.py makes it"

@@ -99,6 +99,14 @@ def test_a_class_of_both_spaces_is_that_of_the_default() -> None:
         ("glass", "glass", ("kitchen",), 0.98, 1),
         ("tablets", "medicine", ("pharmacy",), 0.95, 1),
         ("tv_monitor", "television", ("living room",), 0.9, 1),
+        ("desk lamp", "desk lamp", ("office", "bedroom"), 0.4, 0.8),
+        ("bedside lamp", "bedside lamp", ("bedroom",), 0.7, 0.9),
+        ("table lamp", "table lamp", ("living room", "bedroom"), 0.8, 1),
+        ("office phone", "desk phone", ("office",), 0.05, 0.2),
+        ("landline", "landline phone", ("living room",), 0.3, 0.5),
+        ("thermometer", "clinical thermometer", ("bathroom",), 0.7, 0.9),
+        ("bath", "bathtub", ("bathroom",), 0.7, 0.85),
+        ("fireplace", "fireplace", ("living room",), 0.3, 0.45),
     ],
 )
 def test_what_a_person_would_say(
@@ -186,6 +194,17 @@ def test_words_of_robots_name_pieces_of_furniture(word: str, name: str | None) -
         ("dirty socks", "laundry basket"),
         ("book", "shelf"),
         ("keys", "key rack"),
+        ("wallet", "console table"),
+        ("hammer", "tool box"),
+        ("petrol can", "shelf"),
+        ("axe", "shelf"),
+        ("tool box", "shelf"),
+        ("firewood", "fireplace"),
+        ("sewing machine", "bottom cabinet"),
+        ("bedpan", "toilet"),
+        ("bedside lamp", "nightstand"),
+        ("desk lamp", "table"),
+        ("fruit bowl", "counter"),
     ],
 )
 def test_a_person_would_look_there_first(thing: str, first: str) -> None:
@@ -195,11 +214,18 @@ def test_a_person_would_look_there_first(thing: str, first: str) -> None:
 
 
 def test_what_stands_by_itself_is_on_nothing_and_of_others_nothing_is_said() -> None:
-    for thing in ("wardrobe", "sofa", "bicycle", "fridges"):
+    alone = "wardrobe, sofa, bicycle, fridges, guitar, skis, fire extinguisher, laundry basket, bin"
+    for thing in alone.split(", "):
         kept = find_keeping(thing)
         assert kept is not None, thing
         assert not kept.weights, thing
     assert find_keeping("sextant") is None
+
+
+def test_nothing_is_kept_in_itself() -> None:
+    for thing in list_things():
+        kept = find_keeping(thing.name)
+        assert kept is None or thing.name not in kept.weights, thing.name
 
 
 def test_the_tables_are_whole() -> None:

@@ -151,7 +151,10 @@ flat | umbrella | bedroom | hall
 flat | socks | hall | bedroom, utility room
 office | printer | open-plan | printer room
 office | towel | open-plan | kitchenette, toilets
+office | desk phone / office phone / desk lamp | toilets | open-plan
+flat | bedside lamp | hall | bedroom, child's room
 ward | medicine | nurse station | medication room
+ward | office phone | patient room 2 | nurse station
 words | toilet | lounge | toilets
 words | bed | lounge | childrens room
 words | refrigerator | lounge | kichen
