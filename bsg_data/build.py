@@ -169,9 +169,12 @@ class _Build:
         totals = Totals.sum(shard.totals for shard in shards)
         if not totals.scenes:
             where = self.source.path
-            reasons = "\n  ".join(f"{one.location}: {one.reason}" for one in skipped[:_SHOWN])
+            reasons = "; ".join(
+                one.reason if one.location in one.reason else f"{one.location}: {one.reason}"
+                for one in skipped[:_SHOWN]
+            )
             shutil.rmtree(folder)
-            message = f"{where}: no scene could be read. The first reasons:\n  {reasons}"
+            message = f"{where}: no scene could be read: {reasons}"
             raise SourceError(message, code="no-scene", where=where)
         names, labels = Counter[str](), Counter[str]()
         for shard in shards:

@@ -16,6 +16,7 @@ import bsg_models
 from bsg_cli.find import find_things
 from bsg_cli.options import (
     PATH,
+    TERMS,
     choice_option,
     force_option,
     json_option,
@@ -79,7 +80,7 @@ _PAGES = (".html", ".htm")
     "and .rrd (Rerun).",
 )
 @click.option("--open", "shows", is_flag=True, help="Open the page of --out in the browser.")
-@click.option("--quiet", is_flag=True, help="Leave out the notes on how the graph was read.")
+@click.option("--quiet", is_flag=True, help="Leave out the notes.")
 @force_option
 @json_option
 def main(
@@ -122,11 +123,14 @@ def main(
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
         raise click.UsageError("--open shows a page; add --out FILE.html")
-    model, labels = options.pop("model") or bsg_models.DEFAULT_MODEL, options.pop("labels")
+    model, labels = options.pop("model"), options.pop("labels")
     shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
     files = [_open_graph(path, labels, shares) for path in graphs]
     note = _say_nothing if quiet else print_note
+    if model is None:
+        model = bsg_models.DEFAULT_MODEL
+        note(TERMS)
     answer = None
     search = {name: options.pop(name) for name in ("chance", "task")}
     search |= {"here": here, "robots": _read_robots(robots), "look": _read_looks(looks)}

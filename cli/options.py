@@ -21,6 +21,10 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 Decorator = Callable[[Function], Function]
 PATH = click.Path(path_type=Path)
 MOST_WORKERS = 1024  # each is a process; one machine has no use for more
+TERMS = (  # said where nobody named a model: who takes the default has not chosen its licence
+    "universal: weights for non-commercial research (NOTICE); for any other use, name the model "
+    "behavior"
+)
 
 
 class RegistryChoice(click.Choice[str]):

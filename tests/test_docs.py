@@ -106,10 +106,11 @@ def test_the_ten_lines_run_and_print_what_they_say(
 
 
 def test_the_robots_of_the_page_go_where_it_says(capsys: pytest.CaptureFixture[str]) -> None:
-    """The one that begins with nothing, and the one that looks in vain."""
-    block = "".join(read_blocks("robot.md")[:2])
+    """A comment `# → a → b` says what a line prints, one time after the other."""
+    block = "".join(read_blocks("robot.md"))
     run_block("robot.md", block)
-    assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
+    said = [one for line in re.findall(r"# → (.*)", block) for one in line.split(" → ")]
+    assert capsys.readouterr().out.splitlines() == said
 
 
 def test_the_examples_of_a_graph_of_hydra_run(
@@ -135,10 +136,10 @@ def test_the_examples_of_a_graph_of_hydra_run(
 def test_the_examples_beside_an_office_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The very lines of docs/search.md, and the last ones of docs/robot.md."""
+    """The very lines of docs/search.md and of docs/hidden-share.md."""
     monkeypatch.chdir(tmp_path)
     shutil.copy(DOCS / "office.json", tmp_path)
-    for page in ("search.md", "robot.md"):
+    for page in ("search.md", "hidden-share.md"):
         run_block(page, read_blocks(page)[-1])
     room, belief, *presences = capsys.readouterr().out.split("\n")
     assert (room, belief) == ("2", "54% ± 19%")
@@ -194,7 +195,7 @@ def rows_of(page: str, table: str) -> list[list[str]]:
 
 
 def test_the_page_says_what_share_is_estimated() -> None:
-    rows = rows_of("robot.md", "situations")
+    rows = rows_of("hidden-share.md", "situations")
     assert len(rows) >= 10
     for _, said, mean, sd in rows:
         room = {"id": "room", **json.loads("{" + said.strip("`") + "}")}
@@ -206,7 +207,7 @@ def test_the_page_says_what_share_is_estimated() -> None:
 def test_the_page_says_what_a_model_believes_of_a_share() -> None:
     office, predictor = read_robot_graph(DOCS / "office.json"), Predictor()
     columns = [predictor.classes.index(name) for name in ("sink", "stove", "microwave")]
-    for said, *shown in rows_of("robot.md", "kitchen"):
+    for said, *shown in rows_of("hidden-share.md", "kitchen"):
         mean, _, sd = said.removeprefix("anything: ").partition(" ± ")
         share = ShareBelief(float(mean), float(sd or 0))
         presence = predictor(hide_of_room(office, 2, share)).presence[2, columns]

@@ -169,7 +169,7 @@ def pairs_schema(num_classes: int) -> pa.Schema:
         _field(
             "withheld",
             flags,
-            "classes of which the input shows what is in searched rooms alone",
+            "classes that the input shows in searched rooms only; absence elsewhere says nothing",
         ),
     )
     histogram = pa.list_(pa.field("element", pa.uint16(), nullable=False), num_classes)

@@ -7,7 +7,7 @@ with these moments. With ν = m (1 − m) / sd² − 1,
     S ~ Beta(a, b)      a = ν m,  b = ν (1 − m)
 
 A Beta distribution lies between 0 and 1 and is uniform at m = 1/2 and sd = 1/√12. It is also the
-posterior of a vague belief after counting objects as seen and unseen. docs/robot.md says
+posterior of a vague belief after counting objects as seen and unseen. docs/hidden-share.md says
 what a robot should report.
 
 A robot does know how much of the floor and the walls its camera had in view, or how long it was

@@ -36,8 +36,8 @@ def write_synthetic(
     """Write buildings 0 to `scenes` - 1 of a seed, and yield the paths of their annotations.
 
     `layouts/<scene_id>.yaml` has the layout of a building, for `WithLayouts`.
-    A `synthetic.json` in the folder marks all as synthetic. The folder is there when the last path
-    was taken.
+    A `synthetic.json` in the folder marks all as synthetic. The folder appears, whole, when the
+    last path was taken.
 
     Args:
         out: the folder above `train`, `val` and `layouts`.

@@ -86,7 +86,7 @@ const Beliefs = (() => {
       isHere(view, of.node) ? "robot here" : typeof of.cost === "number" && cost(view, of.cost),
     ].filter(Boolean).join(", ");
   }
-  const leastOf = (view, sought) => "at least one " + (sought < ALL ? "" : "unseen ") + soughtName(view, sought);
+  const leastOf = (view, sought) => (sought < ALL ? "any " : "at least one unseen ") + soughtName(view, sought);
   /* "86 % for at least one unseen sink, 0.9 more expected, 2 seen" */
   function sayLong(view, node, sought) {
     const of = numbers(view, node, sought);

@@ -27,6 +27,7 @@ from visualization_msgs.msg import MarkerArray
 
 import bsg_data
 import bsg_models
+from bsg_cli.options import TERMS
 from bsg_cli.ros.markers import draw
 from bsg_cli.ros.requests import TOPICS, Robot, read_detections
 from bsg_data.files import encode_json, hold, write_bytes
@@ -71,6 +72,8 @@ class BeliefNode:
         self.node, self.log = node, node.get_logger()
         said = {name: _declare(node, name) for name in PARAMETERS}
         self.graph, self.model = said["graph"], said["model"]
+        if self.model == bsg_models.DEFAULT_MODEL:  # ROS does not tell who has named it
+            self.log.info(TERMS)
         self.state = Path(said["state"]) if said["state"] else None
         self.frame, self.min_score = said["map_frame"], said["min_score"]
         self.thing: str | None = None  # what was asked for last, which the markers show

@@ -9,7 +9,7 @@ import click
 from click.core import ParameterSource
 
 import bsg_models
-from bsg_cli.options import model_option
+from bsg_cli.options import TERMS, model_option
 from bsg_cli.terminal import Command, importing_nothing_from_here, print_note
 from bsg_data.errors import BSGError, ask_to_install
 
@@ -69,7 +69,9 @@ def main(model: str | None, stdio: bool, host: str, port: int, names: tuple[str,
             said = "allow-host" if name == "names" else name
             raise click.UsageError(f"--stdio does not use --{said}; leave one of them out")
     names = tuple(map(read_host, names))
-    model = bsg_models.DEFAULT_MODEL if model is None else model
+    if model is None:
+        model = bsg_models.DEFAULT_MODEL
+        print_note(TERMS)
     bsg_models.Predictor(model)  # or no such model, before anything is answered
     with importing_nothing_from_here():
         if stdio:

@@ -11,11 +11,15 @@ from commands import runner
 from conftest import REPOSITORY
 from dsg_files import write_graph
 
+import bsg_models
 from bsg_cli.belief import main
+from bsg_cli.options import TERMS
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.belief.annotation import _strip
 from bsg_models.belief.formats import read_belief
 from bsg_models.inputs.folds import scenes_of
+from bsg_models.runs.found_model import read_shipped_card
+from bsg_models.runs.model_card import read_card
 
 call = runner(main)
 
@@ -34,6 +38,22 @@ def test_a_robots_graph_gives_every_output(run: Path, tmp_path: Path) -> None:
     call(*words, "--force")
     refused = call(*words, "--force", "--out", tmp_path / "h.dsg.json", code=2)
     assert "adds beliefs to one graph of its program" in refused.stderr
+
+
+def test_who_names_no_model_is_told_the_terms_of_the_default_one(run: Path) -> None:
+    for words in ((), ("--find", "mug"), ("--json",)):
+        asked = call(OFFICE, *words)
+        assert asked.stderr.splitlines()[0] == TERMS
+        assert "research" not in call(OFFICE, *words, "--quiet").stderr
+        assert "research" not in call(OFFICE, *words, "--model", "universal").stderr
+    assert "research" not in call(OFFICE, "--model", run).stderr
+
+
+def test_the_terms_are_those_of_the_cards() -> None:
+    said, advised = TERMS.partition(":")[0], TERMS.split()[-1]
+    assert said == bsg_models.DEFAULT_MODEL
+    cards = (read_card(read_shipped_card(name), origin=name) for name in (said, advised))
+    assert [card.is_restricted for card in cards] == [True, False]
 
 
 def test_a_graph_of_hydra_comes_back_with_beliefs(run: Path, tmp_path: Path) -> None:

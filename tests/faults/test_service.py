@@ -35,6 +35,7 @@ def service() -> Iterator[tuple[int, str]]:
     """The process and the address of a service."""
     with subprocess.Popen([*COMMAND, "--port", "0"], stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr
+        process.stderr.readline()  # the terms of the model
         found = re.search(r"http://127\.0\.0\.1:\d+", process.stderr.readline())
         assert found
         yield process.pid, found[0]

@@ -21,6 +21,8 @@ from xml.etree import ElementTree
 import pytest
 from conftest import REPOSITORY
 
+from bsg_cli.options import TERMS
+
 pytest.importorskip("rclpy", reason="needs ROS 2: the extra ros, or a ROS 2 whose setup is sourced")
 HOME, EXAMPLES = REPOSITORY / "docs" / "home.json", REPOSITORY / "docs" / "examples"
 WAIT = 120  # seconds; only something that is broken takes them
@@ -196,6 +198,7 @@ def test_a_node_goes_on_from_its_state(start: Start, space: str, tmp_path: Path)
     )
     assert second.returncode == 1
     assert "another command is writing there" in second.stderr
+    assert TERMS in second.stderr
     robot.ask("searched", "cellar")
     while json.loads(state.read_text("utf-8")) == kept:  # written within a period
         assert node.poll() is None
@@ -223,6 +226,7 @@ def test_parameters_that_are_wrong_are_an_error(start: Start, words: list[str], 
     assert done.returncode in (1, 2)
     assert said in done.stderr.splitlines()[-1]
     assert "Traceback" not in done.stderr
+    assert TERMS not in done.stderr
 
 
 def test_a_parameter_that_is_misspelt_is_named() -> None:

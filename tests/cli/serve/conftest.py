@@ -10,6 +10,8 @@ from contextlib import contextmanager
 
 import pytest
 
+from bsg_cli.options import TERMS
+
 COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
 
 
@@ -19,6 +21,7 @@ def _serve() -> Iterator[tuple[subprocess.Popen[str], str]]:
     with subprocess.Popen([*COMMAND, "--port", "0"], stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr
         try:
+            assert process.stderr.readline() == f"{TERMS}\n"
             found = re.search(r"http://127\.0\.0\.1:\d+", process.stderr.readline())
             assert found
             yield process, found[0]
