@@ -48,10 +48,14 @@ from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.measurement import Fold, measure_models, predict_all, read_truth
 from bsg_models.evaluation.truth import Truth
+from bsg_models.inputs.folds import Split
+from bsg_models.inputs.graphs import read_split
+from bsg_models.runs.checkpoint import read_header
+from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.leaderboard_report import REPORT, say_means
 from bsg_models.studies.savings import WorldResult
 from bsg_models.studies.search_report import report_search
-from bsg_models.studies.search_request import ROUTING, TEAM, SearchRequest
+from bsg_models.studies.search_request import ROOM_SPECIFIC, ROUTING, TEAM, SearchRequest
 
 MASKS = ("uniform", "rooms", "frontier", "explore", "search", "tour")
 STEP_MASKS = ("uniform", "rooms")
@@ -78,6 +82,23 @@ SOMEWHERE = {
     "AUROC micro ↑": "presence_auroc_micro/unseen",
     "calibration error ↓": "presence_calibration_error/unseen",
 }
+CHOSEN_BY = {  # column → metric, and its digits
+    "NLL ↓": ("rooms/hidden_nll", 3),
+    "AUROC unseen ↑": ("rooms/presence_auroc_macro/unseen", 3),
+    "top 3 unseen ↑": ("rooms/top3_unseen", 3),
+    "Wasserstein ↓": ("all/wasserstein_values/mean", 4),
+    "energy ↓": ("all/energy_values/mean", 4),
+}
+MEASURED = {
+    "NLL ↓": "rooms/hidden_nll",
+    "AUROC ↑": "rooms/presence_auroc_macro/all",
+    "AUROC unseen ↑": "rooms/presence_auroc_macro/unseen",
+    "top 3 unseen ↑": "rooms/top3_unseen",
+    "total variation ↓": "rooms/total_variation/mean",
+    "Frobenius, all nodes ↓": "all/correlation_frobenius",
+}
+MOMENTS = ("mean", "variance", "skewness", "kurtosis")
+TABLE_I = ("0.0246", "8.26e-05", "-0.084", "-0.697", "0.1122", "8.47e-04", "-0.807", "0.427")
 WORLDS = ("star:1-10", "complete:5-10", "tree:1-10", "layout")
 PLANNERS = ("greedy-share", "expected-cost", "oracle")
 TASKS = {"single": "the first object of the class is", "all": "all objects of the class are"}
@@ -487,6 +508,97 @@ def _nll(one: Bootstrap) -> float:
     return one.point["nll"]
 
 
+def report_choices(options: argparse.Namespace) -> Tables:
+    """Return what readings of the paper's network predict of the buildings that validate them."""
+    rows = []
+    for name in _models(options):
+        found = _stored(options, name, "val")
+        cells = [f"{found.point[metric]:.{digits}f}" for metric, digits in CHOSEN_BY.values()]
+        kept = [read_header(one.run / BEST) for one in open_folds(options.leaderboard, name)]
+        epochs = ", ".join(str(one.epoch) for one in kept)
+        rows.append([f"`{name.partition('@')[0]}`", *cells, epochs])
+    reading = (
+        "Of the rooms (NLL, AUROC, top 3) and of all nodes (distances) of the validation buildings "
+        "of each fold, mean over the folds. The last column is the epoch whose weights were kept."
+    )
+    header = ("reading", *CHOSEN_BY, "epoch")
+    title = "Readings on the validation buildings"
+    return [ResultsTable(title, header, rows, reading, tested_on="chosen")]
+
+
+def report_paper(options: argparse.Namespace) -> Tables:
+    """Return the paper's Table I, and the other metrics, of models on buildings held out."""
+    found = {name: _stored(options, name, "test") for name in _models(options)}
+    names = {name: f"`{name.partition('@')[0]}`" for name in found}
+    moments = [
+        [names[name], *(f"{one.point[key]:.3g}".replace("nan", "–") for key in _list_moments())]
+        for name, one in found.items()
+    ]
+    distances = ("Wasserstein", "energy")
+    header = ("", *(f"{distance}, {moment}" for distance in distances for moment in MOMENTS))
+    reading = "Of the 45 probabilities of all nodes, mean over the folds; less is better."
+    first = unseen_table(
+        "Statistical distance", header, [["the paper", *TABLE_I], *moments], reading
+    )
+    rows = [
+        [
+            names[name],
+            say_reads(options.leaderboard, name, options.folds),
+            *(format_estimate(one.estimate(key), digits=3) for key in MEASURED.values()),
+        ]
+        for name, one in found.items()
+    ]
+    reading = f"Mean over the folds, {INTERVAL}."
+    return [first, unseen_table("What it predicts", ("", READS, *MEASURED), rows, reading)]
+
+
+def _list_moments() -> list[str]:
+    distances = ("wasserstein_values", "energy_values")
+    return [f"all/{distance}/{moment}" for distance in distances for moment in MOMENTS]
+
+
+def _stored(options: argparse.Namespace, name: str, split: Split) -> Bootstrap:
+    """Return every metric of a model on the stored pairs of each fold, mean over the folds."""
+    print(f"measures {name} on {split}", file=sys.stderr, flush=True)
+    folds = []
+    for one in open_folds(options.leaderboard, name, options.folds):
+        masked = read_split(one.data, split, fold=one.fold, vocabulary=one.model.vocabulary)
+        truth = read_truth(masked)
+        folds.append(Fold(truth.scene_ids, [(truth, predict_all(one.model, masked))]))
+    return measure_models({name: folds}, resamples=options.resamples)[name]
+
+
+def report_paper_search(options: argparse.Namespace) -> Tables:
+    """Return what the paper's system saves: its rule and ours, all of its worlds and tasks."""
+    rows, ratios = [], []
+    for name in _models(options):
+        results = _search(options, name, planners=PLANNERS[:2], artifacts=("room-specific",))
+        for planner in PLANNERS[:2]:
+            for task in TASKS:
+                of = [one for one in results if one.task == task]
+                row = [f"`{name.partition('@')[0]}`", f"`{planner}`", f"`{task}`"]
+                rows.append([*row, *(_saved(one, planner) for one in of)])
+                saving = of[0].savings[planner]
+                single = (f"{100 * value:.1f}" for value in (saving.median, saving.mean))
+                ratios.append([*row, _saved(of[0], planner), *single])
+    heads = ("belief of", "planner", "task")
+    reading = (
+        "Cost saved against going to the nearest room, in per cent of the sum of all costs, "
+        f"{INTERVAL}. Artifacts are {', '.join(ROOM_SPECIFIC)}. Below 0, it costs more."
+    )
+    worlds = (f"`{world}`" for world in options.worlds)
+    world = f"`{options.worlds[0]}`"
+    return [
+        unseen_table("The paper's system", (*heads, *worlds), rows, reading),
+        unseen_table(
+            "The same, read in three ways",
+            (*heads, "of all costs", "median search", "mean search"),
+            ratios,
+            f"In the world {world}: of the sum of all costs, and over single searches.",
+        ),
+    ]
+
+
 MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
     "leaderboard": report_leaderboard,
     "labels": report_labels,
@@ -497,6 +609,9 @@ MEASUREMENTS: dict[str, Callable[[argparse.Namespace], Tables]] = {
     "search": report_searches,
     "singles": report_singles,
     "told": report_told,
+    "choices": report_choices,
+    "paper": report_paper,
+    "paper_search": report_paper_search,
 }
 
 

@@ -278,3 +278,22 @@ def test_the_fit_finds_what_rooms_were_made_with_and_leaves_out_what_misleads() 
     np.testing.assert_allclose(odds, ODDS, atol=0.15)
     np.testing.assert_allclose(rate, RATE, rtol=0.15)
     assert fit_odds(-scores, *rooms, prior=np.ones((2, 2)))[2] == 0.0
+
+
+def test_the_papers_network_with_a_poisson_law_loses_what_scipy_says() -> None:
+    from bsg_rivals.ceci_poisson import CECIPoisson, CECIPoissonConfig
+
+    config = CECIPoissonConfig(depth=2, width=8, dropout=0.0)
+    model = CECIPoisson(config, ModelInputs(classes=2)).eval()
+    seen = observe_building([[4, 2], [3, 0], [1, 2]])
+    targets = np.array([[7, 2], [5, 0], [2, 2]])
+    expected = model.expect(seen)
+    assert (expected.expected >= seen.inputs).all(), "hidden counts are never below 0"
+    law = stats.poisson(expected.expected - seen.inputs)
+    graph = model.read(seen, targets)
+    loss, cells = model.validation_loss(graph)
+    assert cells == targets.size
+    # torch takes Stirling's formula for the factorial of counts above 1.
+    exact = -law.logpmf(targets - seen.inputs).sum()
+    assert loss == pytest.approx(exact, abs=0.03 * cells)
+    assert model.loss(graph).item() == pytest.approx(loss / cells)

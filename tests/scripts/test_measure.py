@@ -13,7 +13,6 @@ import numpy as np
 import pieces
 import pytest
 import receptacle_shares
-import reproduction
 from conftest import REPOSITORY, load_script
 from folds import (
     bootstrap,
@@ -95,6 +94,13 @@ def test_masks_and_likelihood_are_those_of_the_leaderboard(board: Path) -> None:
         ("ablation", ["--base=mixture@rooms"]),
         ("rooms_found", ["--models", "mixture@uniform"]),
         ("labels", ["--models", "mixture@rooms", "--folds", "0", "2"]),
+        ("choices", ["--models", "mixture@uniform"]),
+        ("paper", ["--models", "mixture@uniform"]),
+        pytest.param(
+            "paper_search",
+            ["--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
+            marks=pytest.mark.heavy,
+        ),
         pytest.param(
             "search",
             ["--episodes=4", "--worlds", "star:1-10", "--models", "mixture@uniform"],
@@ -171,16 +177,6 @@ def test_what_is_said_of_furniture_is_judged_by_people(tmp_path: Path) -> None:
     out = tmp_path / "figures.json"
     assert pieces.main([f"--housekeep={tmp_path / 'placements.csv'}", f"--out={out}"]) == 0
     assert "placements.csv" in json.loads(out.read_text("utf-8"))["pieces"]["made"]["dataset"]
-
-
-@pytest.mark.heavy
-def test_readings_of_the_paper_are_compared(dataset: Path, tmp_path: Path) -> None:
-    out = tmp_path / "figures.json"
-    argv = [f"--data={dataset}", f"--runs={tmp_path / 'runs'}", f"--out={out}", "--epochs=1"]
-    few = ["--seeds=1", "--draws=1", "--resamples=2", "--workers=1", "--readings", "no dropout"]
-    assert reproduction.main([*argv, *few]) == 0
-    tables = read_tables(out, "reproduction")
-    assert sum(row[0] == "no dropout" for one in tables.values() for row in one["rows"]) == 4
 
 
 @pytest.mark.skipif(not PLACEMENTS.is_file(), reason="needs ../shared")
