@@ -12,7 +12,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
-from bsg_data.errors import RecipeError, ask_to_install
+from bsg_data.errors import EXTRA_OF, RecipeError, ask_to_install
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 Row = TypeVar("Row")
@@ -72,9 +72,10 @@ class Registry(Generic[Row]):
                 ) from error
             if not isinstance(error, ModuleNotFoundError):
                 raise
+            extra = EXTRA_OF.get(str(error.name).partition(".")[0], "all")
             raise RecipeError(
-                f"{self.kind} {name!r} needs {error.name}, which is not installed; all that this "
-                f"project needs: {ask_to_install('all')}",
+                f"{self.kind} {name!r} needs {error.name}, which is not installed: "
+                f"{ask_to_install(extra)}",
                 code="library-missing",
                 where=name,
             ) from error
