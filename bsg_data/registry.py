@@ -90,7 +90,12 @@ class Registry(Generic[Row]):
 
     def require(self, names: Iterable[str]) -> None:
         """Refuse unknown names as `require_known` does, without importing anything."""
-        require_known(self.kind, names, self.names())
+        require_known(self.kind, names, self.names(), closed=False)
+
+    def package_of(self, name: str) -> str | None:
+        """Return the package that brings an installed entry point; None for a row or no name."""
+        point = None if name in self._rows else _installed(self.group).get(name)
+        return point.dist.name if point is not None and point.dist is not None else None
 
     def load_all(self) -> tuple[dict[str, Row], list[str]]:
         """Import every row; return the importable rows, and the errors of the others.
@@ -106,13 +111,16 @@ class Registry(Generic[Row]):
         return rows, faults
 
 
-def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse unknown names."""
+def require_known(
+    kind: str, names: Iterable[str], known: Iterable[str], *, closed: bool = True
+) -> None:
+    """Refuse unknown names; unless the list is `closed`, another package may bring one."""
     listed = tuple(known)
     for name in names:
         if name not in listed:
             asked = ask_if_meant(name, listed)
-            hint = f"; {asked}" if asked else "."
+            elsewhere = "" if closed else " If another package brings it, install that."
+            hint = f"; {asked}" if asked else f".{elsewhere}"
             raise RecipeError(
                 f"no {kind} {name[:SHOWN]!r}{hint} Known are {', '.join(listed)}",
                 code="name-unknown",

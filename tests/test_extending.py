@@ -119,6 +119,7 @@ def test_a_checkpoint_of_a_model_that_is_not_installed_names_it(
         result = CliRunner().invoke(COMMANDS["bsg-evaluate"], ["dataset", "--model", "run"])
         assert result.exit_code == 1
         assert "'mean-rate'" in result.stderr
+        assert "install that; it is from the package 'my_rooms'" in result.stderr
     finally:
         monkeypatch.undo()
         registry._installed.cache_clear()
