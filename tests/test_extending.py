@@ -7,7 +7,9 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
@@ -91,6 +93,18 @@ def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
     board = json.loads(Path("board/leaderboard.json").read_text("utf-8"))
     assert set(board["masks"]["coin"]) == {"doubled", "mean-rate"}
     assert "mean-rate" in Path("board/leaderboard.html").read_text("utf-8")
+
+
+def test_the_leaderboard_runs_on_any_executor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lines of the page, in a thread: a process would not know the package of this test."""
+
+    def one_thread(workers: int, mp_context: object) -> ThreadPoolExecutor:
+        return ThreadPoolExecutor(1)
+
+    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", one_thread)
+    names: dict[str, Any] = {"__name__": "__main__"}
+    exec(compile(BLOCKS["board.py"], "board.py", "exec"), names)
+    assert set(names["board"].results["coin"]) == {"doubled", "mean-rate"}
 
 
 def test_beliefs_are_written_in_the_format_and_read() -> None:
