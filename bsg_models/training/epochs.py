@@ -37,6 +37,7 @@ from bsg_models.zoo.network import Network
 from bsg_models.zoo.settings import Device, TrainingConfig
 
 Progress = Callable[[EpochReport], None]
+SECONDS_BETWEEN_SAVES = 5.0  # a save to disk takes as long as an epoch or two
 _REPORTS = TypeAdapter(list[EpochReport])
 
 
@@ -169,8 +170,8 @@ def train_network(
         network: a new one.
         config: of the run.
         data: an open dataset.
-        unfinished: the checkpoint that each validation writes, and that a stopped training goes on
-            from.
+        unfinished: the checkpoint that validations write, some seconds apart, and that a stopped
+            training goes on from.
         progress: is told of every epoch; so is `metrics.csv` beside `unfinished`.
 
     Returns:
@@ -183,7 +184,7 @@ def train_network(
     network.fit(data, config.data)
     steps = GradientSteps(network, config, device=device)
     done = steps.restore(unfinished, data)
-    metrics = unfinished.with_name(METRICS)
+    saved, metrics = time.monotonic(), unfinished.with_name(METRICS)
     metrics.parent.mkdir(exist_ok=True)
     write_bytes(metrics, encode_metrics(done.reports).encode())
     for epoch in range(len(done.reports) + 1, training.epochs + 1):
@@ -200,8 +201,10 @@ def train_network(
             )
         if done.add(epochs=training.epochs, train_loss=train_loss, val_loss=val_loss, began=began):
             done.best = steps.on_cpu().state()
-        if val_loss is not None:
+        is_due = time.monotonic() - saved >= SECONDS_BETWEEN_SAVES
+        if val_loss is not None and (is_due or epoch == training.epochs):
             steps.save(unfinished, data, done)
+            saved = time.monotonic()
         with metrics.open("a", encoding="utf-8") as file:
             file.write(encode_metrics(done.reports[-1:], header=False))
         progress(done.reports[-1])

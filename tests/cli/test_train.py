@@ -85,6 +85,7 @@ def test_after_ctrl_c_the_same_command_goes_on(
             raise KeyboardInterrupt
 
     monkeypatch.setattr("bsg_cli.train._bar", lambda config: nullcontext(stop))
+    monkeypatch.setattr("bsg_models.training.epochs.SECONDS_BETWEEN_SAVES", 0.0)
     words = (dataset, "--config", "ceci-gcn", "--out", tmp_path / "run", *SMALL)
     words += ("--set", "training.validate_every=1")
     partial = name_staged(tmp_path / "run")

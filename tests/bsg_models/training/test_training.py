@@ -28,7 +28,7 @@ from bsg_models.runs.run_folder import (
     EpochReport,
     read_record,
 )
-from bsg_models.training import training
+from bsg_models.training import epochs, training
 from bsg_models.training.buildings import TrainingBuildings, validation_buildings
 from bsg_models.training.count_gradients import as_network
 from bsg_models.training.epochs import Progress, find_device
@@ -41,6 +41,11 @@ from bsg_models.zoo.config import (
 )
 
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
+
+
+@pytest.fixture(autouse=True)
+def _every_validation_saves(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(epochs, "SECONDS_BETWEEN_SAVES", 0.0)
 
 
 def short(*settings: str, name: str = "ceci-gcn") -> RunConfig:
@@ -132,6 +137,17 @@ def test_a_stopped_training_goes_on_to_the_bytes_of_an_unbroken_one(
     assert losses[0] == losses[1]
     assert (run / BEST).read_bytes() == (tmp_path / "whole" / BEST).read_bytes()
     assert not name_staged(run).exists()
+
+
+def test_a_training_that_was_not_saved_yet_starts_again(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(epochs, "SECONDS_BETWEEN_SAVES", 1e9)
+    with pytest.raises(KeyboardInterrupt):
+        train_run(short(), dataset, tmp_path / "run", progress=stop_at(7))
+    told: list[EpochReport] = []
+    train_run(short(), dataset, tmp_path / "run", progress=told.append)
+    assert told[0].epoch == 1
 
 
 def test_metrics_grow_beside_the_run_while_it_is_trained(dataset: Path, tmp_path: Path) -> None:
