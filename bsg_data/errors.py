@@ -99,6 +99,12 @@ EXTRA_OF = {  # package → the extra that brings it
 }
 
 
+def ask_to_upgrade(found: object, known: int, *, otherwise: str) -> str:
+    """Return what to do about a file of another format version, as errors end."""
+    is_newer = isinstance(found, int) and found > known
+    return "a newer program wrote it: upgrade belief-scene-graphs" if is_newer else otherwise
+
+
 def ask_to_install(extra: str) -> str:
     """Return the command that installs an extra, as errors end.
 

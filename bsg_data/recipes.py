@@ -16,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from bsg_data.errors import RecipeError
+from bsg_data.errors import RecipeError, ask_to_upgrade
 from bsg_data.first_fault import keep_one_unknown
 from bsg_data.spelling import SHOWN, show_value
 from bsg_data.tables import make_line
@@ -59,6 +59,8 @@ def name_fault(error: ValidationError) -> str:
     said = first["msg"].removeprefix("Value error, ").replace("valid tuple", "valid list")
     if first["type"] == "too_long":  # pydantic's words say that it was validated
         said = f"expected at most {first['ctx']['max_length']:,} entries, found more"
+    if first["type"] == "literal_error" and first["loc"][-1:] == ("version",):
+        shown += f"; {ask_to_upgrade(value, 1, otherwise='another program wrote it')}"
     return f"{where}: {said}{shown}"
 
 

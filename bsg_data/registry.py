@@ -12,7 +12,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
-from bsg_data.errors import RecipeError, ask_to_install
+from bsg_data.errors import EXTRA_OF, RecipeError, ask_to_install
 from bsg_data.spelling import SHOWN, ask_if_meant
 
 Row = TypeVar("Row")
@@ -72,9 +72,10 @@ class Registry(Generic[Row]):
                 ) from error
             if not isinstance(error, ModuleNotFoundError):
                 raise
+            extra = EXTRA_OF.get(str(error.name).partition(".")[0], "all")
             raise RecipeError(
-                f"{self.kind} {name!r} needs {error.name}, which is not installed; all that this "
-                f"project needs: {ask_to_install('all')}",
+                f"{self.kind} {name!r} needs {error.name}, which is not installed: "
+                f"{ask_to_install(extra)}",
                 code="library-missing",
                 where=name,
             ) from error
@@ -89,7 +90,12 @@ class Registry(Generic[Row]):
 
     def require(self, names: Iterable[str]) -> None:
         """Refuse unknown names as `require_known` does, without importing anything."""
-        require_known(self.kind, names, self.names())
+        require_known(self.kind, names, self.names(), closed=False)
+
+    def package_of(self, name: str) -> str | None:
+        """Return the package that brings an installed entry point; None for a row or no name."""
+        point = None if name in self._rows else _installed(self.group).get(name)
+        return point.dist.name if point is not None and point.dist is not None else None
 
     def load_all(self) -> tuple[dict[str, Row], list[str]]:
         """Import every row; return the importable rows, and the errors of the others.
@@ -105,13 +111,16 @@ class Registry(Generic[Row]):
         return rows, faults
 
 
-def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Refuse unknown names."""
+def require_known(
+    kind: str, names: Iterable[str], known: Iterable[str], *, closed: bool = True
+) -> None:
+    """Refuse unknown names; unless the list is `closed`, another package may bring one."""
     listed = tuple(known)
     for name in names:
         if name not in listed:
             asked = ask_if_meant(name, listed)
-            hint = f"; {asked}" if asked else "."
+            elsewhere = "" if closed else " If another package brings it, install that."
+            hint = f"; {asked}" if asked else f".{elsewhere}"
             raise RecipeError(
                 f"no {kind} {name[:SHOWN]!r}{hint} Known are {', '.join(listed)}",
                 code="name-unknown",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -45,8 +45,16 @@ def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None
         raise click.UsageError(str(error)) from error
 
 
-def load_config(name: str, settings: tuple[str, ...] = ()) -> RunConfig:
-    """Return the configuration of a zoo name or a TOML file, with its overrides."""
+def load_config(name: str) -> RunConfig:
+    """Return the configuration of a zoo name or a TOML file."""
+    return load_run(name, ())[0]
+
+
+def load_run(name: str, settings: tuple[str, ...]) -> tuple[RunConfig, Path | None, Path | None]:
+    """Return the configuration of a zoo name or a TOML file with its overrides, and two paths.
+
+    The paths are `dataset` and `out`, which may stand at the top of the file.
+    """
     # Imported here: a help must not wait for it.
     from bsg_models.zoo.config import find_config, override, read_config, validate_config
 
@@ -57,7 +65,18 @@ def load_config(name: str, settings: tuple[str, ...] = ()) -> RunConfig:
     else:
         tables = read_config(Path(name))
     source = f"--config {name}" + (" with its --set" if settings else "")
-    return validate_config(override(tables, settings), source=source)
+    tables = override(tables, settings)
+    dataset, out = (_take_path(tables, key, source) for key in ("dataset", "out"))
+    return validate_config(tables, source=source), dataset, out
+
+
+def _take_path(tables: dict[str, Any], key: str, source: str) -> Path | None:
+    value = tables.pop(key, None)
+    if value is None:
+        return None
+    if not isinstance(value, str) or not value:
+        raise click.UsageError(f"{source}: {key}: expected a path in quotes, found {value!r:.80}")
+    return Path(value)
 
 
 Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]

@@ -10,7 +10,7 @@ import click
 
 import bsg_models
 from bsg_cli.choices import complete_model
-from bsg_cli.options import PATH, force_option, json_option
+from bsg_cli.options import PATH, force_option, json_option, out_option
 from bsg_cli.terminal import Command, CommandGroup, print_json, print_note, print_text
 from bsg_cli.train import print_run
 from bsg_data.errors import BSGError
@@ -148,18 +148,18 @@ def download(name: str) -> None:
 
 @main.command(cls=Command)
 @click.argument("name", metavar="NAME|RUN|FILE", shell_complete=complete_model)
-@click.argument("file", metavar="FILE.onnx", type=PATH)
+@out_option("File NAME.onnx.", required=True)
 @force_option
-def export(name: str, file: Path, force: bool) -> None:
+def export(name: str, out: Path, force: bool) -> None:
     """Write a network as ONNX, for programs in other languages.
 
     Its classes and words lie beside it as JSON; docs/robot-software.md says its inputs and outputs.
 
     \b
     Example:
-      bsg-models export universal universal.onnx
+      bsg-models export universal --out universal.onnx
     """
     from bsg_models.training.onnx_file import export_onnx
 
-    beside = export_onnx(name, file, force=force)
-    print_text(f"written: {file}, {beside}")
+    beside = export_onnx(name, out, force=force)
+    print_text(f"written: {out}, {beside}")

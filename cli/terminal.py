@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 FAILED, WRONG_USAGE, INTERRUPTED, ENDED = 1, 2, 130, 143
-SECONDS_BETWEEN_LINES = 30.0  # of progress, if stderr is no terminal
+SECONDS_BETWEEN_LINES = 30.0  # of progress, where no bar can be drawn
 
 
 Progress = Callable[..., None]  # called with units done, units in all, and a few words about them
@@ -133,10 +133,10 @@ def _ended_in_order() -> Iterator[None]:
 def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
     """Yield a callback (done, total, words) that draws a bar on stderr.
 
-    If that is no terminal, it prints a line once in `SECONDS_BETWEEN_LINES`; shorter work prints
-    nothing.
+    If that is no terminal, or one of no known width, it prints a line once in
+    `SECONDS_BETWEEN_LINES`; shorter work prints nothing.
     """
-    if not sys.stderr.isatty():
+    if not _count_columns():
         yield _tell_now_and_then(what, unit=unit)
         return
     from tqdm import tqdm  # noqa: TID251 - the command line is where bars belong
@@ -149,6 +149,14 @@ def progress_bar(what: str, *, unit: str) -> Iterator[Progress]:
             bar.update(done - bar.n)
 
         yield report
+
+
+def _count_columns() -> int:
+    """Return the columns of the terminal that stderr is; 0 if it is none, or does not say."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns
+    except OSError:
+        return 0
 
 
 def _tell_now_and_then(what: str, *, unit: str) -> Progress:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 import bsg_data
-from bsg_cli.choices import MODELS, RECIPES, complete_names_or_files, load_config
+from bsg_cli.choices import MODELS, RECIPES, complete_names_or_files, load_run
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 
 @click.command("bsg-train", cls=Command)
-@click.argument("dataset", type=PATH, required=False, callback=require_datasets, metavar="DATASET")
+@click.argument(
+    "dataset", type=PATH, required=False, callback=require_datasets, metavar="[DATASET]"
+)
 @click.option(
     "--config",
     "config_name",
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
     metavar="NAME|FILE",
     shell_complete=complete_names_or_files(lambda: (*RECIPES, *MODELS)),
 )
-@out_option("Folder of the run.")
+@out_option("Folder of the run; by default `out` of the file.")
 @click.option(
     "--set",
     "settings",
@@ -60,21 +62,29 @@ def main(
     After an interruption, run the same command again to continue; the weights will be the same as
     without it.
 
+    `dataset` and `out` may stand at the top of a TOML file: paths, from the working directory. What
+    the command line says goes first.
+
     \b
     Example:
       bsg-train dataset --config quick --out run
       bsg-train --config paper --print
+      bsg-train --config mine.toml
     """
     if seed is not None:
         settings = (*settings, f"seed={seed}")
-    config = load_config(config_name, settings)
+    config, own_dataset, own_out = load_run(config_name, settings)
     if prints:
         from bsg_models.zoo.config import write_toml
 
         print_text(write_toml(config), nl=False)
         return
+    dataset, out = dataset or own_dataset, out or own_out
     if dataset is None or out is None:
-        raise click.UsageError("expected DATASET and --out; --print alone needs neither")
+        raise click.UsageError(
+            "expected DATASET and --out, or `dataset` and `out` at the top of the file that "
+            "--config names; --print alone needs neither"
+        )
     _note_other_mask(config, dataset)
     # Imported here, as in the other commands: a help or a typo must not wait for torch.
     from bsg_models.studies.run_summary import summarise_run
@@ -84,7 +94,8 @@ def main(
         with _bar(config) as draw:
             train_run(config, dataset, out, force=force, progress=draw)
     except KeyboardInterrupt:
-        if (partial := name_staged(resolve_links(out))).is_dir():
+        partial = name_staged(resolve_links(out))
+        if any(partial.glob("*.safetensors")):
             print_note(f"{partial}: the same command goes on with this training")
         raise
     print_run(summarise_run(out))
@@ -120,9 +131,10 @@ def print_run(summary: RunSummary) -> None:
     elif header.val_loss is None:
         print_text(f"{config.name} fitted by counting; checkpoint {checkpoint}")
     else:
+        most = "at most " if config.training.patience else ""
         took = f" in {summary.record.seconds:.1f} s" if summary.record else ""
         print_text(
-            f"{config.name}: {config.training.epochs} epochs{took}; lowest validation loss "
+            f"{config.name}: {most}{config.training.epochs} epochs{took}; lowest validation loss "
             f"{header.val_loss:.4f} at epoch {header.epoch}"
         )
         curve = f", learning curve {summary.curve}" if summary.curve.is_file() else ""

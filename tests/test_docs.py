@@ -6,14 +6,18 @@ import json
 import re
 import shlex
 import shutil
+import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from configurations import configure
 from conftest import REPOSITORY, load_script
 
 from bsg_cli.registry import COMMANDS
@@ -151,8 +155,35 @@ def test_the_examples_beside_an_office_run(
 def test_the_example_of_asking_a_model_runs(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The very lines of docs/models.md, beside a folder `dataset` and a run."""
     monkeypatch.chdir(dataset.parent)
-    (block,) = read_blocks("models.md")
+    block = read_blocks("models.md")[0]
     assert run_block("models.md", block)["expectation"].presence.shape[1] == 45
+
+
+def test_the_losses_are_shown_in_tensorboard(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a writer that stands in for torch's, which needs one more package."""
+    told: list[tuple[str, float, int]] = []
+
+    class SummaryWriter(nullcontext[Any]):
+        def __enter__(self) -> Any:
+            return self
+
+        def add_scalar(self, *what: Any) -> None:
+            told.append(what)
+
+    stand_in = ModuleType("tensorboard")
+    stand_in.SummaryWriter = SummaryWriter  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", stand_in)
+    small = configure("universal", "training.epochs=3", "training.validate_every=2")
+    monkeypatch.setattr("bsg_models.find_config", lambda name: small)
+    monkeypatch.chdir(dataset.parent)
+    run_block("models.md", read_blocks("models.md")[1])
+    names = [(name, epoch) for name, _, epoch in told]
+    assert names == [
+        ("loss/train", 1),
+        *[(f"loss/{one}", epoch) for epoch in (2, 3) for one in ("train", "val")],
+    ]
 
 
 # Both are what mlcroissant uses of other libraries.

@@ -7,7 +7,9 @@ import re
 import shlex
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
@@ -93,6 +95,18 @@ def test_the_leaderboard_takes_the_model_and_the_mask() -> None:
     assert "mean-rate" in Path("board/leaderboard.html").read_text("utf-8")
 
 
+def test_the_leaderboard_runs_on_any_executor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lines of the page, in a thread: a process would not know the package of this test."""
+
+    def one_thread(workers: int, mp_context: object) -> ThreadPoolExecutor:
+        return ThreadPoolExecutor(1)
+
+    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", one_thread)
+    names: dict[str, Any] = {"__name__": "__main__"}
+    exec(compile(BLOCKS["board.py"], "board.py", "exec"), names)
+    assert set(names["board"].results["coin"]) == {"doubled", "mean-rate"}
+
+
 def test_beliefs_are_written_in_the_format_and_read() -> None:
     from bsg_models import read_belief
 
@@ -119,6 +133,7 @@ def test_a_checkpoint_of_a_model_that_is_not_installed_names_it(
         result = CliRunner().invoke(COMMANDS["bsg-evaluate"], ["dataset", "--model", "run"])
         assert result.exit_code == 1
         assert "'mean-rate'" in result.stderr
+        assert "install that; it is from the package 'my_rooms'" in result.stderr
     finally:
         monkeypatch.undo()
         registry._installed.cache_clear()

@@ -20,7 +20,14 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, ValidationError
 
-from bsg_data.errors import ClassMapError, DatasetError, MismatchError, RecipeError, SourceError
+from bsg_data.errors import (
+    ClassMapError,
+    DatasetError,
+    MismatchError,
+    RecipeError,
+    SourceError,
+    ask_to_upgrade,
+)
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_ROWS, MAX_SHARDS
@@ -350,9 +357,10 @@ def _parse_manifest(path: Path, data: bytes) -> Manifest:
     except (ValueError, AttributeError) as error:
         raise DatasetError(f"{path}: not JSON ({error}); build the dataset again") from error
     if found != FORMAT_VERSION:
+        again = "build the dataset again, or use the program that made it"
         raise MismatchError(
-            f"{path}: expected format version {FORMAT_VERSION}, found {found}; build the dataset "
-            "again, or use the program that made it",
+            f"{path}: expected format version {FORMAT_VERSION}, found {found}; "
+            + ask_to_upgrade(found, FORMAT_VERSION, otherwise=again),
             code="format-version",
             where=path,
         )
@@ -367,7 +375,8 @@ def _parse_manifest(path: Path, data: bytes) -> Manifest:
         return Manifest.model_validate(said)
     except ValidationError as error:
         raise DatasetError(
-            f"{path}: {name_fault(error)}; another version wrote it: build the dataset again"
+            f"{path}: {name_fault(error)}; another version wrote it: upgrade "
+            "belief-scene-graphs if that is newer, or build the dataset again"
         ) from error
 
 

@@ -54,7 +54,9 @@ def open_parquet_file(
         if rows > most:
             message = f"{path}: expected at most {most:,} rows, found {rows:,}"
             raise error(message, code="parquet-rows", where=path)
-        return pq.ParquetFile(path, read_dictionary=list(dictionaries), buffer_size=MIB)
+        held = pq.read_schema(path).names
+        words = [name for name in dictionaries if name in held]
+        return pq.ParquetFile(path, read_dictionary=words, buffer_size=MIB)
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from bsg_models.belief.negative_binomial import (
     log_negative_binomial,
     log_none,
     log_normaliser,
+    rising_slope,
     tilt_gains,
 )
 from bsg_models.special_functions import log_sum_exp
@@ -130,19 +131,58 @@ class CountDistribution:
 
     def log_probability(self, counts: Floats, *, floor: float = MIN_RATE) -> Floats:
         """Return log P(hidden = counts), `[N, C]`; `floor` bounds the means before tilts."""
-        means = np.maximum(self.means, floor)
-        r = np.broadcast_to(self.dispersions, means.shape)
-        each = log_none(means, r)
+        return self._floored(floor)._log_each(counts)[1]
+
+    def _floored(self, floor: float) -> CountDistribution:
+        return replace(self, means=np.maximum(self.means, floor))
+
+    def _log_each(self, counts: Floats) -> tuple[Floats, Floats]:
+        """Return log (weight · P(counts)) of every component, `[K, N, C]`, and log P, `[N, C]`."""
+        each = self._untilted_none.copy()
         some = counts > 0  # most counts are 0 and need nothing more
         with np.errstate(divide="ignore"):
-            each[:, some] += log_beyond_none(counts[some], means[:, some], r[:, some])
+            r = self._dispersions(some)
+            each[:, some] += log_beyond_none(counts[some], self.means[:, some], r)
             weights = np.log(self.weights)
         if self.tilts is not None:
-            each -= log_normaliser(self.tilts, means, r)
+            each -= np.log(self._normaliser)
             for count, tilt in enumerate(self.tilts):
                 each += tilt * (counts == count)
-        joined = each[0] if len(each) == 1 else log_sum_exp(each + weights, axis=0)
-        return np.asarray(np.minimum(joined, 0.0))
+        if len(each) == 1:
+            return each, np.minimum(each[0], 0.0)
+        each += weights
+        return each, np.minimum(log_sum_exp(each, axis=0), 0.0)
+
+    def _dispersions(self, some: npt.NDArray[np.bool_]) -> Floats:
+        """Return the dispersions of some cells, `[K, M]`."""
+        return np.broadcast_to(self.dispersions, self.means.shape)[:, some]
+
+    def log_probability_slopes(self, counts: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return log P(counts) `[N, C]`, and its derivatives by log μ and log r, `[K, N, C]`.
+
+        Of log Σ_k w_k p_k they are those of log p_k, times the share of k in the sum. Those are
+        r (h − E) / (μ + r) by log μ, with E the mean of the component, and by log r
+
+            r (ψ(r + h) − ψ(r)) + (log NB(0) − Σ_t NB(t) (e^a_t − 1) r (ψ(r + t) − ψ(r))) / Z
+
+        less that. A mean below the floor has no slope.
+        """
+        one, some = self._floored(MIN_RATE), counts > 0
+        each, log_p = one._log_each(counts)
+        by_mean = one.dispersions * (counts - one._moment(one.means, 1))
+        by_mean /= one.means + one.dispersions
+        by_dispersion = one._untilted_none - sum(
+            gain * rising_slope(count, one.dispersions) for count, gain in enumerate(one._gains)
+        )
+        if one.tilts is not None:
+            by_dispersion /= one._normaliser
+        by_dispersion -= by_mean
+        by_dispersion[:, some] += rising_slope(counts[some], one._dispersions(some))
+        by_mean *= self.means > MIN_RATE
+        if len(each) == 1:
+            return log_p, by_mean, by_dispersion
+        share = np.exp(each - log_p)
+        return log_p, share * by_mean, share * by_dispersion
 
     def log_seen(self, seen: Counts, shares: Floats) -> Floats:
         """Return log P(V = seen) at several hidden shares, `[S, N, C]`, of these *true* counts T.

@@ -25,6 +25,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from bsg_data.arrays import Floats
 from bsg_models.arrays import library_of
 from bsg_models.special_functions import log_gamma
 
@@ -124,6 +125,18 @@ def _log_rising(counts: Any, dispersion: Any) -> Any:
     small = xp.where(large, 1.0, dispersion)
     series = counts * (xp.log(dispersion) + (counts - 1.0) / (2 * dispersion))
     return xp.where(large, series, _log_gamma(counts + small) - _log_gamma(small))
+
+
+def rising_slope(counts: Floats | int, dispersion: Floats) -> Floats:
+    """Return the derivative of log Γ(r + counts) − log Γ(r) by log r: r (ψ(r + counts) − ψ(r))."""
+    if isinstance(counts, int):  # a small one
+        return sum((dispersion / (dispersion + j) for j in range(counts)), np.zeros(()))
+    from scipy.special import digamma  # only trainings come here
+
+    small = np.minimum(dispersion, _LARGE)
+    series = counts - counts * (counts - 1.0) / (2 * dispersion)
+    exact = small * (digamma(counts + small) - digamma(small))
+    return np.asarray(np.where(dispersion > _LARGE, series, exact))
 
 
 def _log_gamma(values: Any) -> Any:

@@ -124,9 +124,13 @@ def _plot_building(shown: ShownNodes, classes: Sequence[str]) -> Figure:
 def plot_learning_curve(
     reports: Sequence[EpochReport], path: Path, *, title: str, loss: str
 ) -> None:
-    """Plot training and validation loss over epochs, and mark the epoch of the best checkpoint."""
-    figure = _figure(7, 4)
-    axes, epochs = figure.subplots(), [report.epoch for report in reports]
+    """Plot training and validation loss over epochs, and mark the epoch of the best checkpoint.
+
+    Its margins are fixed: a layout that fits the labels takes as long as the rest of the drawing.
+    """
+    figure = Figure(figsize=(7, 4))
+    FigureCanvasAgg(figure)
+    axes, epochs = figure.add_axes((0.12, 0.12, 0.85, 0.73)), [report.epoch for report in reports]
     losses = [report.train_loss for report in reports]
     axes.plot(epochs, losses, color=_INPUT, linewidth=0.8, label="training")
     validated = [(r.epoch, r.val_loss) for r in reports if r.val_loss is not None]
@@ -142,9 +146,12 @@ def plot_learning_curve(
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xlabel("epoch")
     axes.set_ylabel(loss)
-    axes.legend(loc="upper right", fontsize=8, frameon=False)
+    figure.legend(
+        loc="upper right", bbox_to_anchor=(0.97, 0.93), fontsize=8, frameon=False, ncols=3
+    )
     axes.spines[["top", "right"]].set_visible(False)
-    _save(figure, path, title=title)
+    figure.suptitle(title, fontsize=10)
+    write_figure(figure, path, dpi=160)
 
 
 @rc_context(PLAIN_TEXT)

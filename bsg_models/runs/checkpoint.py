@@ -27,6 +27,7 @@ from bsg_data.recipes import Record, name_fault
 from bsg_data.results import SEAL
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
+from bsg_data.spelling import show_value
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.inputs.folds import untaught_of
 from bsg_models.runs.checkpoint_file import (
@@ -37,6 +38,7 @@ from bsg_models.runs.checkpoint_file import (
     seal_header,
 )
 from bsg_models.runs.run_folder import BEST
+from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.ensemble import make_model
 from bsg_models.zoo.model import BeliefModel, State
@@ -56,6 +58,7 @@ class CheckpointHeader(Record):
     class_maps: tuple[str | OwnMap, ...] = ()
     # of an ensemble, name → recipe of the member's training
     members: dict[str, RunConfig] = Field(default_factory=dict)
+    package: str | None = None  # that brings the model; None for a model of this project
     # categories outside the classes that it reads, in the order of its columns
     vocabulary: tuple[str, ...] = ()
     untaught: tuple[str, ...] = ()  # classes of which no train building had an object
@@ -94,6 +97,7 @@ def make_header(
         config=config,
         class_space=data.manifest.class_space,
         class_maps=tuple(entry.read(data.path) for entry in data.manifest.class_maps),
+        package=ZOO.package_of(config.model.family),
         vocabulary=vocabulary,
         untaught=untaught_of(data, fold=config.data.fold),
         dataset_sha256=data.sha256,
@@ -166,8 +170,10 @@ def _validate(fields: dict[str, Any], path: Path) -> CheckpointHeader:
     try:
         return CheckpointHeader.model_validate(fields)
     except ValidationError as error:  # also raised if a model's package is not installed
+        package = fields.get("package")
+        hint = f"; it is from the package {show_value(package)}" if package else ""
         raise CheckpointError(
-            f"{path}: its header is not a checkpoint's of this project: {name_fault(error)}"
+            f"{path}: its header is not a checkpoint's of this project: {name_fault(error)}{hint}"
         ) from error
 
 

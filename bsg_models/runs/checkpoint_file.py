@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from bsg_data.errors import ask_to_upgrade
 from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
 from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
@@ -69,7 +70,8 @@ def _parse(header: bytes, path: Path) -> dict[str, Any]:
     if version != CHECKPOINT_VERSION:
         raise CheckpointError(
             f"{path}: checkpoint version {version!r:.20}, this program reads "
-            f"{CHECKPOINT_VERSION}; train again"
+            f"{CHECKPOINT_VERSION}; "
+            + ask_to_upgrade(version, CHECKPOINT_VERSION, otherwise="train again")
         )
     covered, _, seal = text.rpartition(_SEAL)
     # The JSON ends in spaces alone: other white space has no meaning, and no hash covers it.

@@ -72,7 +72,7 @@ def find_model(model: AnyPath) -> FoundModel:
 def _find_name(model: str) -> FoundModel:
     path = Path(model)
     if "/" in model or os.sep in model or model.startswith(".") or model.endswith(SUFFIX):
-        is_hub = _HUB_ID.fullmatch(model) and not path.exists()
+        is_hub = _HUB_ID.fullmatch(model) and not (path.exists() or path.parent.is_dir())
         return _find_downloaded(model) if is_hub else _find_path(path)
     if model in shipped_names():
         return FoundModel(find_shipped(model), model, "shipped")
@@ -87,6 +87,11 @@ def _find_name(model: str) -> FoundModel:
 def _find_path(path: Path) -> FoundModel:
     if path.is_file():
         return FoundModel(path, path.stem, "file")
+    if not path.exists():
+        raise CheckpointError(
+            f"{path}: there is no such file or folder: expected a run, which `bsg-train` writes, "
+            f"or a checkpoint; {_describe_shipped()}"
+        )
     name = path.name or resolve_links(path).name
     kinds: tuple[tuple[str, Kind], ...] = ((BEST, "run"), (HUB_WEIGHTS, "hub folder"))
     for file, kind in kinds:
@@ -174,8 +179,9 @@ def _find_downloaded(name: str) -> FoundModel:
         return FoundModel(_fetch(name, HUB_WEIGHTS, local_files_only=True), name, "hub")
     except CheckpointError as error:
         raise CheckpointError(
-            f"{name}: neither a folder nor a downloaded hub model; fetch one with `bsg-models "
-            f"download {name}`. On this machine, {_describe_shipped()} ({error})"
+            f"{name}: there is no such file or folder, and no model of the hub with this name was "
+            f"downloaded ({error}). `bsg-models download {name}` fetches one of the hub; "
+            f"{_describe_shipped()}"
         ) from error
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,6 +44,16 @@ class EpochReport(Record):
     val_loss: float | None = None  # validation loss; None if this epoch was not validated
     best_epoch: int  # epoch with the lowest val_loss so far
     seconds: float  # that the epoch took
+
+
+def encode_metrics(reports: Iterable[EpochReport], *, header: bool = True) -> str:
+    """Return reports as the lines of `metrics.csv`."""
+    text, names = io.StringIO(), [name for name in EpochReport.model_fields if name != "epochs"]
+    writer = csv.DictWriter(text, names, extrasaction="ignore", lineterminator="\n")
+    if header:
+        writer.writeheader()
+    writer.writerows({**one.model_dump(), "seconds": f"{one.seconds:.4f}"} for one in reports)
+    return text.getvalue()
 
 
 class TrainingRecord(Record):

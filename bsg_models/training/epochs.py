@@ -20,6 +20,7 @@ from pydantic import TypeAdapter
 from torch import nn
 
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.files import write_bytes
 from bsg_data.observation.masked_buildings import BATCH
 from bsg_models.ceci.network import Network
 from bsg_models.errors import TrainingError
@@ -29,7 +30,7 @@ from bsg_models.runs.checkpoint import (
     name_tensors,
     save_checkpoint,
 )
-from bsg_models.runs.run_folder import EpochReport
+from bsg_models.runs.run_folder import METRICS, EpochReport, encode_metrics
 from bsg_models.training.buildings import (
     TrainingGraphs,
     TrainingNodes,
@@ -41,6 +42,7 @@ from bsg_models.zoo.model import State
 from bsg_models.zoo.settings import Device, TrainingConfig
 
 Progress = Callable[[EpochReport], None]
+SECONDS_BETWEEN_SAVES = 5.0  # a save to disk takes as long as an epoch or two
 _REPORTS = TypeAdapter(list[EpochReport])
 
 
@@ -73,6 +75,11 @@ class _Done:
         )
         self.reports.append(report)
         return report.best_epoch == epoch
+
+    def waited(self, patience: int | None) -> bool:
+        """Return whether so many validations were no better than the best; None waits for ever."""
+        later = self.reports[self.lowest[1] :]
+        return patience is not None and sum(r.val_loss is not None for r in later) >= patience
 
 
 class GradientSteps:
@@ -121,7 +128,6 @@ class GradientSteps:
             **name_tensors("best", done.best),
             "reports": np.frombuffer(_REPORTS.dump_json(done.reports), dtype=np.uint8),
         }
-        path.parent.mkdir(exist_ok=True)
         save_checkpoint(path, header, tensors)
 
     def restore(self, path: Path, data: Dataset) -> _Done:
@@ -167,9 +173,9 @@ def train_network(
         network: a new one.
         config: of the run.
         data: an open dataset.
-        unfinished: the checkpoint that each validation writes, and that a stopped training goes on
-            from.
-        progress: is told of every epoch.
+        unfinished: the checkpoint that validations write, some seconds apart, and that a stopped
+            training goes on from.
+        progress: is told of every epoch; so is `metrics.csv` beside `unfinished`.
 
     Returns:
         The weights of the lowest validation loss, and one report per epoch.
@@ -181,7 +187,12 @@ def train_network(
     network.fit(data, config.data)
     steps = GradientSteps(network, config, device=device)
     done = steps.restore(unfinished, data)
+    saved, metrics = time.monotonic(), unfinished.with_name(METRICS)
+    metrics.parent.mkdir(exist_ok=True)
+    write_bytes(metrics, encode_metrics(done.reports).encode())
     for epoch in range(len(done.reports) + 1, training.epochs + 1):
+        if done.waited(training.patience):
+            break
         began = time.perf_counter()
         train_loss, val_loss = steps.train_epoch(feed, epoch), None
         if epoch % training.validate_every == 0 or epoch == training.epochs:
@@ -193,8 +204,12 @@ def train_network(
             )
         if done.add(epochs=training.epochs, train_loss=train_loss, val_loss=val_loss, began=began):
             done.best = steps.on_cpu().state()
-        if val_loss is not None:
+        is_due = time.monotonic() - saved >= SECONDS_BETWEEN_SAVES
+        if val_loss is not None and (is_due or epoch == training.epochs):
             steps.save(unfinished, data, done)
+            saved = time.monotonic()
+        with metrics.open("a", encoding="utf-8") as file:
+            file.write(encode_metrics(done.reports[-1:], header=False))
         progress(done.reports[-1])
     return done.best, done.reports
 

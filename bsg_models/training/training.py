@@ -1,13 +1,11 @@
 """Train one configuration on one dataset: by gradient, by counting, or as an ensemble.
 
-A run is written as a whole when its training is done. Meanwhile a network keeps what it needs to go
-on in `RUN.partial`; the same command goes on from there after a kill.
+A run is written as a whole when its training is done. Meanwhile a network keeps `metrics.csv` and
+what it needs to go on in `RUN.partial`; the same command goes on from there after a kill.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import platform
 import time
 from collections.abc import Sequence
@@ -38,6 +36,7 @@ from bsg_models.runs.run_folder import (
     EpochReport,
     TrainedOn,
     TrainingRecord,
+    encode_metrics,
     list_trained_on,
 )
 from bsg_models.training.buildings import validation_buildings
@@ -93,7 +92,7 @@ def train_run(
         write_bytes(staged / CONFIG, write_toml(config).encode())
         notes = list(trained.model.notes)
         if trained.reports:
-            write_bytes(staged / METRICS, _encode_metrics(trained.reports))
+            write_bytes(staged / METRICS, encode_metrics(trained.reports).encode())
             _plot_curve(config, trained.reports, staged / CURVE, notes)
         known = list_trained_on(data, scenes_of(data, "train", fold=config.data.fold))
         record = _make_record(known, began=began, notes=notes)
@@ -138,6 +137,8 @@ class _Training:
                 )
                 model.load_state(best)
                 fields |= _describe_best(reports)
+                if len(reports) < config.training.epochs:
+                    model.notes = (*model.notes, _note_early_end(reports))
             fields["calibrated"] = _calibrate_if_wanted(model, config, self.data)
         return _Trained(model, fields, tuple(reports))
 
@@ -171,6 +172,16 @@ def _describe_best(reports: Sequence[EpochReport]) -> dict[str, Any]:
     }
 
 
+def _note_early_end(reports: Sequence[EpochReport]) -> str:
+    """Return the note on a training that lost its patience."""
+    last = reports[-1]
+    later = sum(report.val_loss is not None for report in reports[last.best_epoch :])
+    return (
+        f"stopped after epoch {last.epoch}, as training.patience says: {later} validations were no "
+        f"better than that of epoch {last.best_epoch}"
+    )
+
+
 def _plot_curve(
     config: RunConfig, reports: Sequence[EpochReport], path: Path, notes: list[str]
 ) -> None:
@@ -180,15 +191,6 @@ def _plot_curve(
     title = f"{config.name}, seed {config.seed}"
     with noting_failures(notes):
         plot_learning_curve(reports, path, title=title, loss=loss)
-
-
-def _encode_metrics(rows: Sequence[EpochReport]) -> bytes:
-    """Return reports as CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(EpochReport.model_fields), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({**row.model_dump(), "seconds": f"{row.seconds:.4f}"} for row in rows)
-    return text.getvalue().encode()
 
 
 def _make_record(
@@ -207,7 +209,7 @@ def _make_record(
 
 def _remove_partial(partial: Path) -> None:
     """Remove what a stopped training would have gone on from."""
-    for pattern in ("network.safetensors", "member-*.safetensors"):
+    for pattern in ("network.safetensors", "member-*.safetensors", METRICS):
         for path in partial.glob(pattern):
             path.unlink()
     with suppress(OSError):

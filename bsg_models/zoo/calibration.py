@@ -26,6 +26,7 @@ from bsg_data.observation.observation import Observation
 from bsg_models.arrays import library_of, take_columns
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.negative_binomial import TINY
 from bsg_models.zoo.building_tilt import (
     log_none_of,
     share_to_tilt,
@@ -178,14 +179,25 @@ def take_sample(masked: MaskedBuildings, *, most: int) -> MaskedBuildings:
 
 def fit_calibration(distribution: CountDistribution, hidden: Floats) -> Floats:
     """Return the calibration `[3]` that maximises the likelihood of hidden counts `[N, C]`."""
+    log_means = np.log(np.maximum(distribution.means, TINY))
 
-    def cost(calibration: Floats) -> float:
-        return -float(distribution.recalibrated(calibration).log_probability(hidden).mean())
+    def cost(calibration: Floats) -> tuple[float, Floats]:
+        log_p, by_mean, by_dispersion = distribution.recalibrated(
+            calibration
+        ).log_probability_slopes(hidden)
+        by_slope = np.exp(calibration[1]) * np.vdot(by_mean, log_means)
+        slopes = np.array([by_mean.sum(), by_slope, by_dispersion.sum()])
+        return -float(log_p.mean()), -slopes / log_p.size
 
     from scipy.optimize import minimize  # only trainings come here
 
     minimum = minimize(
-        cost, np.zeros(3), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 3, options={"ftol": 1e-6}
+        cost,
+        np.zeros(3),
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(-1.0, 1.0)] * 3,
+        options={"ftol": 1e-6},
     )
     return np.asarray(minimum.x)
 
@@ -217,12 +229,14 @@ def fit_presence_calibration(
 
 
 def _fit_line(odds: Floats, none: Bools) -> Floats:
-    sign = np.where(none, 1.0, -1.0)
-
-    def cost(line: Floats) -> float:
+    def cost(line: Floats) -> tuple[float, Floats]:
         mended = odds + line[0] + line[1] * odds
-        return float(np.logaddexp(0.0, -sign * mended).sum()) + _PRIOR * float(line @ line)
+        loss = np.logaddexp(0.0, mended) - none * mended
+        slope = 1 / (1 + np.exp(-mended)) - none
+        gradient = np.array([slope.sum(), slope @ odds]) + 2 * _PRIOR * line
+        return float(loss.sum()) + _PRIOR * float(line @ line), gradient
 
     from scipy.optimize import minimize
 
-    return np.asarray(minimize(cost, np.zeros(2), method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 2).x)
+    bounds = [(-1.0, 1.0)] * 2
+    return np.asarray(minimize(cost, np.zeros(2), jac=True, method="L-BFGS-B", bounds=bounds).x)

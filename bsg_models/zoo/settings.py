@@ -111,8 +111,10 @@ class TrainingConfig(Record):
     # depends on `epochs`.
     schedule: Literal["constant", "one-cycle"] = "constant"
     clip: float | None = Field(default=None, gt=0, allow_inf_nan=False)  # norm of the gradients
-    # Epochs between validations; each also writes what a stopped training goes on from.
+    # Epochs between validations; they also save what a stopped training goes on from.
     validate_every: int = Field(default=10, ge=1)
+    # Stop after so many validations in turn that were no better than the best; None never stops.
+    patience: int | None = Field(default=None, ge=1)
     # Of the steps; `auto` takes a GPU if there is one. Validation is on the CPU.
     device: Device = "cpu"
 

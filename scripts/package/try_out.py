@@ -40,7 +40,7 @@ NEED_MORE = (
     "bsg-evaluate dataset --model universal",
     "bsg-search dataset",
     "bsg-leaderboard dataset --out board",
-    "bsg-models export universal universal.onnx",
+    "bsg-models export universal --out universal.onnx",
 )
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "agg"}
 

@@ -51,6 +51,13 @@ def test_a_name_that_stands_for_nothing_is_refused(name: str, code: str) -> None
         numbers()[name]
 
 
+def test_what_trains_is_asked_for_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    tensors = Registry("tensor", object, group="bsg_test.tensors", rows={"zero": "torch:zeros"})
+    with pytest.raises(RecipeError, match=r"needs torch.*pip install '\.\[train\]'"):
+        tensors["zero"]
+
+
 @pytest.mark.usefixtures("installed")
 def test_entry_points_follow_the_rows_and_cannot_replace_them() -> None:
     assert numbers().names() == (*ROWS, "gone", "tau", "word")

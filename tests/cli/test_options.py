@@ -25,7 +25,7 @@ def test_a_name_of_the_zoo_comes_before_a_file_of_that_name(
     monkeypatch.chdir(tmp_path)
     Path("mixture").write_text("no TOML", "utf-8")
     assert choices.load_config("mixture") == find_config("mixture")
-    assert choices.load_config("mixture", ("seed=3",)).seed == 3
+    assert choices.load_run("mixture", ("seed=3",))[0].seed == 3
     Path("mine").write_text('[model]\nfamily = "doubled"\n', "utf-8")
     assert choices.load_config("mine") == find_config("doubled")
     with pytest.raises(click.UsageError):

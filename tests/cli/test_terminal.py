@@ -92,9 +92,14 @@ def test_workers_import_nothing_from_the_working_folder(tmp_path: Path) -> None:
     assert not (tmp_path / "downloaded" / "it ran").exists()
 
 
-def test_long_work_says_a_line_now_and_then_off_a_terminal(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("columns", [None, 0])
+def test_long_work_says_a_line_now_and_then_where_no_bar_fits(
+    columns: int | None, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Off a terminal, and in one that does not say how wide it is."""
+    if columns is not None:
+        monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((columns, 0)))
+        monkeypatch.setattr(sys.stderr, "fileno", lambda: 2)
     seconds = iter([0.0, 5.0, 31.0, 40.0, 61.5, 70.0])
     monkeypatch.setattr(time, "monotonic", lambda: next(seconds))
     with progress_bar("train", unit="epoch") as report:
@@ -112,7 +117,8 @@ def test_long_work_says_a_line_now_and_then_off_a_terminal(
 
 def test_a_terminal_gets_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = io.StringIO()
-    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(screen, "fileno", lambda: 2)
+    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((80, 24)))
     monkeypatch.setattr(sys, "stderr", screen)
     with progress_bar("train", unit="epoch") as report:
         report(1, 2, "val 3")

@@ -44,6 +44,25 @@ def test_a_run_tells_how_it_was_trained(dataset: Path, tmp_path: Path) -> None:
     assert (again / "best.safetensors").read_bytes() == before["best.safetensors"]
 
 
+def test_a_file_is_enough_and_the_command_line_goes_first(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").symlink_to(dataset)
+    printed = run("--config", "ceci", *SMALL, "--print").stdout
+    file = tmp_path / "elsewhere" / "mine.toml"
+    file.parent.mkdir()
+    file.write_text(f'dataset = "there"\nout = "mine"\n{printed}', "utf-8")
+    assert run("--config", file, "--print").stdout == printed
+    assert "next: bsg-evaluate there --model mine" in run("--config", file).stdout
+    assert (tmp_path / "mine" / "config.toml").read_text("utf-8") == printed
+    run(dataset, "--config", file, "--out", "other")
+    again = [(tmp_path / name / "best.safetensors").read_bytes() for name in ("mine", "other")]
+    assert again[0] == again[1]
+    file.write_text(f"dataset = 3\n{printed}", "utf-8")
+    assert "dataset: expected a path in quotes, found 3" in run("--config", file, code=2).stderr
+
+
 @pytest.mark.parametrize(
     ("words", "code"),
     [
@@ -66,6 +85,7 @@ def test_after_ctrl_c_the_same_command_goes_on(
             raise KeyboardInterrupt
 
     monkeypatch.setattr("bsg_cli.train._bar", lambda config: nullcontext(stop))
+    monkeypatch.setattr("bsg_models.training.epochs.SECONDS_BETWEEN_SAVES", 0.0)
     words = (dataset, "--config", "ceci", "--out", tmp_path / "run", *SMALL)
     words += ("--set", "training.validate_every=1")
     partial = name_staged(tmp_path / "run")

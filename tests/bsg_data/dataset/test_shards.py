@@ -147,7 +147,7 @@ def test_a_building_by_hand(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('"format_version": 1', '"format_version": 99', "format version .*, found 99"),
+        ('"format_version": 1', '"format_version": 99', "found 99; a newer program .* upgrade"),
         ('"totals"', '"total"', "is damaged"),
         ("{", "", "not JSON"),
     ],

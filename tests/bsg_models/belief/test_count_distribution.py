@@ -296,3 +296,21 @@ def test_a_look_that_misses_is_bayes_rule(tilts: int) -> None:
     twice = before.missed(1 - (1 - chance) ** 2)
     np.testing.assert_allclose(after.missed(chance).presence, twice.presence, rtol=1e-9)
     assert (before.missed(np.ones(shape[1:])).presence == 0).all()
+
+
+@pytest.mark.parametrize("distribution", [tilted(), tilted(1, number=3), mixture()])
+def test_slopes_of_a_likelihood_are_its_finite_differences(distribution: CountDistribution) -> None:
+    """Of every component alone, also of a Poisson, and of means below the floor."""
+    rng, step = np.random.default_rng(0), 1e-5
+    counts = rng.integers(0, 6, distribution.means.shape[1:]).astype(float)
+    log_p, *found = distribution.log_probability_slopes(counts)
+    np.testing.assert_allclose(log_p, distribution.log_probability(counts), rtol=1e-12)
+    for name, slopes in zip(("means", "dispersions"), found, strict=True):
+        for part in range(len(slopes)):
+            up, down = (getattr(distribution, name).copy() for _ in range(2))
+            up[part] *= np.exp(step)
+            down[part] *= np.exp(-step)
+            more, less = (
+                replace(distribution, **{name: one}).log_probability(counts) for one in (up, down)
+            )
+            np.testing.assert_allclose(slopes[part], (more - less) / (2 * step), atol=1e-6)

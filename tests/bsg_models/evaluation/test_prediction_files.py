@@ -47,6 +47,7 @@ def test_a_value_out_of_range_is_refused_with_its_row(
         ({"class": [1, 2]}, "predictions-type"),
         ({"expected": ["1", "2"]}, "predictions-type"),
         ({"presence": None}, "predictions-column"),
+        ({"scene_id": None}, "predictions-column"),
     ],
 )
 def test_columns_are_refused_before_rows_are_read(

@@ -46,7 +46,8 @@ def test_a_shipped_name_comes_before_a_folder_and_a_path_before_both(
         ("nothing-like-it", "no folder here and no shipped model has this name"),
         (Path("none"), "which `bsg-train` writes"),
         ("empty", "a folder with best.safetensors.*or model.safetensors.*shipped models are"),
-        ("runs/mixture", "a folder nor a downloaded hub model; fetch .*download runs/mix"),
+        ("empty/mixture", "no such file or folder: expected a run.* or a checkpoint; shipped"),
+        ("runs/mixture", "no such file or folder, and no model of the hub.*download runs/mix"),
         ("", "no model ''"),
     ],
 )
@@ -62,5 +63,5 @@ def test_what_is_not_there_is_said(
 
 @pytest.mark.parametrize("name", ["b/" + "a" * 300, "\0"])
 def test_a_name_that_no_file_system_takes_is_no_model(name: str) -> None:
-    with pytest.raises(CheckpointError, match=r"no model|no checkpoint"):
+    with pytest.raises(CheckpointError, match=r"no model|no such file"):
         find_model(name)

@@ -28,7 +28,7 @@ from bsg_models.runs.run_folder import (
     EpochReport,
     read_record,
 )
-from bsg_models.training import training
+from bsg_models.training import epochs, training
 from bsg_models.training.buildings import feed_of, validation_buildings
 from bsg_models.training.count_gradients import as_network
 from bsg_models.training.epochs import Progress, find_device
@@ -41,6 +41,11 @@ from bsg_models.zoo.config import (
 )
 
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
+
+
+@pytest.fixture(autouse=True)
+def _every_validation_saves(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(epochs, "SECONDS_BETWEEN_SAVES", 0.0)
 
 
 def short(*settings: str, name: str = "ceci") -> RunConfig:
@@ -132,6 +137,55 @@ def test_a_stopped_training_goes_on_to_the_bytes_of_an_unbroken_one(
     assert losses[0] == losses[1]
     assert (run / BEST).read_bytes() == (tmp_path / "whole" / BEST).read_bytes()
     assert not name_staged(run).exists()
+
+
+def test_a_training_that_was_not_saved_yet_starts_again(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(epochs, "SECONDS_BETWEEN_SAVES", 1e9)
+    with pytest.raises(KeyboardInterrupt):
+        train_run(short(), dataset, tmp_path / "run", progress=stop_at(7))
+    told: list[EpochReport] = []
+    train_run(short(), dataset, tmp_path / "run", progress=told.append)
+    assert told[0].epoch == 1
+
+
+def test_metrics_grow_beside_the_run_while_it_is_trained(dataset: Path, tmp_path: Path) -> None:
+    run, grown = tmp_path / "run", list[str]()
+
+    def look(report: EpochReport) -> None:
+        grown[:] = (name_staged(run) / METRICS).read_text("utf-8").splitlines()
+        assert grown[-1].startswith(f"{report.epoch},")
+        assert len(grown) == 1 + report.epoch
+        if report.epoch == 5 and not stopped:
+            stopped.append(True)
+            raise KeyboardInterrupt
+
+    stopped: list[bool] = []
+    with pytest.raises(KeyboardInterrupt):
+        train_run(short(), dataset, run, progress=look)
+    train_run(short(), dataset, run, progress=look)
+    assert (run / METRICS).read_text("utf-8").splitlines() == grown
+    assert grown[0] == "epoch,train_loss,val_loss,best_epoch,seconds"
+
+
+def test_patience_ends_a_training_that_gets_no_better(dataset: Path, tmp_path: Path) -> None:
+    """Also one that was stopped, and goes on."""
+    settings = ("training.epochs=60", "training.validate_every=1", "training.learning_rate=0.2")
+    config, run = short(*settings, "training.patience=3"), tmp_path / "stopped"
+    whole = train_run(config, dataset, tmp_path / "whole")
+    assert len(whole) < 60
+    assert len(whole) - whole[-1].best_epoch == 3
+    record = read_record(tmp_path / "whole")
+    assert record
+    assert f"stopped after epoch {len(whole)}" in record.notes[0]
+    patient = train_run(short(*settings), dataset, tmp_path / "patient")
+    assert [r.val_loss for r in patient[: len(whole)]] == [r.val_loss for r in whole]
+    for epoch in (whole[-1].best_epoch + 1, len(whole)):
+        with pytest.raises(KeyboardInterrupt):
+            train_run(config, dataset, run, progress=stop_at(epoch))
+    train_run(config, dataset, run)
+    assert (run / BEST).read_bytes() == (tmp_path / "whole" / BEST).read_bytes()
 
 
 def test_what_another_training_left_is_not_gone_on_with(dataset: Path, tmp_path: Path) -> None:

@@ -169,6 +169,9 @@ def test_calibration_mends_what_is_too_sure() -> None:
     np.testing.assert_allclose(mended.dispersions[0, 0, 0], 2.0, rtol=0.15)
     perfect = negative_binomial(rates, np.full(rates.shape, 2.0))
     np.testing.assert_allclose(fit_calibration(perfect, hidden), 0, atol=0.05)
+    best = distorted.recalibrated(found).log_probability(hidden).mean()
+    for near in found + 0.01 * np.concatenate([np.eye(3), -np.eye(3)]):
+        assert distorted.recalibrated(near).log_probability(hidden).mean() < best
 
 
 @pytest.mark.parametrize("name", ["gamma-poisson", "mixture", "universal"])
