@@ -179,9 +179,8 @@ def _find_downloaded(name: str) -> FoundModel:
         return FoundModel(_fetch(name, HUB_WEIGHTS, local_files_only=True), name, "hub")
     except CheckpointError as error:
         raise CheckpointError(
-            f"{name}: there is no such file or folder, and no model of the hub with this name was "
-            f"downloaded ({error}). `bsg-models download {name}` fetches one of the hub; "
-            f"{_describe_shipped()}"
+            f"{name}: there is no such file or folder; {_describe_shipped()}. If it is a model of "
+            f"the hub, `bsg-models download {name}` fetches it"
         ) from error
 
 

@@ -47,7 +47,7 @@ def test_a_shipped_name_comes_before_a_folder_and_a_path_before_both(
         (Path("none"), "which `bsg-train` writes"),
         ("empty", "a folder with best.safetensors.*or model.safetensors.*shipped models are"),
         ("empty/mixture", "no such file or folder: expected a run.* or a checkpoint; shipped"),
-        ("runs/mixture", "no such file or folder, and no model of the hub.*download runs/mix"),
+        ("runs/mixture", "no such file or folder; shipped.* of the hub, .*download runs/mix"),
         ("", "no model ''"),
     ],
 )

@@ -67,4 +67,4 @@ def test_what_cannot_be_had_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         download("owner/rooms", local_files_only=True, cache_dir=tmp_path)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     with pytest.raises(CheckpointError, match=r"pip install '\.\[hub\]'"):
-        find_model("owner/rooms")
+        download("owner/rooms")
