@@ -119,7 +119,7 @@ def test_one_file_has_all_prose(site: Path) -> None:
         ("tutorials/data.md", "../../mappings/README.md", "../class-maps.md"),
         ("robot.md", "https://example.org/docs/x.md", "https://example.org/docs/x.md"),
         ("robot.md", "#ask", "#ask"),
-        ("models.md", "../bsg_models/zoo/gcn.py", "source/bsg_models/zoo/gcn.py.md"),
+        ("models.md", "../bsg_models/ceci/gcn.py", "source/bsg_models/ceci/gcn.py.md"),
     ],
 )
 def test_links_lead_to_where_files_are_on_the_site(place: str, link: str, expected: str) -> None:
