@@ -57,7 +57,7 @@ demo: $(DEMO_INSTALLED) ## Run the main job end to end on synthetic buildings; r
 	$(BIN)/bsg-data pairs $(DEMO)/dataset --draws 10
 	$(BIN)/bsg-data check $(DEMO)/dataset
 	$(BIN)/bsg-data info $(DEMO)/dataset --figure $(DEMO)/classes.png
-	$(BIN)/bsg-train $(DEMO)/dataset --config ceci --out $(DEMO)/ceci --set training.epochs=100
+	$(BIN)/bsg-train $(DEMO)/dataset --config quick --out $(DEMO)/ceci
 	$(BIN)/bsg-train $(DEMO)/dataset --config ceci-sage --out $(DEMO)/ceci-sage --set training.epochs=100
 	$(BIN)/bsg-evaluate $(DEMO)/dataset --model $(DEMO)/ceci --model $(DEMO)/ceci-sage --out $(DEMO)/evaluation --html $(DEMO)/report.html
 	$(BIN)/bsg-search $(DEMO)/dataset --worlds layout --artifacts room-specific --mask explore --fraction 0.9 --episodes 30 --trace --out $(DEMO)/search

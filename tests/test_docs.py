@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from configurations import configure
-from conftest import REPOSITORY, load_script
+from conftest import REPOSITORY, load_script, write_twelve
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.schema import TABLES
@@ -107,6 +107,29 @@ def test_the_ten_lines_run_and_print_what_they_say(
     assert len([line for line in block.splitlines() if line]) <= 10
     exec(compile(block, "README.md", "exec"), {"__name__": "asking"})
     assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
+
+
+def test_the_first_door_leads_from_annotations_to_a_trained_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each command of README, on synthetic buildings in HM3D's layout; then its lines of pandas."""
+    monkeypatch.chdir(tmp_path)
+    write_twelve(tmp_path / "hm3d")
+    text = (REPOSITORY / "README.md").read_text("utf-8").split("<!-- first door -->")[1]
+    commands, pandas = re.findall(r"```(?:sh|python)\n(.*?)```", text, re.DOTALL)[:2]
+    assert len(commands.splitlines()) <= 10
+    for line in commands.splitlines():
+        name, *words = (
+            word.replace("/data/hm3d", "hm3d") for word in shlex.split(line, comments=True)
+        )
+        if name != "pip":
+            done = CliRunner().invoke(COMMANDS[name], words)
+            assert done.exit_code == 0, done.output
+    found: dict[str, Any] = {}
+    exec(compile(pandas.split("from datasets")[0], "README.md", "exec"), found)
+    assert {"scene_id", "category", "class"} <= set(found["objects"].columns)
+    assert {"input", "target"} <= set(found["pairs"].columns)
+    assert Path("report.html").is_file()
 
 
 def test_the_robots_of_the_page_go_where_it_says(capsys: pytest.CaptureFixture[str]) -> None:

@@ -43,6 +43,14 @@ def test_the_defaults_are_what_the_paper_says() -> None:
     assert (data.masks, data.mask.strategy, data.mask.fraction) == ("fixed", "uniform", 0.5)
 
 
+def test_a_recipe_is_the_papers_network_and_says_where_it_is_shorter() -> None:
+    assert find_config("paper") == find_config("ceci")
+    quick, paper = find_config("quick"), find_config("paper")
+    assert (quick.name, paper.name) == ("ceci-quick", "ceci")
+    assert quick.training.epochs < paper.training.epochs
+    assert quick.model_copy(update={"name": "ceci", "training": paper.training}) == paper
+
+
 def test_five_convolutions_each_with_batch_normalisation_relu_and_dropout() -> None:
     kinds = ["GCNConv", "BatchNorm1d", "ReLU", "Dropout"]
     for last_layer, last in (("block", kinds), ("linear", ["GCNConv", "Identity"])):
