@@ -8,25 +8,22 @@ the mean squared error (section IV-A), and what exceeds the input is hidden (sec
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
-from torch import nn
 from torch_geometric.data import Data
 
 from bsg_data.arrays import Counts
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import Expectation, from_totals
 from bsg_models.ceci.masked_graphs import to_graph
-from bsg_models.errors import CheckpointError
-from bsg_models.zoo.model import BeliefModel, ModelInputs, State
+from bsg_models.zoo.model import BeliefModel, ModelInputs
 from bsg_models.zoo.settings import ModelConfig
+from bsg_models.zoo.torch_module import TorchModule
 
 
-class Network(BeliefModel, nn.Module):
+class Network(TorchModule, BeliefModel):
     """A model that gradients train; a subclass defines its layers and `forward`.
 
     Attributes:
@@ -37,7 +34,7 @@ class Network(BeliefModel, nn.Module):
     reads: tuple[str, ...] = ("x",)
 
     def __init__(self, config: ModelConfig, inputs: ModelInputs) -> None:
-        nn.Module.__init__(self)
+        TorchModule.__init__(self)
         BeliefModel.__init__(self, config, inputs)
 
     @abstractmethod
@@ -75,21 +72,3 @@ class Network(BeliefModel, nn.Module):
         with torch.no_grad():
             totals = self._answer(self.read(seen)).numpy()
         return from_totals(seen.inputs.astype(np.float64), totals)
-
-    def hold(self, **arrays: npt.ArrayLike) -> None:
-        """Keep arrays of float64 as buffers; later calls replace the values."""
-        for name, values in arrays.items():
-            self.register_buffer(name, torch.from_numpy(np.array(values, dtype=np.float64)))
-
-    def state(self) -> State:
-        """Return copies of its parameters and buffers."""
-        state = self.state_dict()
-        return {name: tensor.detach().cpu().numpy().copy() for name, tensor in state.items()}
-
-    def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
-        """Take parameters and buffers, and stop training."""
-        try:
-            self.load_state_dict({name: torch.from_numpy(one) for name, one in state.items()})
-        except RuntimeError as error:
-            raise CheckpointError(str(error)) from error
-        self.eval()

@@ -32,7 +32,9 @@ from bsg_models.zoo.config import RunConfig
 _VAL_DRAWS = 10  # of every val building, if the stored pairs are of another kind than the training
 
 
-def feed_of(network: Network, config: RunConfig, data: Dataset) -> TrainingGraphs | TrainingNodes:
+def feed_of(
+    network: Network | CountGradients, config: RunConfig, data: Dataset
+) -> TrainingGraphs | TrainingNodes:
     """Return the batches of every epoch in the form that the loss of a network takes."""
     if isinstance(network, CountGradients):
         return TrainingNodes(config, data, network=network)

@@ -13,7 +13,6 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.count_distribution import MIN_RATE
-from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.negative_binomial import log_beyond_none, log_none, log_normaliser
 from bsg_models.ceci.network import Network
 from bsg_models.inputs.nodes import Nodes
@@ -21,21 +20,22 @@ from bsg_models.zoo.layers import NO_DROPOUT, NoDropout
 from bsg_models.zoo.model import BeliefModel
 from bsg_models.zoo.networks import CountNetwork, Posterior
 from bsg_models.zoo.settings import DataConfig
+from bsg_models.zoo.torch_module import TorchModule
 
 
-def as_network(model: BeliefModel) -> Network | None:
+def as_network(model: BeliefModel) -> Network | CountGradients | None:
     """Return a model in the form that gradients train; None for one that is fitted by counting."""
     if isinstance(model, CountNetwork):
         return CountGradients(model)
     return model if isinstance(model, Network) else None
 
 
-class CountGradients(Network):
+class CountGradients(TorchModule):
     """A network of hidden counts whose weights are parameters of torch, drawn at random."""
 
     def __init__(self, model: CountNetwork) -> None:
-        super().__init__(model.config, model.inputs)
-        self._model = copy.copy(model)
+        super().__init__()
+        self._model, self.vocabulary = copy.copy(model), model.vocabulary
         for name, weight in model.shapes.items():
             values = torch.empty(weight.shape).uniform_(-weight.spread, weight.spread)
             self._put(name, nn.Parameter(values + weight.value, requires_grad=weight.learned))
@@ -61,7 +61,7 @@ class CountGradients(Network):
         """Return an observation as the tensors that the network reads."""
         return self._model.nodes_of(seen, targets).to(torch.device("cpu"))
 
-    def forward(self, nodes: Nodes) -> Posterior:  # type: ignore[override]
+    def forward(self, nodes: Nodes) -> Posterior:
         """Return the posterior of the hidden counts; a training drops at random."""
         drop = Dropout() if self.training else NO_DROPOUT
         return self._model.forward(dict(self.named_parameters()), nodes, drop)
@@ -94,11 +94,6 @@ class CountGradients(Network):
         with torch.no_grad():
             cells = int(self._count(nodes).sum())
             return (self.loss(nodes).item() * cells if cells else 0.0), cells
-
-    def predict(self, seen: Observation) -> Expectation:
-        """Return the expectation that the network has now, as it will answer."""
-        self._model.load_state(self.state())
-        return self._model.predict(seen)
 
 
 @dataclass(frozen=True)

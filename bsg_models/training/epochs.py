@@ -37,9 +37,11 @@ from bsg_models.training.buildings import (
     feed_of,
     validation_buildings,
 )
+from bsg_models.training.count_gradients import CountGradients
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.model import State
 from bsg_models.zoo.settings import Device, TrainingConfig
+from bsg_models.zoo.torch_module import TorchModule
 
 Progress = Callable[[EpochReport], None]
 SECONDS_BETWEEN_SAVES = 5.0  # a save to disk takes as long as an epoch or two
@@ -91,7 +93,7 @@ class GradientSteps:
         device: of the steps.
     """
 
-    def __init__(self, model: Network, config: RunConfig, *, device: torch.device) -> None:
+    def __init__(self, model: TorchModule, config: RunConfig, *, device: torch.device) -> None:
         self.model = model.to(device)
         self.optimiser = _make_optimiser(model, config.training)
         self._config, self._device = config, device
@@ -114,7 +116,7 @@ class GradientSteps:
             losses.append(loss.detach())
         return float(np.mean(torch.stack(losses).cpu().numpy().astype(np.float64)))
 
-    def on_cpu(self) -> Network:
+    def on_cpu(self) -> TorchModule:
         """Return the model on the CPU, for validation or saving."""
         return self.model if self._device.type == "cpu" else copy.deepcopy(self.model).cpu()
 
@@ -165,7 +167,12 @@ def find_device(wanted: Device) -> torch.device:
 
 
 def train_network(
-    network: Network, config: RunConfig, data: Dataset, *, unfinished: Path, progress: Progress
+    network: Network | CountGradients,
+    config: RunConfig,
+    data: Dataset,
+    *,
+    unfinished: Path,
+    progress: Progress,
 ) -> tuple[State, list[EpochReport]]:
     """Train a network from its start, or from where it was stopped.
 
@@ -214,13 +221,13 @@ def train_network(
     return done.best, done.reports
 
 
-def _validate(model: Network, validation: Sequence[Any]) -> float:
+def _validate(model: TorchModule, validation: Sequence[Any]) -> float:
     """Return a model's loss per (node, class) cell."""
     parts = [model.validation_loss(some) for some in validation]
     return sum(total for total, _ in parts) / max(sum(cells for _, cells in parts), 1)
 
 
-def _make_optimiser(model: Network, training: TrainingConfig) -> torch.optim.Optimizer:
+def _make_optimiser(model: TorchModule, training: TrainingConfig) -> torch.optim.Optimizer:
     """Return Adam with the decay as `training.decay_as` reads it.
 
     `fused` steps all tensors in one call, a fifth of the time of the usual way.
@@ -261,7 +268,7 @@ def learning_rate(training: TrainingConfig, step: int, *, steps: int) -> float:
     return rate
 
 
-def _optimiser_state(optimiser: torch.optim.Optimizer, model: Network) -> State:
+def _optimiser_state(optimiser: torch.optim.Optimizer, model: TorchModule) -> State:
     """Return Adam's state by the names of the parameters, on the CPU."""
     return {
         f"{name}.{key}": torch.as_tensor(value).cpu().numpy().copy()
@@ -270,7 +277,7 @@ def _optimiser_state(optimiser: torch.optim.Optimizer, model: Network) -> State:
     }
 
 
-def _load_optimiser(optimiser: torch.optim.Optimizer, model: Network, state: State) -> None:
+def _load_optimiser(optimiser: torch.optim.Optimizer, model: TorchModule, state: State) -> None:
     """Restore what `_optimiser_state` returned; parameters that do not learn have no state."""
     for name, parameter in model.named_parameters():
         for key in ("step", "exp_avg", "exp_avg_sq") if parameter.requires_grad else ():
