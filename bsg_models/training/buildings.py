@@ -7,8 +7,10 @@ So neither depends on earlier epochs having run in this process.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import torch
+from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
 from bsg_data.arrays import Ints
@@ -95,12 +97,12 @@ class TrainingNodes:
 class TrainingGraphs:
     """The graphs of every epoch of a training: stored pairs, as in the paper, or fresh masks.
 
-    Its batches have the fields that the network reads, `edge_index` and `y`.
+    They have the fields that the network reads, `edge_index` and `y`.
     """
 
     def __init__(self, config: RunConfig, data: Dataset, *, network: Network) -> None:
         self._config, self._data, self._vocabulary = config, data, network.vocabulary
-        self._reads = {*network.reads, "edge_index", "y"}
+        self._reads = (*network.reads, "edge_index", "y")
         self._graphs = self._take(1)
         self.steps = -(-len(self._graphs) // config.training.batch_size)
 
@@ -113,26 +115,21 @@ class TrainingGraphs:
             batch_size=self._config.training.batch_size,
             shuffle=True,
             generator=torch.Generator().manual_seed(self._config.seed_of(epoch)),
-            exclude_keys=[name for name, _ in self._graphs[0] if name not in self._reads],
         )
 
-    def _take(self, epoch: int) -> MaskedGraphs:
+    def _take(self, epoch: int) -> list[Data]:
         """Return the stored pairs of the train buildings, or their masks of an epoch."""
-        choice, vocabulary = self._config.data, self._vocabulary
-        if choice.masks == "fixed":
-            return MaskedGraphs.stored(
-                self._data, "train", fold=choice.fold, edges=choice.edges, vocabulary=vocabulary
-            )
-        return MaskedGraphs.fresh(
-            self._data,
-            "train",
-            mask=choice.fresh_mask,
-            draw=epoch,
-            fractions=choice.fractions,
-            fold=choice.fold,
-            edges=choice.edges,
-            vocabulary=vocabulary,
-        )
+        choice = self._config.data
+        how: dict[str, Any] = {
+            "fold": choice.fold,
+            "edges": choice.edges,
+            "vocabulary": self._vocabulary,
+        }
+        if choice.masks == "fresh":
+            how |= {"mask": choice.fresh_mask, "draw": epoch, "fractions": choice.fractions}
+        read = MaskedGraphs.stored if choice.masks == "fixed" else MaskedGraphs.fresh
+        graphs = read(self._data, "train", **how)
+        return [Data(**{name: one[name] for name in self._reads}) for one in graphs]
 
 
 def validation_buildings(
