@@ -32,7 +32,7 @@ class CECIConfig(ModelConfig):
     # channels of the hidden layers; the paper does not state it
     width: int = Field(default=256, ge=1, le=4096)
     # share of the channels that a block drops; the paper does not state it
-    dropout: float = Field(default=0.05, ge=0.0, lt=1.0)
+    dropout: float = Field(default=0.1, ge=0.0, lt=1.0)
     # whether a node hears itself twice, A + 2I, as PyG's `improved` GCN, or once, A + I
     improved: bool = True
     # what follows the last convolution: nothing (`linear`), or the same as the others (`block`),
