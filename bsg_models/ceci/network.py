@@ -1,8 +1,13 @@
 """A network over the nodes of interest: its loss, and the expectation that it predicts.
 
+The expectation of a class c given the observations B is P(c | B), and D = (P(c₁ | B) … P(c_n | B))
+(equation 1); with the numbers of objects as attributes it is P(c | B, A_B), and P(a_c | B, A_B) for
+the number of c itself (equations 2 and 3). "We look to find a reasonably approximate set of
+probabilities E for D from the histograms": of every node, a network predicts E″ × O″.
+
 A network is a module of torch on PyG's `Data`; it says what its layers are, and how a graph passes
-through them. All else is here: it predicts the whole histogram E″ × O″ of every node, its loss is
-the mean squared error (section IV-A), and what exceeds the input is hidden (section III-C).
+through them. All else is here: its loss is the mean squared error (section IV-A), and what exceeds
+the input is hidden, to become blind nodes (section III-C).
 """
 
 from __future__ import annotations
