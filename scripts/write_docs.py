@@ -73,7 +73,7 @@ def _generate(kind: str, name: str) -> str:
         header = ("planner", "what it does", "so that", "reads")
         return "\n".join(format_markdown([*map(_describe_planner, PLANNERS)], header=header))
     if kind == "metrics":
-        header = ("metric", "in tables", "of", "what it is")
+        header = ("metric", "in tables", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
     if kind == "figures":
         return "\n".join(_show_figures(name))
@@ -264,7 +264,7 @@ def _describe_planner(name: str) -> tuple[str, ...]:
 def _describe_metric(name: str) -> tuple[str, ...]:
     metric = METRICS[name]
     better = "" if metric.less is None else " ↓" if metric.less else " ↑"
-    return f"`{name}`", metric.label + better, ", ".join(metric.node_sets), metric.about
+    return f"`{name}`", metric.label + better, metric.about
 
 
 def _run(line: str, *, notes: bool) -> str:
