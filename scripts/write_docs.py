@@ -79,7 +79,7 @@ def _generate(kind: str, name: str) -> str:
         return "\n".join(_show_figures(name))
     if kind == "made":
         rows = [_describe_measurement(one) for one in name.split()]
-        return "\n".join(format_markdown(rows, header=("figures", "command", "commit", "data")))
+        return "\n".join(format_markdown(rows, header=("figures", "command", "commit")))
     if kind == "accuracy":
         return "\n".join(_show_accuracy(name))
     if kind == "results":
@@ -124,7 +124,7 @@ def _describe_measurement(name: str) -> tuple[str, ...]:
     command = f"`{made['command']}`"
     if "last_in" in made:  # the script has left the tree
         command += f" at {made['last_in']}"
-    return name, command, made["commit"], made["dataset"]
+    return name, command, made["commit"]
 
 
 def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
