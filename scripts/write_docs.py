@@ -73,13 +73,13 @@ def _generate(kind: str, name: str) -> str:
         header = ("planner", "what it does", "so that", "reads")
         return "\n".join(format_markdown([*map(_describe_planner, PLANNERS)], header=header))
     if kind == "metrics":
-        header = ("metric", "in tables", "better", "of", "what it is")
+        header = ("metric", "in tables", "what it is")
         return "\n".join(format_markdown([*map(_describe_metric, METRICS)], header=header))
     if kind == "figures":
         return "\n".join(_show_figures(name))
     if kind == "made":
         rows = [_describe_measurement(one) for one in name.split()]
-        return "\n".join(format_markdown(rows, header=("figures", "command", "commit", "data")))
+        return "\n".join(format_markdown(rows, header=("figures", "command", "commit")))
     if kind == "accuracy":
         return "\n".join(_show_accuracy(name))
     if kind == "results":
@@ -124,7 +124,7 @@ def _describe_measurement(name: str) -> tuple[str, ...]:
     command = f"`{made['command']}`"
     if "last_in" in made:  # the script has left the tree
         command += f" at {made['last_in']}"
-    return name, command, made["commit"], made["dataset"]
+    return name, command, made["commit"]
 
 
 def _find_cell(measurement: str, title: str, column: str, *row: str) -> str:
@@ -263,8 +263,8 @@ def _describe_planner(name: str) -> tuple[str, ...]:
 
 def _describe_metric(name: str) -> tuple[str, ...]:
     metric = METRICS[name]
-    better = "–" if metric.less is None else "less" if metric.less else "more"
-    return f"`{name}`", metric.label, better, ", ".join(metric.node_sets), metric.about
+    better = "" if metric.less is None else " ↓" if metric.less else " ↑"
+    return f"`{name}`", metric.label + better, metric.about
 
 
 def _run(line: str, *, notes: bool) -> str:

@@ -64,12 +64,16 @@ def write_card(manifest: Manifest) -> str:
 
 
 def column_table(schema: pa.Schema) -> list[str]:
-    """Return the columns of a table as the lines of a Markdown table."""
-    rows = [
-        (f"`{name}`", kind, unit, meaning, null or "never")
-        for name, kind, unit, meaning, null in describe_fields(schema)
-    ]
-    return format_markdown(rows, header=("column", "type", "unit", "meaning", "null"))
+    """Return the columns of a table as the lines of a Markdown table; x, y and z share a line."""
+    rows = []
+    for name, kind, unit, meaning, null in describe_fields(schema):
+        if name.endswith(("_y", "_z")) and f"{name[:-1]}x" in schema.names:
+            continue
+        if name.endswith("_x"):
+            name, meaning = f"{name}`, `_y`, `_z", meaning.removesuffix(", x")
+        told = f"{meaning} (null: {null})" if null else meaning
+        rows.append((f"`{name}`", f"{kind}, {unit}" if unit else kind, told))
+    return format_markdown(rows, header=("column", "type", "meaning"))
 
 
 def write_croissant(manifest: Manifest) -> str:
