@@ -514,8 +514,8 @@ def report_choices(options: argparse.Namespace) -> Tables:
     for name in _models(options):
         found = _stored(options, name, "val")
         cells = [f"{found.point[metric]:.{digits}f}" for metric, digits in CHOSEN_BY.values()]
-        kept = [read_header(one.run / BEST) for one in open_folds(options.leaderboard, name)]
-        epochs = ", ".join(str(one.epoch) for one in kept)
+        folds = open_folds(options.leaderboard, name, options.folds)
+        epochs = ", ".join(str(read_header(one.run / BEST).epoch) for one in folds)
         rows.append([f"`{name.partition('@')[0]}`", *cells, epochs])
     reading = (
         "Of the rooms (NLL, AUROC, top 3) and of all nodes (distances) of the validation buildings "
@@ -558,11 +558,14 @@ def _list_moments() -> list[str]:
 
 
 def _stored(options: argparse.Namespace, name: str, split: Split) -> Bootstrap:
-    """Return every metric of a model on the stored pairs of each fold, mean over the folds."""
+    """Return every metric of a model on the stored pairs of each fold, mean over the folds.
+
+    They are those of the first model, also for one that was trained on masks of its own.
+    """
     print(f"measures {name} on {split}", file=sys.stderr, flush=True)
-    folds = []
+    data, folds = open_dataset(options.leaderboard, _models(options)[0]), []
     for one in open_folds(options.leaderboard, name, options.folds):
-        masked = read_split(one.data, split, fold=one.fold, vocabulary=one.model.vocabulary)
+        masked = read_split(data, split, fold=one.fold, vocabulary=one.model.vocabulary)
         truth = read_truth(masked)
         folds.append(Fold(truth.scene_ids, [(truth, predict_all(one.model, masked))]))
     return measure_models({name: folds}, resamples=options.resamples)[name]
