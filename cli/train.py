@@ -15,6 +15,7 @@ from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
 from bsg_data.files import resolve_links
+from bsg_data.recipes import MaskRecipe
 from bsg_data.results import name_staged
 
 if TYPE_CHECKING:
@@ -107,10 +108,18 @@ def _note_other_mask(config: RunConfig, dataset: Path) -> None:
     manifest, choice = bsg_data.read_manifest(dataset), config.data
     warn_of_recordings(manifest)
     pairs = manifest.pairs
-    if pairs is None or choice.masks == "fixed" or choice.fractions is not None:
+    if pairs is None:
         return
     fresh, stored = choice.fresh_mask, pairs.mask
-    if choice.needs_own_masks(stored):
+    if choice.masks == "fixed":
+        if choice.fractions or fresh not in (stored, MaskRecipe()):
+            print_note(
+                f"data.masks is fixed: trains on the pairs of {dataset}, with masks {stored}; "
+                "data.mask and data.fractions are for data.masks=fresh"
+            )
+    elif choice.fractions is not None:
+        return
+    elif choice.needs_own_masks(stored):
         print_note(
             f"trains and validates on fresh masks {fresh} (data.mask of the configuration); tests "
             f"on the pairs of {dataset}, with masks {stored}"

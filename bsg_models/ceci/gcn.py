@@ -40,6 +40,17 @@ class CECIConfig(ModelConfig):
     last_layer: Literal["linear", "block"] = "linear"
 
 
+class BatchNorm1d(nn.BatchNorm1d):
+    """Batch normalisation; a lone node has no variance, and takes that of the batches before it."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Return `[N, C]` normalised by channel."""
+        if len(x) > 1:
+            return super().forward(x)
+        before = self.running_mean, self.running_var
+        return nn.functional.batch_norm(x, *before, self.weight, self.bias, eps=self.eps)
+
+
 class CECI(Network):
     """Predict the whole histogram of every node of interest from the histograms that were seen.
 
@@ -55,7 +66,7 @@ class CECI(Network):
             GCNConv(before, after, normalize=False) for before, after in pairwise(widths)
         )
         self.blocks = nn.ModuleList(
-            nn.Sequential(nn.BatchNorm1d(width), nn.ReLU(), nn.Dropout(config.dropout))
+            nn.Sequential(BatchNorm1d(width), nn.ReLU(), nn.Dropout(config.dropout))
             for width in widths[1:]
         )
         if config.last_layer == "linear":

@@ -121,9 +121,7 @@ def _plot_building(shown: ShownNodes, classes: Sequence[str]) -> Figure:
 
 
 @rc_context(PLAIN_TEXT)
-def plot_learning_curve(
-    reports: Sequence[EpochReport], path: Path, *, title: str, loss: str
-) -> None:
+def plot_learning_curve(reports: Sequence[EpochReport], path: Path, *, title: str) -> None:
     """Plot training and validation loss over epochs, and mark the epoch of the best checkpoint.
 
     Its margins are fixed: a layout that fits the labels would take another 40 % of the time. The
@@ -146,7 +144,7 @@ def plot_learning_curve(
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.set_xlabel("epoch")
-    axes.set_ylabel(loss)
+    axes.set_ylabel("loss, mean over nodes and classes")
     figure.legend(
         loc="upper right", bbox_to_anchor=(0.97, 0.93), fontsize=8, frameon=False, ncols=3
     )

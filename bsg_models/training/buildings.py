@@ -103,15 +103,14 @@ class TrainingGraphs:
     def __init__(self, config: RunConfig, data: Dataset, *, network: Network) -> None:
         self._config, self._data, self._vocabulary = config, data, network.vocabulary
         self._reads = (*network.reads, "edge_index", "y")
-        self._graphs = self._take(1)
-        self.steps = -(-len(self._graphs) // config.training.batch_size)
+        self._first = self._take(1)
+        self.steps = -(-len(self._first) // config.training.batch_size)
 
     def batches(self, epoch: int) -> DataLoader:
         """Return the batches of an epoch, whose order depends on (seed, epoch) alone."""
-        if self._config.data.masks == "fresh":
-            self._graphs = self._take(epoch)
+        is_drawn = self._config.data.masks == "fixed" or epoch == 1
         return DataLoader(
-            self._graphs,
+            self._first if is_drawn else self._take(epoch),
             batch_size=self._config.training.batch_size,
             shuffle=True,
             generator=torch.Generator().manual_seed(self._config.seed_of(epoch)),
@@ -125,10 +124,11 @@ class TrainingGraphs:
             "edges": choice.edges,
             "vocabulary": self._vocabulary,
         }
-        if choice.masks == "fresh":
+        if choice.masks == "fixed":
+            graphs = MaskedGraphs.stored(self._data, "train", **how)
+        else:
             how |= {"mask": choice.fresh_mask, "draw": epoch, "fractions": choice.fractions}
-        read = MaskedGraphs.stored if choice.masks == "fixed" else MaskedGraphs.fresh
-        graphs = read(self._data, "train", **how)
+            graphs = MaskedGraphs.fresh(self._data, "train", **how)
         return [Data(**{name: one[name] for name in self._reads}) for one in graphs]
 
 

@@ -218,6 +218,7 @@ def train_network(
         with metrics.open("a", encoding="utf-8") as file:
             file.write(encode_metrics(done.reports[-1:], header=False))
         progress(done.reports[-1])
+    network.cpu()  # where it answers
     return done.best, done.reports
 
 

@@ -186,11 +186,9 @@ def _plot_curve(
     config: RunConfig, reports: Sequence[EpochReport], path: Path, notes: list[str]
 ) -> None:
     """Draw the learning curve; a note says why it cannot be drawn."""
-    likelihood = getattr(config.model, "likelihood", "mse")
-    loss = "mean squared error" if likelihood == "mse" else "-log P(hidden count), mean over cells"
     title = f"{config.name}, seed {config.seed}"
     with noting_failures(notes):
-        plot_learning_curve(reports, path, title=title, loss=loss)
+        plot_learning_curve(reports, path, title=title)
 
 
 def _make_record(

@@ -14,8 +14,7 @@ from torch import nn
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.observation.observation import Observation
-from bsg_models.errors import CheckpointError
-from bsg_models.zoo.model import State
+from bsg_models.zoo.model import State, require_same_shapes
 from bsg_models.zoo.settings import DataConfig
 
 
@@ -51,8 +50,6 @@ class TorchModule(nn.Module):
 
     def load_state(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
         """Take parameters and buffers, and stop training."""
-        try:
-            self.load_state_dict({name: torch.from_numpy(one) for name, one in state.items()})
-        except RuntimeError as error:
-            raise CheckpointError(str(error)) from error
+        require_same_shapes(self.state(), state)
+        self.load_state_dict({name: torch.from_numpy(one) for name, one in state.items()})
         self.eval()

@@ -63,6 +63,20 @@ def test_a_file_is_enough_and_the_command_line_goes_first(
     assert "dataset: expected a path in quotes, found 3" in run("--config", file, code=2).stderr
 
 
+def test_settings_of_fresh_masks_that_fixed_ones_leave_unread_are_noted(
+    dataset: Path, tmp_path: Path
+) -> None:
+    said = []
+    for number, words in enumerate(
+        ((), ("data.mask.strategy=rooms",), ("data.fractions=[0.1,0.9]",), ("data.masks=fresh",))
+    ):
+        settings = [word for one in words for word in ("--set", one)]
+        out = tmp_path / str(number)
+        done = run(dataset, "--config", "ceci", *SMALL, *settings, "--out", out)
+        said.append("data.mask and data.fractions are for data.masks=fresh" in done.stderr)
+    assert said == [False, True, True, False]
+
+
 @pytest.mark.parametrize(
     ("words", "code"),
     [

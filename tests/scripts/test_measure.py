@@ -122,6 +122,35 @@ def test_figures_are_written(board: Path, tmp_path: Path, name: str, options: li
     read_tables(out, name)
 
 
+def test_models_of_other_masks_are_asked_of_the_same_pairs(board: Path, tmp_path: Path) -> None:
+    """The twin of a model, in the folder of another mask, predicts the same."""
+    copy = Path(shutil.copytree(board, tmp_path / "board"))
+    for fold in range(3):
+        ours = copy / "uniform" / f"fold-{fold}" / "mixture"
+        shutil.copytree(ours, copy / "rooms" / f"fold-{fold}" / "twin")
+    out, models = tmp_path / "figures.json", ["mixture@uniform", "twin@rooms"]
+    argv = ["paper", f"--leaderboard={copy}", f"--out={out}", "--resamples=5", "--models", *models]
+    assert load_script("measure/report").main(argv) == 0
+    first, twin = json.loads(out.read_text("utf-8"))["paper"]["tables"]["What it predicts"]["rows"]
+    assert first[1:] == twin[1:]
+
+
+def test_epochs_are_said_of_the_folds_that_are_measured(board: Path, tmp_path: Path) -> None:
+    out = tmp_path / "figures.json"
+    argv = [
+        "choices",
+        f"--leaderboard={board}",
+        f"--out={out}",
+        "--resamples=5",
+        "--folds",
+        "0",
+        "2",
+    ]
+    assert load_script("measure/report").main([*argv, "--models", "mixture@uniform"]) == 0
+    (table,) = read_tables(out, "choices").values()
+    assert [row[-1] for row in table["rows"]] == ["0, 0"]
+
+
 def read_tables(path: Path, name: str) -> dict[str, Any]:
     """Return the tables of a measurement: whole, with its command, without folders."""
     text = path.read_text("utf-8")

@@ -104,6 +104,17 @@ def test_the_loss_is_the_mean_squared_error_of_whole_histograms() -> None:
     assert model.loss(model.read(SEEN, unnamed)).item() == pytest.approx(errors[:, 0].mean())
 
 
+@pytest.mark.parametrize("last_layer", ["linear", "block"])
+def test_a_building_without_rooms_may_be_a_batch_of_its_own(last_layer: str) -> None:
+    """One node has no variance: it is normalised as in an answer, and changes no average."""
+    model = make(last_layer=last_layer, dropout=0.0)
+    lone = model.read(observe_building([[4, 2]]), TARGETS[:1])
+    answer, before = model(lone), model.state()
+    torch.testing.assert_close(model.train()(lone), answer)
+    model.loss(lone).backward()  # type: ignore[no-untyped-call]
+    assert all((model.state()[name] == values).all() for name, values in before.items())
+
+
 def test_what_exceeds_the_input_is_hidden() -> None:
     model = make()
     totals = model(model.read(SEEN)).detach().numpy()

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from configurations import configure
 from conftest import REPOSITORY
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
@@ -24,11 +25,14 @@ from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import (
     Checkpoint,
     load_checkpoint,
+    make_header,
+    name_tensors,
     read_header,
     restore_model,
     save_checkpoint,
 )
 from bsg_models.runs.run_folder import BEST
+from bsg_models.training.training import new_model
 from bsg_models.zoo.catalogue import ZOO
 
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -126,6 +130,15 @@ def test_a_checkpoint_of_another_model_is_refused(path: Path) -> None:
     for tensors in ({}, {**loaded.tensors, "model.shape": shape[:1]}):
         with pytest.raises(CheckpointError, match="shape"):
             restore_model(path, Checkpoint(loaded.header, tensors))
+
+
+def test_a_network_of_another_width_is_refused_in_a_line(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    wide = name_tensors("model", new_model(configure("ceci", "model.width=8"), data).state())
+    header = make_header(configure("ceci", "model.width=4"), data, vocabulary=())
+    words = r"^x: tensor blocks\.0\.0\.bias: expected the shape \(4,\), found \(8,\)$"
+    with pytest.raises(CheckpointError, match=words):
+        restore_model("x", Checkpoint(header, wide))
 
 
 def test_an_answer_that_is_not_finite_is_an_error(

@@ -33,7 +33,7 @@ class CECIPoisson(CECI):
         return torch.as_tensor(graph.x + functional.softplus(super().forward(graph)))
 
     def losses(self, graph: Data, predicted: torch.Tensor) -> torch.Tensor:
-        """Return −log P(hidden count) of every cell, `[N, C]`."""
+        """Return −log P(hidden count) of every cell, `[N, C]`; factorials are Stirling's."""
         rate = (predicted - graph.x).clamp(min=_LEAST_RATE)
         hidden = graph.y - graph.x
         return functional.poisson_nll_loss(rate, hidden, False, True, reduction="none")
