@@ -175,7 +175,7 @@ def _find_saved(name: str, planner: str, task: str) -> str:
     found = [
         row for row in _find_table("paper_search", "The paper's system")["rows"] if row[:3] == key
     ]
-    return found[0][3].split(" (")[0] if found else "–"
+    return found[0][4].split(" (")[0] if found else "–"
 
 
 def _show_accuracy(model: str) -> list[str]:

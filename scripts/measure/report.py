@@ -537,7 +537,7 @@ def report_paper(options: argparse.Namespace) -> Tables:
         for name, one in found.items()
     ]
     distances = ("Wasserstein", "energy")
-    header = ("", *(f"{distance}, {moment}" for distance in distances for moment in MOMENTS))
+    header = ("model", *(f"{distance}, {moment}" for distance in distances for moment in MOMENTS))
     reading = (
         "Of the 45 probabilities of all nodes, mean over the folds. Less is better of the means."
     )
@@ -553,7 +553,7 @@ def report_paper(options: argparse.Namespace) -> Tables:
         for name, one in found.items()
     ]
     reading = f"Mean over the folds, {INTERVAL}."
-    return [first, chosen_table("What it predicts", ("", READS, *MEASURED), rows, reading)]
+    return [first, chosen_table("What it predicts", ("model", READS, *MEASURED), rows, reading)]
 
 
 def _list_moments() -> list[str]:
@@ -583,12 +583,13 @@ def report_paper_search(options: argparse.Namespace) -> Tables:
         for planner in PLANNERS[:2]:
             for task in TASKS:
                 of = [one for one in results if one.task == task]
-                row = [f"`{name.partition('@')[0]}`", f"`{planner}`", f"`{task}`"]
+                told = say_reads(options.leaderboard, name, options.folds)
+                row = [f"`{name.partition('@')[0]}`", f"`{planner}`", f"`{task}`", told]
                 rows.append([*row, *(_saved(one, planner) for one in of)])
                 saving = of[0].savings[planner]
                 single = (f"{100 * value:.1f}" for value in (saving.median, saving.mean))
                 ratios.append([*row, _saved(of[0], planner), *single])
-    heads = ("belief of", "planner", "task")
+    heads = ("belief of", "planner", "task", READS)
     reading = (
         "Cost saved against going to the nearest room, in per cent of the sum of all costs, "
         f"{INTERVAL}. Half of all objects were seen before. Artifacts are "

@@ -23,7 +23,6 @@ TABLES = [
 ]
 HASH = re.compile(r"\b[0-9a-f]{16}\b")
 MOST_TABLES = 3
-LONG = {"reproduction.md"}  # may have more tables
 
 
 @pytest.mark.parametrize("made", MADE)
@@ -71,8 +70,7 @@ def test_a_table_of_models_says_which_of_them_are_told_less(name: str, shown: st
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_a_page_has_few_tables_and_a_figure_under_each_claim(page: Path) -> None:
     text = page.read_text("utf-8")
-    if page.name not in LONG:
-        assert len(SHOWN.findall(text)) <= MOST_TABLES
+    assert len(SHOWN.findall(text)) <= MOST_TABLES
     last = max(one.start() for one in SHOWN.finditer(text))
     claims = [one.start() for one in re.finditer(r"^\*\*", SHOWN.sub("", text), re.MULTILINE)]
     assert claims, "the answer comes first"
