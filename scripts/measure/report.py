@@ -144,7 +144,7 @@ def report_leaderboard(options: argparse.Namespace) -> Tables:
             ]
             for name in ranked
         ]
-        if not any("–" in row for row in rows):
+        if not any("–" in row[2:] for row in rows):
             reading = (
                 "Only rooms of which nothing was seen: an AUROC of 0.5 is guessing. In the table "
                 "above, rooms that were entered hide nothing, so a model that only knows which "

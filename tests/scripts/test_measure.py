@@ -119,7 +119,8 @@ def test_figures_are_written(board: Path, tmp_path: Path, name: str, options: li
     argv = [name, f"--leaderboard={board}", f"--out={out}", "--draws=1", "--resamples=5", *options]
     assert load_script("measure/report").main(argv) == 0
     assert list(json.loads(out.read_text("utf-8"))) == ["other", name]
-    read_tables(out, name)
+    tables = read_tables(out, name)
+    assert ("Rooms not entered, masks: rooms" in tables) == (name == "leaderboard")
 
 
 def test_models_of_other_masks_are_asked_of_the_same_pairs(board: Path, tmp_path: Path) -> None:
