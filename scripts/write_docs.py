@@ -157,11 +157,11 @@ def _compare_models() -> list[str]:
             for planner in ("greedy-share", "expected-cost")
         ]
         cells = [found[column].split(" (")[0] for column in SHOWN]
-        distance = f"{distances[1]} · {distances[5]}"
+        distance = f"{distances[2]} · {distances[6]}"
         told_labels = ", told kinds of rooms" if reads == "yes" else ""
         rows.append((f"{name}, {what}{told_labels}", *cells, distance, *saved))
     paper = _first(moments, "the paper")
-    rows.append(("the paper", "–", "–", "–", f"{paper[1]} · {paper[5]}", SAVED, "–"))
+    rows.append(("the paper", "–", "–", "–", f"{paper[2]} · {paper[6]}", SAVED, "–"))
     header = (
         *("model", *SHOWN, "Wasserstein · energy ↓"),
         *("travel saved by the paper's rule, %: one · all", "by ours"),
