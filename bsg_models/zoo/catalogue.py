@@ -55,7 +55,7 @@ ZOO: Registry[ZooRow] = Registry(
 # What `--config` takes besides: a model of the zoo, and settings of it.
 RECIPES: dict[str, tuple[str, dict[str, Any]]] = {
     "paper": ("ceci", {}),
-    "quick": ("ceci", {"name": "ceci-quick", "training": {"epochs": 60}}),
+    "quick": ("ceci", {"name": "ceci-60", "training": {"epochs": 60, "validate_every": 2}}),
 }
 BASELINES = ("input", "doubled", "train-mean", "gamma-poisson")
 UNTRAINED = BASELINES[:2]  # learn nothing

@@ -84,4 +84,4 @@ def pairs(
     print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
     print_text(f"sha256 of all masks: {hashes['all']}")
     if not is_recorded:
-        print_text(f"next: bsg-train {dataset} --config universal --out run")
+        print_text(f"next: bsg-train {dataset} --config quick --out run")

@@ -46,7 +46,7 @@ def test_the_defaults_are_what_the_paper_says() -> None:
 def test_a_recipe_is_the_papers_network_and_says_where_it_is_shorter() -> None:
     assert find_config("paper") == find_config("ceci")
     quick, paper = find_config("quick"), find_config("paper")
-    assert (quick.name, paper.name) == ("ceci-quick", "ceci")
+    assert (quick.name, paper.name) == ("ceci-60", "ceci")
     assert quick.training.epochs < paper.training.epochs
     assert quick.model_copy(update={"name": "ceci", "training": paper.training}) == paper
 
