@@ -19,6 +19,7 @@ import pytest
 from click.testing import CliRunner
 from configurations import configure
 from conftest import REPOSITORY, load_script, write_twelve
+from one_building import observe_building
 
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.schema import TABLES
@@ -30,6 +31,7 @@ from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.predictor import Predictor
+from bsg_models.zoo.model import ModelInputs
 
 DOCS = REPOSITORY / "docs"
 
@@ -174,11 +176,19 @@ def test_the_examples_beside_an_office_run(
     assert 0 < told < weighed < 1
 
 
+def test_a_layer_of_the_papers_network_is_changed_as_the_page_says() -> None:
+    found = run_block("models.md", read_blocks("models.md")[0])
+    model = found["MODEL"].make(found["MODEL"].config, ModelInputs(classes=2)).eval()
+    assert [type(one).__name__ for one in model.convolutions] == ["GraphConv"] * 5
+    seen = observe_building([[4, 2], [3, 0], [1, 2]])
+    assert model.expect(seen).expected.shape == (3, 2)
+
+
 @pytest.mark.usefixtures("run")
 def test_the_example_of_asking_a_model_runs(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The very lines of docs/models.md, beside a folder `dataset` and a run."""
     monkeypatch.chdir(dataset.parent)
-    block = read_blocks("models.md")[0]
+    block = read_blocks("models.md")[1]
     assert run_block("models.md", block)["expectation"].presence.shape[1] == 45
 
 
@@ -201,7 +211,7 @@ def test_the_losses_are_shown_in_tensorboard(
     small = configure("universal", "training.epochs=3", "training.validate_every=2")
     monkeypatch.setattr("bsg_models.find_config", lambda name: small)
     monkeypatch.chdir(dataset.parent)
-    run_block("models.md", read_blocks("models.md")[1])
+    run_block("models.md", read_blocks("models.md")[2])
     names = [(name, epoch) for name, _, epoch in told]
     assert names == [
         ("loss/train", 1),
