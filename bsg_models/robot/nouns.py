@@ -55,6 +55,7 @@ _SIZES = frozenset({
 _STATES = frozenset({
     "old", "new", "clean", "dirty", "empty", "full", "broken", "favourite", "favorite", "other",
 })
+_APPEARANCES = _COLOURS | _SIZES | _STATES
 _BRANDS = frozenset({  # that are known words; others are no words at all
     "ikea", "nike", "adidas", "apple", "dell", "canon", "samsung", "dyson", "lego",
 })
@@ -115,10 +116,11 @@ def may_be_one(told: frozenset[str], other: frozenset[str]) -> bool:
     >>> [may_be_one(frozenset({"nokia"}), frozenset({one})) for one in ("black", "samsung")]
     [True, False]
     """
-    looks = _COLOURS | _SIZES | _STATES
-    kinds = [(told & of, other & of) for of in (_COLOURS, _SIZES, _STATES)]
-    kinds.append((told - looks, other - looks))  # brands, and kinds of the thing
-    return not any(one and two and one.isdisjoint(two) for one, two in kinds)
+    one, two = told - _APPEARANCES, other - _APPEARANCES  # brands, and kinds of the thing
+    if one and two and one.isdisjoint(two):
+        return False
+    looks = ((told & of, other & of) for of in (_COLOURS, _SIZES, _STATES))
+    return not any(one and two and one.isdisjoint(two) for one, two in looks)
 
 
 @lru_cache(maxsize=4096)  # all that is sought is compared with all that was seen
