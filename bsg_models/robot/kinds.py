@@ -1,0 +1,338 @@
+"""Infer the kinds of rooms, once, from everything that is said of a building.
+
+A room of kind k in a building of kind b, with the seen share v of its objects, has
+
+    log P(k | seen) = log n_bk + τ (Σ log v p_kt + Σ log (1 − v p_kt)) + log P(area, doors | k)
+
+n_bk: how many rooms of the kind such a building has, by hand (`mappings/kinds-v1.csv`); p_kt: P(a
+room of kind k has a thing t), the first sum over things that were seen, the second over classes
+that were not. τ < 1, because things of a room are not independent. The kind of the building follows
+from all its rooms, if nobody says it. A label that is read is right in all but one of `_WRONG`
+cases. A room of which nothing is known is of a kind that the building still lacks.
+
+p_kt is by hand: the table of presence of `hand-prior-v2`, and the rates of `things-v1`. Models that
+learned from HM3D and Matterport3D also read how many rooms of theirs had the thing
+(`kind-counts-v1.csv`), the table by hand being worth `_BY_HAND` rooms.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import numpy as np
+
+from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
+from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.room_label import known_label
+from bsg_data.scene.surroundings import area_of
+from bsg_data.scene.things import Thing, find_thing, list_things
+from bsg_models.robot.words import find_everyday, find_wider
+
+_KINDS, _COUNTS, _PRESENCE = "kinds-v1.csv", "kind-counts-v1.csv", "hand-prior-v2.json"
+_FACTS = ("floor_area", "spread", "neighbours", "passage")
+_HOME = "home"
+_TEMPER = 0.5  # τ
+_BY_HAND = 20.0  # rooms
+_WRONG = 500.0  # labels that are right, for one that is wrong
+_LEAST, _MOST = 0.02, 0.98  # P(a room has a thing); nothing is impossible
+_FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
+_RARE = 0.01  # rooms of a kind that a building has at least
+_SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
+_MOST_HOME = 0.97  # P(home), before anything is known
+_AGAIN = 0.15  # of a kind of which a building has all, how many more rooms it has
+_MOST_ABSENT = 0.999
+SURE = 0.5  # a kind that is likelier than this is said
+
+
+@dataclass(frozen=True, eq=False)
+class KindTable:
+    """What is known of K kinds of rooms, B kinds of buildings and T everyday things.
+
+    Attributes:
+        kinds: labels of rooms.
+        buildings: the home is the first.
+        numbers: `[B, K]` expected number of rooms.
+        floor_area: `[K]` median, square metres.
+        spread: `[K]` standard deviation of its logarithm.
+        neighbours: `[K]` expected number of rooms beside it.
+        passages: `[K]` whether people only pass through, such as a lift.
+        things: the rows of the table of things.
+        shares: `[T, K]` P(a search for it begins in rooms of this kind).
+        presence: `[K, T]` p, P(a room of this kind has one).
+        is_class: `[T]` things of which everybody who looks takes notice.
+    """
+
+    kinds: tuple[str, ...]
+    buildings: tuple[str, ...]
+    numbers: Floats
+    floor_area: Floats
+    spread: Floats
+    neighbours: Floats
+    passages: Bools
+    things: tuple[Thing, ...]
+    shares: Floats
+    presence: Floats
+    is_class: Bools
+
+    @cached_property
+    def row(self) -> dict[str, int]:
+        """Name of a thing → its row."""
+        return {thing.name: number for number, thing in enumerate(self.things)}
+
+    @cached_property
+    def column(self) -> dict[str, int]:
+        """Kind → its column."""
+        return {kind: number for number, kind in enumerate(self.kinds)}
+
+    def learn(self, seen: Floats, rooms: Floats) -> KindTable:
+        """Return the table with what was counted: `seen` `[K, T]` of `rooms` `[K, 1]`."""
+        mean = (seen + _BY_HAND * self.presence) / (rooms + _BY_HAND)
+        return replace(self, presence=mean.clip(_LEAST / 4, _MOST))
+
+    @cached_property
+    def alike(self) -> Floats:
+        """How far people search in one kind of room for what is in another, `[K, K]`, 0 to 1."""
+        length = np.linalg.norm(self.shares, axis=0).clip(min=1e-9)
+        alike: Floats = self.shares.T @ self.shares / np.outer(length, length)
+        np.fill_diagonal(alike, 0.0)
+        return alike
+
+
+@cache
+def read_kinds(*, counted: bool) -> KindTable:
+    """Read the tables; `counted`: also what was counted in HM3D and Matterport3D."""
+    data = read_published(_KINDS)
+    header = tuple(data.partition(b"\n")[0].decode().split(","))
+    rows = [row for _, row in read_rows(_KINDS, data, header)]
+    buildings = header[1 : -len(_FACTS)]
+    kinds = tuple(row[0] for row in rows)
+    numbers = np.array([[float(x) for x in row[1:-1]] for row in rows]).T
+    things = list_things()
+    homes = np.array([thing.home for thing in things])
+    shares = np.array([[thing.probability_in(kind) for kind in kinds] for thing in things])
+    own = np.array([[kind in dict(thing.rooms) for kind in kinds] for thing in things]).T
+    foreign = (numbers[0] == 0)[:, None] & ~own  # what a patient room may have of a bedroom
+    presence = (1 - (1 - homes[:, None].clip(max=_MOST)) ** shares).T
+    presence = np.where(foreign, _FOREIGN * presence, presence).clip(_LEAST, _MOST)
+    row = {thing.name: number for number, thing in enumerate(things)}
+    is_class = np.zeros(len(things), dtype=bool)
+    said = json.loads(read_published(_PRESENCE))["room_types"]
+    for number, kind in enumerate(kinds):
+        for name, likely in (
+            said.get(kind, said.get(known_label(kind), {})).get("presence", {}).items()
+        ):
+            if thing := find_thing(name):
+                at = row[thing.name]
+                likely = likely * _FOREIGN if foreign[number, at] and kind not in said else likely
+                presence[number, at] = max(presence[number, at], min(likely, _MOST))
+                is_class[at] = True
+    table = KindTable(
+        kinds=kinds,
+        buildings=buildings,
+        numbers=numbers[: len(buildings)],
+        floor_area=numbers[-3],
+        spread=numbers[-2],
+        neighbours=numbers[-1],
+        passages=np.array([row[-1] == "yes" for row in rows]),
+        things=things,
+        shares=shares,
+        presence=presence,
+        is_class=is_class,
+    )
+    return table.learn(*_read_counts(table)) if counted else table
+
+
+def _read_counts(table: KindTable) -> tuple[Floats, Floats]:
+    """Return in how many rooms a thing was seen `[K, T]`, and of how many `[K, 1]`."""
+    seen, rooms = np.zeros(table.presence.shape), np.zeros((len(table.kinds), 1))
+    counted = read_rows(_COUNTS, read_published(_COUNTS), ("kind", "thing", "seen", "rooms"))
+    for _, (kind, thing, number, every) in counted:
+        seen[table.column[kind], table.row[thing]] = float(number)
+        rooms[table.column[kind]] = float(every)
+    return seen, rooms
+
+
+@dataclass(frozen=True, eq=False)
+class RoomKinds:
+    """The kinds of R rooms, as far as they are known.
+
+    Attributes:
+        table: what is known of kinds.
+        rooms: `[R, K]` P(kind).
+        building: `[B]` P(kind of the building).
+        known: `[R]` whether anything is known of the room.
+        by_things: `[R]` whether nobody says its kind.
+        doubted: label that its things contradict, by room number.
+    """
+
+    table: KindTable
+    rooms: Floats
+    building: Floats
+    known: Bools
+    by_things: Bools
+    doubted: dict[int, str]
+
+    def of(self, number: int) -> tuple[tuple[str, float], ...]:
+        """Return the kinds of a room, 0..R−1, the likeliest first; those below a percent are none.
+
+        Their probabilities are rounded to nothing.
+        """
+        row = self.rooms[number]
+        order = np.argsort(-row, kind="stable")
+        return tuple((self.table.kinds[k], float(row[k])) for k in order if row[k] >= 0.01)
+
+    @cached_property
+    def at_home(self) -> float:
+        """P(the building is a home)."""
+        return float(self.building[0])
+
+    @cached_property
+    def missing(self) -> Floats:
+        """Expected number of rooms of each kind that are not among those known, `[K]`."""
+        return _missing(self.table, self.building, self.rooms[self.known].sum(axis=0))
+
+
+def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
+    """Return the kinds of the rooms of a graph."""
+    seen = [*list_seen(graph, table)]
+    told = np.array([_read_label(room, table) for room in graph.rooms]).reshape(
+        len(graph.rooms), len(table.kinds)
+    )
+    said = told.sum(axis=1)
+    known = np.array(
+        [
+            said[number] > 0 or len(seen[number]) > 0 or room.visited or area_of(room) is not None
+            for number, room in enumerate(graph.rooms)
+        ],
+        dtype=bool,
+    )
+    logs = np.array(
+        [_weigh_things(room, seen[n], graph, table) for n, room in enumerate(graph.rooms)]
+    ).reshape(told.shape)
+    logs += _SHAPE * _weigh_shapes(graph, table)
+    # A label is nearly sure; what its probabilities leave is left to the things.
+    label = (
+        told * (1 - 1 / _WRONG)
+        + (1 - told.sum(axis=1, keepdims=True) * (1 - 1 / _WRONG)) * _spread(table)
+    ) * len(table.kinds)
+    likely = np.exp(logs - logs.max(axis=1, keepdims=True, initial=-np.inf))
+    both = likely * label
+    building = _infer_building(graph, table, both[known])
+    numbers = table.numbers.clip(min=_RARE)
+    prior = building @ (numbers / numbers.sum(axis=1, keepdims=True))
+    rooms = _normalise(prior * both)
+    silent = _normalise(prior * likely)
+    doubted = {
+        number: table.kinds[int(told[number].argmax())]
+        for number in np.flatnonzero(told.max(axis=1, initial=0.0) > SURE)
+        if rooms[number, told[number].argmax()] < SURE < silent[number].max()
+    }
+    left = _missing(table, building, rooms[known].sum(axis=0))
+    rooms[~known] = _normalise(left * likely[~known])
+    return RoomKinds(table, rooms, building, known, said == 0, doubted)
+
+
+def _spread(table: KindTable) -> float:
+    return 1 / len(table.kinds)
+
+
+def _normalise(rows: Floats) -> Floats:
+    return np.asarray(rows / rows.sum(axis=1, keepdims=True).clip(min=1e-300))
+
+
+def _missing(table: KindTable, building: Floats, times: Floats) -> Floats:
+    numbers = building @ table.numbers.clip(min=_RARE)
+    return np.asarray(np.maximum(numbers - times, _AGAIN * numbers))
+
+
+def list_seen(graph: PartialGraph, table: KindTable) -> Iterator[Ints]:
+    """Yield the rows of the things that were seen in each room."""
+    rows: list[set[int]] = [set() for _ in range(1 + len(graph.rooms))]
+    for obj in graph.objects:
+        thing = (
+            find_everyday(obj.raw_category)
+            or find_wider(obj.raw_category)[0]
+            or (find_everyday(obj.category) if obj.category else None)
+        )
+        if thing is not None and obj.is_evidence and (row := table.row.get(thing.name)) is not None:
+            rows[obj.room_index].add(row)
+    for one in rows[1:]:
+        yield np.array(sorted(one), dtype=np.int64)
+
+
+def _read_label(room: KnownRoom, table: KindTable) -> Floats:
+    """Return what is said of the kind of a room, `[K]`; sums to 1 or less."""
+    said, row = room.room_type, np.zeros(len(table.kinds))
+    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said or {})).items():
+        if (column := table.column.get(label)) is not None:
+            row[column] += likely
+    return row
+
+
+def _weigh_things(room: KnownRoom, seen: Ints, graph: PartialGraph, table: KindTable) -> Floats:
+    """Return the log likelihoods of what was seen in a room, and of what was not, `[K]`."""
+    shares = 1 - np.array(_levels(room))
+    if not shares.max() and not len(seen):
+        return np.zeros(len(table.kinds))
+    absent = table.is_class.copy()
+    absent[seen] = False
+    if graph.detector is not None:
+        heard = {thing.name for word, _ in graph.detector if (thing := find_everyday(word))}
+        absent &= np.array([thing.name in heard for thing in table.things])
+    found = np.log(table.presence[:, seen]).sum(axis=1)
+    each = []
+    for share in shares.clip(min=0.05):
+        misses = np.log1p(-(share * table.presence[:, absent]).clip(max=_MOST_ABSENT)).sum(axis=1)
+        each.append(_TEMPER * (found + len(seen) * np.log(share) + misses))
+    logs = np.array(each)
+    most = logs.max()
+    return np.asarray(np.log(np.exp(logs - most).mean(axis=0).clip(min=1e-300)) + most)
+
+
+def _levels(room: KnownRoom) -> tuple[float, ...]:
+    """Return hidden shares that are about equally likely."""
+    share = room.share
+    if not share.sd:
+        return (share.mean,)
+    return tuple(
+        float(np.clip(share.mean + step * share.sd, 0.0, 1.0)) for step in (-1.4, -0.5, 0.5, 1.4)
+    )
+
+
+def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:
+    """Return the log likelihoods of areas, and of how many rooms are beside one, `[R, K]`."""
+    logs = np.zeros((len(graph.rooms), len(table.kinds)))
+    beside = np.zeros(1 + len(graph.rooms))
+    for one, two in graph.adjacency:
+        beside[one] += 1
+        beside[two] += 1
+    for row, room in zip(logs, graph.rooms, strict=True):
+        if area := area_of(room):
+            off = np.log(area / table.floor_area) / table.spread
+            row -= np.minimum(off**2 / 2, 8.0) + np.log(table.spread)
+    visited = np.array([room.visited for room in graph.rooms], dtype=bool)
+    doors = beside[1:, None].clip(max=6)
+    logs += np.where(
+        (visited & (beside[1:] > 0))[:, None],
+        doors * np.log(table.neighbours) - table.neighbours,
+        0.0,
+    )
+    return logs
+
+
+def _infer_building(graph: PartialGraph, table: KindTable, likely: Floats) -> Floats:
+    """Return P(kind of the building), `[B]`, from `likely` `[n, K]` of its known rooms."""
+    if graph.building_kind in table.buildings:
+        return np.eye(len(table.buildings))[table.buildings.index(str(graph.building_kind))]
+    others = len(table.buildings) - 1
+    prior = np.array([_MOST_HOME, *[(1 - _MOST_HOME) / others] * others])
+    if graph.building_kind is not None:  # of another kind
+        prior[0] = 0.0
+    numbers = table.numbers.clip(min=_RARE)
+    logs = np.log(likely @ (numbers / numbers.sum(axis=1, keepdims=True)).T + 1e-300).sum(axis=0)
+    weights = prior * np.exp(logs - logs.max(initial=-np.inf)) if len(likely) else prior
+    return np.asarray(weights / weights.sum())

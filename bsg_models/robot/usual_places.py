@@ -1,0 +1,93 @@
+"""Say how likely a person would find everyday things in each room, by the table of things.
+
+A home has Λ = −log(1 − home) of a thing in the mean (`bsg_data.scene.things`). They are spread over
+its rooms by their kinds (`bsg_models.robot.kinds`): the rooms of a kind share what people search
+for there. What kinds have that are not there goes, as far as people search in both, to those that
+are. Rooms of which nothing is known add what the known ones lack, and take nothing from them.
+
+A robot that has seen a share v of a room's objects overlooks those that are not in sight, and has
+seen v of the others; things that are always in sight are large, and seen sooner. A searched room
+has none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bsg_data.arrays import Floats, Ints
+from bsg_data.observation.partial_graph import PartialGraph
+from bsg_models.robot.kinds import KindTable, RoomKinds
+
+_ANYWHERE = 0.03  # share of a thing that is in any room
+_WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
+_MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
+# Other buildings surely have what people search for, with this share, in rooms that homes lack.
+_OURS, _ELSEWHERE = 0.15, 0.95
+_PASSING = 0.1  # of what passages keep in a home, in other buildings
+_NAMED = 3.0  # share of a room that has the thing in its name: the bicycle room
+
+
+def rate_things(rows: Ints, kinds: RoomKinds, graph: PartialGraph) -> Floats:
+    """Return the mean numbers of unseen things at every node, `[T, 1 + R]`, the building first.
+
+    Args:
+        rows: `[T]` of `KindTable.things`.
+        kinds: of the R rooms.
+        graph: what a robot has seen.
+    """
+    table = kinds.table
+    rate = -np.log1p(-_expect(rows, kinds).clip(max=_MOST_HOMES))
+    rates = np.zeros((len(rows), 1 + len(graph.rooms)))
+    if not len(graph.rooms):
+        rates[:, 0] = rate * graph.hidden_share
+        return rates
+    shares = table.shares[rows] * np.where(
+        table.passages, kinds.at_home + (1 - kinds.at_home) * _PASSING, 1.0
+    )
+    weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
+    weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
+    rates[:, 1:] = rate[:, None] * weights * _hide(rows, table, graph)
+    rates[:, 0] = rates[:, 1:].sum(axis=1)
+    return rates
+
+
+def _expect(rows: Ints, kinds: RoomKinds) -> Floats:
+    """Return P(a building has one), `[T]`, of the kinds that it may be."""
+    table = kinds.table
+    homes = np.array([table.things[row].home for row in rows])
+    own = (table.numbers > 2 * table.numbers[0]) & (table.numbers > 0.2)
+    ours = own.astype(float) @ table.shares[rows].T  # [B, T]
+    elsewhere = np.maximum(homes, _ELSEWHERE * (ours / _OURS).clip(max=1.0))
+    elsewhere[0] = homes
+    return np.asarray(kinds.building @ elsewhere)
+
+
+def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
+    """Return which part of a building's things each room has, `[T, R]`; 0 of unknown rooms."""
+    table, rooms = kinds.table, kinds.rooms * kinds.known[:, None]
+    times = rooms.sum(axis=0)
+    there = times.clip(max=1.0)
+    alike = table.alike * there
+    moves = alike / alike.sum(axis=1, keepdims=True).clip(min=_WHOLE)
+    every = shares * there + (shares * (1 - there)) @ moves
+    every /= every.sum(axis=1, keepdims=True).clip(min=_WHOLE)
+    # Two bedrooms of a home share what bedrooms have; each classroom has its own.
+    among = np.where(table.numbers[0] > 0, times, there).clip(min=1e-9)
+    return np.asarray((every / among) @ rooms.T)
+
+
+def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
+    """Return which part of a building's things its unknown rooms have, `[T, U]`."""
+    unknown, there = kinds.rooms[~kinds.known], kinds.rooms[kinds.known].sum(axis=0).clip(max=1.0)
+    some = 1 - (1 - unknown).prod(axis=0)
+    each = unknown * (some / unknown.sum(axis=0).clip(min=1e-9))
+    total = np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
+    return np.asarray((shares * (1 - there) / total) @ each.T)
+
+
+def _hide(rows: Ints, table: KindTable, graph: PartialGraph) -> Floats:
+    """Return P(a thing was not seen, if it is in a room), `[T, R]`."""
+    sight = np.array([table.things[row].sight for row in rows])[:, None]
+    hidden = np.array([room.hidden_share for room in graph.rooms])
+    large = 1 + (sight > 0.9)  # the square: what fills the floor is seen sooner than the rest
+    return np.asarray(np.where(hidden > 0, 1 - sight * (1 - hidden**large), 0.0))
