@@ -18,7 +18,7 @@ learned from HM3D and Matterport3D also read how many rooms of theirs had the th
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
@@ -27,7 +27,7 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.room_label import known_label
+from bsg_data.scene.room_label import known_label, normalise_room
 from bsg_data.scene.surroundings import area_of
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_models.robot.words import find_everyday, find_wider
@@ -35,16 +35,20 @@ from bsg_models.robot.words import find_everyday, find_wider
 _KINDS, _COUNTS, _PRESENCE = "kinds-v1.csv", "kind-counts-v1.csv", "hand-prior-v2.json"
 _FACTS = ("floor_area", "spread", "neighbours", "passage")
 _HOME = "home"
-_TEMPER = 0.5  # τ
+_UNSEEN = 0.7  # weight of what was not seen
+_ALIKE = 8.0  # things of a room, beyond which more of them say less
 _BY_HAND = 20.0  # rooms
 _WRONG = 500.0  # labels that are right, for one that is wrong
 _LEAST, _MOST = 0.02, 0.98  # P(a room has a thing); nothing is impossible
 _FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
 _RARE = 0.01  # rooms of a kind that a building has at least
+_HARDLY = 0.15  # kinds of rooms that are less alike have nothing in common
+_TAKEN = 0.5
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
 _MOST_HOME = 0.97  # P(home), before anything is known
 _AGAIN = 0.15  # of a kind of which a building has all, how many more rooms it has
-_MOST_ABSENT = 0.999
+_NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
+_LACKING = 0.9  # P(no room is of a kind that every home has)
 SURE = 0.5  # a kind that is likelier than this is said
 
 
@@ -88,6 +92,13 @@ class KindTable:
         """Kind → its column."""
         return {kind: number for number, kind in enumerate(self.kinds)}
 
+    def shares_of(self, thing: Thing) -> Floats:
+        """Return P(a search for a thing begins in rooms of each kind), `[K]`."""
+        row = self.row.get(thing.name)
+        if row is not None and self.things[row] is thing:
+            return np.asarray(self.shares[row])
+        return _share([thing], self.kinds, self.numbers[0] > 0)[0]
+
     def learn(self, seen: Floats, rooms: Floats) -> KindTable:
         """Return the table with what was counted: `seen` `[K, T]` of `rooms` `[K, 1]`."""
         mean = (seen + _BY_HAND * self.presence) / (rooms + _BY_HAND)
@@ -99,7 +110,7 @@ class KindTable:
         length = np.linalg.norm(self.shares, axis=0).clip(min=1e-9)
         alike: Floats = self.shares.T @ self.shares / np.outer(length, length)
         np.fill_diagonal(alike, 0.0)
-        return alike
+        return np.where(alike < _HARDLY, 0.0, alike)
 
 
 @cache
@@ -113,11 +124,8 @@ def read_kinds(*, counted: bool) -> KindTable:
     numbers = np.array([[float(x) for x in row[1:-1]] for row in rows]).T
     things = list_things()
     homes = np.array([thing.home for thing in things])
-    shares = np.array([[thing.probability_in(kind) for kind in kinds] for thing in things])
-    own = np.array([[kind in dict(thing.rooms) for kind in kinds] for thing in things]).T
-    foreign = (numbers[0] == 0)[:, None] & ~own  # what a patient room may have of a bedroom
-    presence = (1 - (1 - homes[:, None].clip(max=_MOST)) ** shares).T
-    presence = np.where(foreign, _FOREIGN * presence, presence).clip(_LEAST, _MOST)
+    shares = _share(things, kinds, numbers[0] > 0)
+    presence = (1 - (1 - homes[:, None].clip(max=_MOST)) ** shares).T.clip(_LEAST, _MOST)
     row = {thing.name: number for number, thing in enumerate(things)}
     is_class = np.zeros(len(things), dtype=bool)
     said = json.loads(read_published(_PRESENCE))["room_types"]
@@ -127,7 +135,7 @@ def read_kinds(*, counted: bool) -> KindTable:
         ):
             if thing := find_thing(name):
                 at = row[thing.name]
-                likely = likely * _FOREIGN if foreign[number, at] and kind not in said else likely
+                likely *= 1.0 if kind in said else _FOREIGN
                 presence[number, at] = max(presence[number, at], min(likely, _MOST))
                 is_class[at] = True
     table = KindTable(
@@ -144,6 +152,24 @@ def read_kinds(*, counted: bool) -> KindTable:
         is_class=is_class,
     )
     return table.learn(*_read_counts(table)) if counted else table
+
+
+def _share(things: Sequence[Thing], kinds: Sequence[str], of_homes: Bools) -> Floats:
+    """Return the shares of kinds `[T, K]`; those of kinds that homes have sum to 1."""
+    shares = np.zeros((len(things), len(kinds)))
+    column = {kind: number for number, kind in enumerate(kinds)}
+    nearest = [(column[kind], known_label(kind)) for kind in kinds if known_label(kind) != kind]
+    for row, thing in zip(shares, things, strict=True):
+        said = dict(thing.rooms)
+        for kind, share in said.items():
+            if kind in column:
+                row[column[kind]] = share
+        total = row[of_homes].sum()
+        for number, kind in nearest:
+            if kinds[number] not in said:
+                row[number] = _FOREIGN * said.get(kind, 0.0)
+        row /= total or 1.0
+    return shares
 
 
 def _read_counts(table: KindTable) -> tuple[Floats, Floats]:
@@ -167,6 +193,7 @@ class RoomKinds:
         known: `[R]` whether anything is known of the room.
         by_things: `[R]` whether nobody says its kind.
         doubted: label that its things contradict, by room number.
+        named: `[R]` things that the name of a room has: the bicycles of a bicycle store.
     """
 
     table: KindTable
@@ -175,6 +202,7 @@ class RoomKinds:
     known: Bools
     by_things: Bools
     doubted: dict[int, str]
+    named: tuple[frozenset[str], ...]
 
     def of(self, number: int) -> tuple[tuple[str, float], ...]:
         """Return the kinds of a room, 0..R−1, the likeliest first; those below a percent are none.
@@ -190,10 +218,25 @@ class RoomKinds:
         """P(the building is a home)."""
         return float(self.building[0])
 
-    @cached_property
-    def missing(self) -> Floats:
-        """Expected number of rooms of each kind that are not among those known, `[K]`."""
-        return _missing(self.table, self.building, self.rooms[self.known].sum(axis=0))
+    @property
+    def lacks(self) -> bool:
+        """Whether a home surely has rooms that are not among these: a kitchen, a bath, a bed."""
+        groups = ([self.table.column[kind] for kind in group] for group in _NEEDED)
+        none = (float((1 - self.rooms[:, one].sum(axis=1)).clip(min=0).prod()) for one in groups)
+        return self.at_home > SURE and max(none) > _LACKING
+
+    def with_unknown(self, more: int) -> RoomKinds:
+        """Return the kinds of these rooms, and of some more of which nothing is known."""
+        if not more:
+            return self
+        left = _missing(self.table, self.building, self.rooms[self.known].sum(axis=0))
+        rooms = np.vstack([self.rooms, np.tile(left / left.sum(), (more, 1))])
+        known, by_things = (
+            np.concatenate([flags, np.zeros(more, dtype=bool)])
+            for flags in (self.known, self.by_things)
+        )
+        named = (*self.named, *[frozenset[str]()] * more)
+        return replace(self, rooms=rooms, known=known, by_things=by_things, named=named)
 
 
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
@@ -225,6 +268,12 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     numbers = table.numbers.clip(min=_RARE)
     prior = building @ (numbers / numbers.sum(axis=1, keepdims=True))
     rooms = _normalise(prior * both)
+    if len(rooms):
+        numbers = building @ table.numbers.clip(min=_RARE)
+        numbers *= max(1.0, known.sum() / numbers.sum())
+        others = rooms[known].sum(axis=0) - rooms * known[:, None]
+        taken = (np.maximum(numbers - others, _AGAIN * numbers) / numbers) ** _TAKEN
+        rooms = _normalise(prior * taken * both)
     silent = _normalise(prior * likely)
     doubted = {
         number: table.kinds[int(told[number].argmax())]
@@ -233,7 +282,15 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     }
     left = _missing(table, building, rooms[known].sum(axis=0))
     rooms[~known] = _normalise(left * likely[~known])
-    return RoomKinds(table, rooms, building, known, said == 0, doubted)
+    named = tuple(_list_named(room) for room in graph.rooms)
+    return RoomKinds(table, rooms, building, known, said == 0, doubted, named)
+
+
+def _list_named(room: KnownRoom) -> frozenset[str]:
+    """Return the things that stand before the last word of a room's name."""
+    words = (normalise_room(name).split()[:-1] for name in (room.name, room.label or ""))
+    things = (find_everyday(" ".join(some)) for some in words if some)
+    return frozenset(thing.name for thing in things if thing)
 
 
 def _spread(table: KindTable) -> float:
@@ -275,32 +332,15 @@ def _read_label(room: KnownRoom, table: KindTable) -> Floats:
 
 def _weigh_things(room: KnownRoom, seen: Ints, graph: PartialGraph, table: KindTable) -> Floats:
     """Return the log likelihoods of what was seen in a room, and of what was not, `[K]`."""
-    shares = 1 - np.array(_levels(room))
-    if not shares.max() and not len(seen):
-        return np.zeros(len(table.kinds))
+    share = max(0.0, 1 - room.share.mean - room.share.sd)  # that was surely seen
     absent = table.is_class.copy()
     absent[seen] = False
     if graph.detector is not None:
         heard = {thing.name for word, _ in graph.detector if (thing := find_everyday(word))}
         absent &= np.array([thing.name in heard for thing in table.things])
     found = np.log(table.presence[:, seen]).sum(axis=1)
-    each = []
-    for share in shares.clip(min=0.05):
-        misses = np.log1p(-(share * table.presence[:, absent]).clip(max=_MOST_ABSENT)).sum(axis=1)
-        each.append(_TEMPER * (found + len(seen) * np.log(share) + misses))
-    logs = np.array(each)
-    most = logs.max()
-    return np.asarray(np.log(np.exp(logs - most).mean(axis=0).clip(min=1e-300)) + most)
-
-
-def _levels(room: KnownRoom) -> tuple[float, ...]:
-    """Return hidden shares that are about equally likely."""
-    share = room.share
-    if not share.sd:
-        return (share.mean,)
-    return tuple(
-        float(np.clip(share.mean + step * share.sd, 0.0, 1.0)) for step in (-1.4, -0.5, 0.5, 1.4)
-    )
+    misses = np.log1p(-share * table.presence[:, absent]).sum(axis=1)
+    return np.asarray(found / (1 + len(seen) / _ALIKE) + _UNSEEN * misses)
 
 
 def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:

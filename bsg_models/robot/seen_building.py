@@ -190,7 +190,7 @@ class SeenBuilding(ToldBuilding):
         if belief.seen[0]:
             ids, there = tuple([obj.name for obj in belief.seen[0]]), is_there(belief.seen[0])
             places.append(Place(None, None, there, min(1.0, there / anywhere), 0.0, 0.0, ids, None))
-        if self.graph.more_rooms:
+        if self._now.nodes > 1 + len(rooms):
             new = slice(len(rooms) + 1, None)
             there, more = belief.somewhere(new), float(belief.expected[new].sum())
             way = None if here is None else self.ways(costs).usual
@@ -220,7 +220,7 @@ class SeenBuilding(ToldBuilding):
 
         Classes below half a percent are left out.
         """
-        node, belief = find_room(self.graph, room), self.expectation()
+        node, belief = find_room(self.graph, room), self._now.expectation(of_homes=True)
         presence = belief.presence[node]
         return tuple(
             ExpectedClass(
@@ -430,7 +430,7 @@ class SeenBuilding(ToldBuilding):
         It has as many blind nodes as are expected. `believe` also makes those of the paper's Table
         II: `believe(seen.graph, seen.expectation(), mode="unseen", model=seen.model)`.
         """
-        return believe(self.graph, self.expectation(), model=self.model)
+        return believe(self.graph, self._now.expectation(of_homes=True), model=self.model)
 
     @alone
     def expectation(self) -> Expectation:
@@ -438,7 +438,7 @@ class SeenBuilding(ToldBuilding):
 
         It includes what looks have missed, and in the building what rooms not found yet may hold.
         """
-        return self._now.expectation()
+        return self._now.expectation(of_homes=False)
 
     @alone
     def asked(self, thing: str) -> str:

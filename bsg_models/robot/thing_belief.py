@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,52 +10,14 @@ from functools import cached_property
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.scene.things import Thing
+from bsg_data.observation.partial_graph import SeenObject
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.robot.nouns import Noun, NounTable
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
-# Share of things that are in sight: most annotators see those that are a class of their own.
-_OF_SMALL, _OF_LARGE = 0.5, 0.9
-_KINDS = 8  # kinds of rooms in a home
-_LEAST_LEFT = 0.05  # least share of a thing for rooms of unknown kind
-_ANYWHERE = 0.03  # share of a thing that is in any room
-_WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
-# Where people search if a building has no room of a kind.
-_STANDS_IN = {
-    "closet": ("bedroom", "corridor"),
-    "copy room": ("printer room", "office"),
-    "corridor": ("entrance", "lobby"),
-    "dining room": ("kitchen", "living room"),
-    "entrance": ("corridor", "lobby"),
-    "garage": ("storage room", "utility room"),
-    "laundry room": ("utility room", "bathroom", "kitchen"),
-    "office": ("living room", "bedroom"),
-    "pantry": ("kitchen",),
-    "pharmacy": ("medication room", "infirmary"),
-    "playroom": ("bedroom",),
-    "storage room": ("utility room", "closet", "garage"),
-    "toilet": ("bathroom",),
-    "bathroom": ("toilet",),
-    "utility room": ("laundry room", "storage room", "kitchen"),
-}
-_ROOMS_OF = {
-    "hospital": (
-        *("patient room", "infirmary", "examination room", "operating room", "imaging room"),
-        *("pharmacy", "waiting room"),
-    ),
-    "office": ("office", "meeting room", "copy room", "computer room", "conference hall"),
-    "school": ("classroom", "library", "laboratory", "computer room"),
-    "restaurant": ("restaurant", "bar", "kitchen"),
-    "shop": ("shop",),
-    "hotel": ("bedroom", "bathroom", "lobby"),
-}
-_OURS, _ELSEWHERE = 0.15, 0.95  # share of these rooms of which a thing is in such a building
 SHARE_OF_KIND = 0.5  # of shoes that are running shoes, and the like
-_MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +116,33 @@ def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution
     return after.with_none_likelier(factor)
 
 
+def lift(hidden: CountDistribution, least: Floats, *, weight: Floats) -> CountDistribution:
+    """Return hidden counts on the scale of what a person would find.
+
+    The log odds of the building are mixed with those of another belief, and its rooms are tilted to
+    them (`bsg_models.zoo.building_tilt`). Then no node is less likely than `least`.
+
+    Args:
+        hidden: of N nodes and C classes, the building first.
+        least: `[N, C]` P(at least one) of what each class includes.
+        weight: `[C]` of the building's row of `least`, 0 to 1.
+    """
+    there = hidden.presence
+    rooms, whole = there[1:], there[0].clip(there[1:].max(axis=0, initial=0.0))
+    odds = _log_odds(1 - whole)
+    mixed = odds + weight * (_log_odds(1 - least[0]) - odds)
+    scale = untilt(rooms, whole.clip(max=rooms.sum(axis=0)))
+    log_none = np.log((1 - scale * rooms).clip(min=_LEAST))
+    every = log_none.sum(axis=0)
+    tilt = mixed - _log_odds(np.exp(every))
+    tilted = _log_odds(np.exp(log_none)) + tilt_rooms(tilt, every, log_none)
+    wanted = np.vstack([mixed, np.where(rooms > 0, tilted, _log_odds(1 - rooms))])
+    wanted = np.minimum(wanted, _log_odds(1 - least))
+    if len(rooms):
+        wanted[0] = np.minimum(wanted[0], wanted[1:].min(axis=0))
+    return hidden.with_none_likelier(np.where(there > 0, wanted - _log_odds(1 - there), 0.0))
+
+
 def _look(
     hidden: CountDistribution, chances: Floats, *, whole: Floats
 ) -> tuple[CountDistribution, Floats]:
@@ -217,62 +205,15 @@ def believe_noun(
     return counts, _none_of_rooms(counts)
 
 
-def believe_thing(
-    thing: Thing, graph: PartialGraph, *, likeness: Floats | None, part: float = 1.0
-) -> tuple[CountDistribution, float]:
+def believe_rates(rates: Floats, *, part: float = 1.0) -> tuple[CountDistribution, float]:
     """Return the hidden counts of an everyday thing, and P(the building hides none).
 
-    The table of everyday things says in which kinds of rooms people search for it, and how many
-    homes have one. A building has Λ = −log(1 − P(a home has one)) of them in the mean. They are
-    spread over its rooms by the shares of their kinds; what the kinds that are not there would have
-    goes to the rooms of unknown kind, by `likeness`. The part of a room that was seen had none in
-    sight, and half of such things lie in drawers or behind others; a searched room has none.
-
     Args:
-        thing: of the table.
-        graph: with R rooms.
-        likeness: `[1 + R]` rates of the thing by what its name means, for rooms of unknown kind;
-            None if all are alike.
+        rates: `[N]` mean numbers, of `rate_things`.
         part: share of such things that are of the kind that is sought.
     """
-    kinds = [_kinds_of(room) for room in graph.rooms]
-    times: Counter[str] = Counter()
-    for kind in kinds:
-        times.update(kind)  # expected number of rooms of a kind
-    shares = {kind: thing.probability_in(kind) for kind in times}
-    for absent, share in thing.rooms:
-        near = next((one for one in _STANDS_IN.get(absent, ()) if one in times), None)
-        if absent not in times and near is not None:
-            shares[near] += share
-    weights = np.array(
-        [sum(shares[k] * p / max(1.0, times[k]) for k, p in one.items()) for one in kinds]
-    )
-    unknown = np.array([1 - sum(one.values()) for one in kinds])
-    left = max(_LEAST_LEFT, 1 - sum(shares[k] * min(1.0, n) for k, n in times.items()))
-    left *= min(1.0, unknown.sum() / _KINDS)  # each of them is of one kind
-    alike = unknown * (1.0 if likeness is None else likeness[1:] + _LEAST)
-    if alike.sum() > 0:
-        weights = weights + left * alike / alike.sum()
-    weights = weights + _ANYWHERE / max(1, len(weights))
-    # Other buildings have what people search for in their kinds of rooms.
-    ours = sum(
-        thing.probability_in(kind) for kind in _ROOMS_OF.get(graph.building_kind or "home", ())
-    )
-    likely = thing.home if ours < _OURS else max(thing.home, _ELSEWHERE)
-    rate = -part * math.log1p(-min(likely, _MOST_HOMES))
-    seen = np.array([1 - room.hidden_share for room in graph.rooms])
-    in_sight = _OF_SMALL if thing.wider != thing.name else _OF_LARGE
-    hidden = np.where(seen < 1, 1 - in_sight * seen, 0.0)
-    rates = np.concatenate([[0.0], rate * hidden * weights / max(weights.sum(), _WHOLE)])
-    rates[0] = rates.sum() if len(graph.rooms) else rate * graph.hidden_share
-    counts = poisson(rates[:, None])
+    counts = poisson(part * rates[:, None])
     return counts, _none_of_rooms(counts)
-
-
-def _kinds_of(room: KnownRoom) -> dict[str, float]:
-    """Return the kinds that a room may be of, with probabilities that add up to 1 or less."""
-    said = room.room_type
-    return {} if said is None else {said: 1.0} if isinstance(said, str) else dict(said)
 
 
 def believe_kind(

@@ -12,54 +12,73 @@ has none.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.scene.things import Thing, find_thing
 from bsg_models.robot.kinds import KindTable, RoomKinds
 
+OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
 _ANYWHERE = 0.03  # share of a thing that is in any room
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 # Other buildings surely have what people search for, with this share, in rooms that homes lack.
 _OURS, _ELSEWHERE = 0.15, 0.95
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
-_NAMED = 3.0  # share of a room that has the thing in its name: the bicycle room
+_NAMED = 0.7  # share of rooms that have the thing in their name, such as a bicycle store
+_LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
 
 
-def rate_things(rows: Ints, kinds: RoomKinds, graph: PartialGraph) -> Floats:
-    """Return the mean numbers of unseen things at every node, `[T, 1 + R]`, the building first.
+def list_parts(classes: Sequence[str], table: KindTable) -> list[tuple[int, Thing]]:
+    """Return the things that classes include, each with the number of its class."""
+    number = {name: index for index, name in enumerate(classes)}
+    own = [(index, thing) for index, name in enumerate(classes) if (thing := find_thing(name))]
+    return own + [(number[one.wider], one) for one in table.things if one.wider in number]
+
+
+def rate_things(things: Sequence[Thing], kinds: RoomKinds, graph: PartialGraph) -> Floats:
+    """Return the mean numbers of T unseen things at every node, `[T, 1 + R]`, the building first.
 
     Args:
-        rows: `[T]` of `KindTable.things`.
+        things: rows of the table, or alike.
         kinds: of the R rooms.
         graph: what a robot has seen.
     """
     table = kinds.table
-    rate = -np.log1p(-_expect(rows, kinds).clip(max=_MOST_HOMES))
-    rates = np.zeros((len(rows), 1 + len(graph.rooms)))
+    shares = np.array([table.shares_of(thing) for thing in things]).reshape(-1, len(table.kinds))
+    homes = np.array([thing.home for thing in things])
+    rate = -np.log1p(-_expect(homes, shares, kinds).clip(max=_MOST_HOMES))
+    rates = np.zeros((len(things), 1 + len(graph.rooms)))
     if not len(graph.rooms):
         rates[:, 0] = rate * graph.hidden_share
         return rates
-    shares = table.shares[rows] * np.where(
-        table.passages, kinds.at_home + (1 - kinds.at_home) * _PASSING, 1.0
-    )
+    shares *= _pass(kinds)
     weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
-    rates[:, 1:] = rate[:, None] * weights * _hide(rows, table, graph)
+    for row, thing in zip(weights, things, strict=True):
+        if any(named := np.array([thing.name in names for names in kinds.named])):
+            row[:] = (1 - _NAMED) * row + _NAMED * named / named.sum()
+    rates[:, 1:] = rate[:, None] * weights * _hide(things, graph)
     rates[:, 0] = rates[:, 1:].sum(axis=1)
     return rates
 
 
-def _expect(rows: Ints, kinds: RoomKinds) -> Floats:
+def _expect(homes: Floats, shares: Floats, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
-    table = kinds.table
-    homes = np.array([table.things[row].home for row in rows])
-    own = (table.numbers > 2 * table.numbers[0]) & (table.numbers > 0.2)
-    ours = own.astype(float) @ table.shares[rows].T  # [B, T]
+    numbers = kinds.table.numbers
+    own = (numbers > 2 * numbers[0]) & (numbers > 0.2)
+    ours = own.astype(float) @ shares.T  # [B, T]
     elsewhere = np.maximum(homes, _ELSEWHERE * (ours / _OURS).clip(max=1.0))
     elsewhere[0] = homes
     return np.asarray(kinds.building @ elsewhere)
+
+
+def _pass(kinds: RoomKinds) -> Floats:
+    """Return which part of the things of each kind `[K]` its rooms keep in such a building."""
+    return np.where(kinds.table.passages, kinds.at_home + (1 - kinds.at_home) * _PASSING, 1.0)
 
 
 def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
@@ -67,9 +86,10 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     table, rooms = kinds.table, kinds.rooms * kinds.known[:, None]
     times = rooms.sum(axis=0)
     there = times.clip(max=1.0)
-    alike = table.alike * there
+    alike = table.alike * there * _pass(kinds)
     moves = alike / alike.sum(axis=1, keepdims=True).clip(min=_WHOLE)
-    every = shares * there + (shares * (1 - there)) @ moves
+    may_be = kinds.building @ (table.numbers > 0)  # what other buildings have is nowhere here
+    every = shares * there + (shares * (1 - there) * may_be) @ moves
     every /= every.sum(axis=1, keepdims=True).clip(min=_WHOLE)
     # Two bedrooms of a home share what bedrooms have; each classroom has its own.
     among = np.where(table.numbers[0] > 0, times, there).clip(min=1e-9)
@@ -78,16 +98,18 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
 
 def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     """Return which part of a building's things its unknown rooms have, `[T, U]`."""
+    table = kinds.table
     unknown, there = kinds.rooms[~kinds.known], kinds.rooms[kinds.known].sum(axis=0).clip(max=1.0)
     some = 1 - (1 - unknown).prod(axis=0)
     each = unknown * (some / unknown.sum(axis=0).clip(min=1e-9))
     total = np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
-    return np.asarray((shares * (1 - there) / total) @ each.T)
+    may_be = kinds.building @ (table.numbers > 0)
+    return np.asarray((shares * (1 - there) * may_be / total) @ each.T)
 
 
-def _hide(rows: Ints, table: KindTable, graph: PartialGraph) -> Floats:
+def _hide(things: Sequence[Thing], graph: PartialGraph) -> Floats:
     """Return P(a thing was not seen, if it is in a room), `[T, R]`."""
-    sight = np.array([table.things[row].sight for row in rows])[:, None]
+    sight = np.array([thing.sight for thing in things])[:, None]
     hidden = np.array([room.hidden_share for room in graph.rooms])
-    large = 1 + (sight > 0.9)  # the square: what fills the floor is seen sooner than the rest
+    large = 1 + (sight > _LARGE)
     return np.asarray(np.where(hidden > 0, 1 - sight * (1 - hidden**large), 0.0))

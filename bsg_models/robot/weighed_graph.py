@@ -11,11 +11,13 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation import reports
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
+from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
 from bsg_models.robot.answers import NOT_SEEN, Piece
 from bsg_models.robot.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_models.robot.dictionary import Dictionary
+from bsg_models.robot.kinds import RoomKinds, infer_kinds
 from bsg_models.robot.missed_looks import (
     Looked,
     MissedLook,
@@ -24,7 +26,7 @@ from bsg_models.robot.missed_looks import (
     sum_looks,
     sum_pieces,
 )
-from bsg_models.robot.nouns import read_nouns
+from bsg_models.robot.nouns import Noun, read_nouns
 from bsg_models.robot.thing_belief import (
     SHARE_OF_KIND,
     ThingBelief,
@@ -32,8 +34,11 @@ from bsg_models.robot.thing_belief import (
     believe_class,
     believe_kind,
     believe_noun,
-    believe_thing,
+    believe_rates,
+    lift,
 )
+from bsg_models.robot.unknown_rooms import expect_beside
+from bsg_models.robot.usual_places import OF_HOMES, list_parts, rate_things
 from bsg_models.robot.words import Asked, Meaning
 
 _MOST_SOUGHT = 32  # things of which the belief is remembered
@@ -63,6 +68,8 @@ class WeighedGraph:
         said: the graph as the robot said it.
         whole: the same without what looks exclude, and with the rooms that are not found yet.
         looks: that missed, of which the thing is known.
+        found: kinds of the rooms that the robot said.
+        kinds: these, and those of the rooms that are not found yet.
     """
 
     def __init__(
@@ -72,22 +79,28 @@ class WeighedGraph:
         understood = ((one, words.look_up(one.thing)) for one in said.looks)
         self.said, self._words = said, words
         self.looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
-        self.whole = _add_unfound(doubt_objects(said, self.looks, names=words.names))
-        self._objects: dict[int, list[SeenObject]] = defaultdict(list)
-        for obj in self.whole.objects:
-            self._objects[obj.room_index].append(obj)
+        left = doubt_objects(said, self.looks, names=words.names)
         # Models count the objects of a room, wherever they are there, and whoever they are.
         seen = [
             (one.room_index, one.raw_category, one.category, one.class_index)
-            for one in self.whole.objects
+            for one in left.objects
             if one.is_evidence
         ]
-        self._evidence = replace(self.whole, looks=(), objects=()), Counter(seen)
+        self._evidence = replace(left, looks=(), objects=()), Counter(seen)
         self._expectations: dict[Asked, Expectation] = {}
+        self._lifted: dict[Asked, Expectation] = {}
         self._pieces: dict[int, SeenPieces] = {}
+        if before is not None and before._evidence == self._evidence:
+            self._expectations, self._lifted = before._expectations, before._lifted
+            self.found, self.kinds = before.found, before.kinds
+        else:
+            self.found = infer_kinds(left, words.kinds)
+            self.kinds = self.found.with_unknown(_count_unfound(left, self.found))
+        self.whole = _add_unfound(left, len(self.kinds.rooms) - len(left.rooms))
+        self._objects: dict[int, list[SeenObject]] = defaultdict(list)
+        for obj in self.whole.objects:
+            self._objects[obj.room_index].append(obj)
         if before is not None:
-            if before._evidence == self._evidence:
-                self._expectations = before._expectations
             same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
             self._pieces = {node: before._pieces[node] for node in same}
         self._read: dict[Asked, PartialGraph] = {Asked.OWN: self.whole}
@@ -104,12 +117,32 @@ class WeighedGraph:
             self._read[asked] = reclassify(self.whole, self._words.class_map(asked))
         graph = self._read[asked]
         if asked not in self._expectations:
-            self._expectations[asked] = self._words.model(asked)(graph)
+            model = self._words.model(asked)
+            self._expectations[asked] = expect_beside(graph, self.kinds.known, model)
         return graph, self._expectations[asked]
 
-    def expectation(self) -> Expectation:
-        """Return what the building's model believes of the nodes that the robot said."""
-        belief, rooms = self.believe(Asked.OWN)[1], np.arange(1 + len(self.said.rooms))
+    def expect(self, asked: Asked) -> Expectation:
+        """Return what a person would find, by a model and the table of everyday things."""
+        if asked not in self._lifted:
+            graph, belief = self.believe(asked)
+            classes, kinds = self._words.class_map(asked).classes, self.kinds
+            things = list_parts(classes, kinds.table)
+            rates = rate_things([thing for _, thing in things], kinds, graph)
+            least = np.zeros(belief.inputs.shape)
+            np.maximum.at(least.T, [column for column, _ in things], -np.expm1(-rates))
+            is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
+            weight = OF_HOMES * (is_new & (least[0] > 0))
+            hidden = lift(belief.hidden_counts, least, weight=weight)
+            self._lifted[asked] = replace(belief, hidden_counts=hidden)
+        return self._lifted[asked]
+
+    def expectation(self, *, of_homes: bool) -> Expectation:
+        """Return what is believed of the nodes that the robot said, by the building's model.
+
+        `of_homes`: what a person would find, and not what annotators would note.
+        """
+        belief = self.expect(Asked.OWN) if of_homes else self.believe(Asked.OWN)[1]
+        rooms = np.arange(1 + len(self.said.rooms))
         chances = np.zeros(belief.inputs.shape)
         words = {one.meaning.word: one.meaning for one in self.looks}.values()
         own = {m.class_index: m for m in words if m.model == Asked.OWN and m.is_class}
@@ -135,39 +168,35 @@ class WeighedGraph:
 
     def _look_up(self, meaning: Meaning) -> ThingBelief:
         graph = self.whole
-        if meaning.noun is not None:
-            graph, belief = self.believe(self._words.judge)
-            hidden, none = believe_noun(meaning.noun, belief, read_nouns())
-        if meaning.thing is not None:
-            likeness = None if meaning.noun is None else hidden.mean[:, 0]
-            hidden, none = believe_thing(
-                meaning.thing,
-                self.whole,
-                likeness=likeness,
-                part=SHARE_OF_KIND if meaning.kind else 1.0,
-            )
         is_sought = self._words.names(meaning)
-        if meaning.thing is not None or meaning.noun is not None:
-            found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
-        if meaning.class_index is not None and meaning.thing is None:
-            graph, belief = self.believe(meaning.model)
-            counted, of_class = believe_class(belief, meaning.class_index)
-            if meaning.noun is None:
+        found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
+        if meaning.thing is not None:
+            rates = rate_things([meaning.thing], self.kinds, graph)[0]
+            hidden, none = believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
+        elif meaning.class_index is not None:
+            graph = self.believe(meaning.model)[0]
+            hidden, none = believe_class(self.expect(meaning.model), meaning.class_index)
+            if meaning.noun is not None:
+                hidden, none = believe_kind(hidden, self._judge(meaning.noun)[0])
+            else:
                 found = [
                     obj
                     for obj in graph.objects
                     if obj.class_index == meaning.class_index
                     or (obj.class_index is None and is_sought(obj.raw_category))
                 ]
-                hidden, none = counted, of_class
-            else:
-                hidden, none = believe_kind(counted, hidden)
+        else:
+            hidden, none = self._judge(meaning.noun)
         seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
         for obj in found:
             seen[obj.room_index].append(obj)
         searched = np.array([True, *(room.hidden_share == 0 for room in graph.rooms)])
         held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched)
         return held.after(1 - self._overlook(meaning))
+
+    def _judge(self, noun: Noun | None) -> tuple[CountDistribution, float]:
+        assert noun is not None  # a meaning has a thing, a class or a noun
+        return believe_noun(noun, self.believe(self._words.judge)[1], read_nouns())
 
     def _overlook(self, meaning: Meaning) -> Floats:
         """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
@@ -190,10 +219,10 @@ class WeighedGraph:
 
     def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         """Return where in a room a thing may be; None if it stands by itself."""
-        belief = self.believe(Asked.OWN)[1]
+        belief = self.expect(Asked.OWN)
         return furnish(
             meaning.kept_as,
-            self.whole.rooms[node - 1],
+            replace(self.whole.rooms[node - 1], room_type=dict(self.kinds.of(node - 1))),
             self.pieces_of(node),
             classes=self._words.own.classes,
             unseen=belief.presence[node],
@@ -265,13 +294,13 @@ class WeighedGraph:
         return replace(graph, objects=objects)
 
 
-def _count_unfound(graph: PartialGraph) -> int:
+def _count_unfound(graph: PartialGraph, kinds: RoomKinds) -> int:
     """Return how many rooms are not found yet.
 
-    If the graph says only that there are more, it is the mean of the homes that have more rooms
-    than were found, and at least 1.
+    If the graph says only that there are more, or a home has rooms that are not among them, it is
+    the mean of the homes that have more rooms than were found, and at least 1.
     """
-    if graph.more_rooms is not True:
+    if graph.more_rooms is not True and (graph.more_rooms is not None or not kinds.lacks):
         return graph.more_rooms or 0
     found = len(graph.rooms)
     larger = [(rooms - found, homes) for rooms, homes in enumerate(_BUILDINGS) if rooms > found]
@@ -279,9 +308,9 @@ def _count_unfound(graph: PartialGraph) -> int:
     return max(1, round(sum(more * number for more, number in larger) / homes)) if homes else 1
 
 
-def _add_unfound(graph: PartialGraph) -> PartialGraph:
+def _add_unfound(graph: PartialGraph, more: int) -> PartialGraph:
     """Return the graph with the rooms that are not found yet, last, of which nothing is known."""
-    for number in range(1, _count_unfound(graph) + 1):
+    for number in range(1, more + 1):
         unknown = KnownRoom(f"(not found yet: {number})", 1.0, visited=False)
         graph = reports.discover(graph, unknown)
     return graph
