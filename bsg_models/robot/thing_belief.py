@@ -116,21 +116,24 @@ def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution
     return after.with_none_likelier(factor)
 
 
-def lift(hidden: CountDistribution, least: Floats, *, weight: Floats) -> CountDistribution:
+def lift(
+    hidden: CountDistribution, wanted: Floats, *, weight: Floats, least: Floats
+) -> CountDistribution:
     """Return hidden counts on the scale of what a person would find.
 
-    The log odds of the building are mixed with those of another belief, and its rooms are tilted to
+    The log odds of the building are mixed with those that are wanted, and its rooms are tilted to
     them (`bsg_models.zoo.building_tilt`). Then no node is less likely than `least`.
 
     Args:
         hidden: of N nodes and C classes, the building first.
+        wanted: `[C]` P(at least one) of the building.
+        weight: `[C]` of `wanted`, 0 to 1.
         least: `[N, C]` P(at least one) of what each class includes.
-        weight: `[C]` of the building's row of `least`, 0 to 1.
     """
     there = hidden.presence
     rooms, whole = there[1:], there[0].clip(there[1:].max(axis=0, initial=0.0))
     odds = _log_odds(1 - whole)
-    mixed = odds + weight * (_log_odds(1 - least[0]) - odds)
+    mixed = odds + weight * (_log_odds(1 - wanted) - odds)
     scale = untilt(rooms, whole.clip(max=rooms.sum(axis=0)))
     log_none = np.log((1 - scale * rooms).clip(min=_LEAST))
     every = log_none.sum(axis=0)

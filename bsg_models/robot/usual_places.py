@@ -21,6 +21,7 @@ from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing
 from bsg_models.robot.kinds import KindTable, RoomKinds
 
+IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
 _ANYWHERE = 0.03  # share of a thing that is in any room
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
@@ -32,11 +33,21 @@ _NAMED = 0.7  # share of rooms that have the thing in their name, such as a bicy
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
 
 
-def list_parts(classes: Sequence[str], table: KindTable) -> list[tuple[int, Thing]]:
-    """Return the things that classes include, each with the number of its class."""
+def list_parts(
+    classes: Sequence[str], table: KindTable
+) -> tuple[list[tuple[int, Thing]], list[tuple[int, Thing]]]:
+    """Return the things that classes are, and those that annotators overlook, with their classes.
+
+    A class is at least as likely as a mug of its; what is in sight is no likelier than its class.
+    """
     number = {name: index for index, name in enumerate(classes)}
     own = [(index, thing) for index, name in enumerate(classes) if (thing := find_thing(name))]
-    return own + [(number[one.wider], one) for one in table.things if one.wider in number]
+    parts = [
+        (number[one.wider], one)
+        for one in table.things
+        if one.wider in number and one.sight < IN_SIGHT and (number[one.wider], one) not in own
+    ]
+    return own, parts
 
 
 def rate_things(things: Sequence[Thing], kinds: RoomKinds, graph: PartialGraph) -> Floats:

@@ -38,9 +38,10 @@ from bsg_models.robot.thing_belief import (
     lift,
 )
 from bsg_models.robot.unknown_rooms import expect_beside
-from bsg_models.robot.usual_places import OF_HOMES, list_parts, rate_things
+from bsg_models.robot.usual_places import IN_SIGHT, OF_HOMES, list_parts, rate_things
 from bsg_models.robot.words import Asked, Meaning
 
+_SURELY = 1 - 1e-9
 _MOST_SOUGHT = 32  # things of which the belief is remembered
 # Buildings of HM3D's train split (145) by their number of rooms, from 0 on.
 # fmt: off
@@ -126,13 +127,16 @@ class WeighedGraph:
         if asked not in self._lifted:
             graph, belief = self.believe(asked)
             classes, kinds = self._words.class_map(asked).classes, self.kinds
-            things = list_parts(classes, kinds.table)
-            rates = rate_things([thing for _, thing in things], kinds, graph)
-            least = np.zeros(belief.inputs.shape)
-            np.maximum.at(least.T, [column for column, _ in things], -np.expm1(-rates))
+            own, parts = list_parts(classes, kinds.table)
+            homes = -np.expm1(-rate_things([thing for _, thing in own], kinds, graph)[:, 0])
+            wanted, weight = np.zeros(len(classes)), np.zeros(len(classes))
             is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
-            weight = OF_HOMES * (is_new & (least[0] > 0))
-            hidden = lift(belief.hidden_counts, least, weight=weight)
+            columns = [column for column, _ in own]
+            wanted[columns], weight[columns] = homes, OF_HOMES * is_new[columns]
+            least = np.zeros(belief.inputs.shape)
+            rates = rate_things([thing for _, thing in parts], kinds, graph)
+            np.maximum.at(least.T, [column for column, _ in parts], -np.expm1(-rates))
+            hidden = lift(belief.hidden_counts, wanted, weight=weight, least=least)
             self._lifted[asked] = replace(belief, hidden_counts=hidden)
         return self._lifted[asked]
 
@@ -172,6 +176,9 @@ class WeighedGraph:
         found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
         if meaning.thing is not None:
             rates = rate_things([meaning.thing], self.kinds, graph)[0]
+            if meaning.class_index is not None and meaning.thing.sight >= IN_SIGHT:
+                most = self.expect(meaning.model).presence[:, meaning.class_index]
+                rates = np.minimum(rates, -np.log1p(-most.clip(max=_SURELY)))
             hidden, none = believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
         elif meaning.class_index is not None:
             graph = self.believe(meaning.model)[0]
