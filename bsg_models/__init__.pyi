@@ -17,7 +17,7 @@ from .errors import (
 )
 from .inputs.folds import scenes_of
 from .inputs.graphs import read_split, to_pyg
-from .robot.answers import EXPLORE, ExpectedClass, Place, Step
+from .robot.answers import EXPLORE, ExpectedClass, Place, RoomKind, Step
 from .robot.seen_building import SeenBuilding, open_graph
 from .robot.ways import Ways
 from .robot.words import Meaning, set_hidden_shares
@@ -66,6 +66,7 @@ __all__ = [
     "Planner",
     "PredictionError",
     "Predictor",
+    "RoomKind",
     "SeenBuilding",
     "Step",
     "StudyRecipe",

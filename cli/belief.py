@@ -309,7 +309,8 @@ def _encode_room(room: RoomBelief) -> dict[str, Any]:
         {"class": c.name, "presence": round(c.probability, 4), "expected": round(c.expected, 4)}
         for c in room.unseen
     ]
-    return {**room._asdict(), "expected_more": round(room.expected_more, 3), "unseen": unseen}
+    facts = room._asdict() | {"expected_more": round(room.expected_more, 3), "unseen": unseen}
+    return facts | {"kinds": {kind.name: round(kind.probability, 4) for kind in room.kinds}}
 
 
 def _print_rooms(report: BeliefReport) -> None:

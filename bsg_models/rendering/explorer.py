@@ -55,6 +55,7 @@ class ShownBelief:
     belief: BeliefGraph
     truth: npt.NDArray[np.integer] | None = None  # [N, C] counts, the building first
     answer: Mapping[str, Any] | None = None  # the page opens with its first thing picked
+    kinds: Sequence[str] = ()  # that rooms are taken for, with their probability; or empty
 
 
 def write_explorer(views: Sequence[ShownBelief], path: AnyPath) -> None:
@@ -105,7 +106,7 @@ def _encode(view: ShownBelief) -> dict[str, Any]:
         "presence": np.round(belief.presence[nodes], _DIGITS).tolist(),
         "truth": None if view.truth is None else np.asarray(view.truth)[nodes].tolist(),
         "classless": [classless.total(), *(classless[number] for number in rooms)],
-        **_encode_rooms(partial.rooms, rooms),
+        **_encode_rooms(partial.rooms, rooms, kinds=view.kinds or [""] * len(partial.rooms)),
         **dots,
         "adjacency": [
             [place[a], place[b]] for a, b in partial.adjacency if a in place and b in place
@@ -186,7 +187,9 @@ def _note_asked(answers: Iterable[bool]) -> dict[str, Any]:
     return {"asked": asked} if asked else {}
 
 
-def _encode_rooms(rooms: Sequence[KnownRoom], shown: Sequence[int]) -> dict[str, Any]:
+def _encode_rooms(
+    rooms: Sequence[KnownRoom], shown: Sequence[int], *, kinds: Sequence[str]
+) -> dict[str, Any]:
     """Return the shown rooms and where they are drawn: as a plan, and in a row."""
     names = [_name(room) for room in rooms]
     if len(shown) < len(rooms):  # numbered names count the rooms that are left out, too
@@ -203,10 +206,11 @@ def _encode_rooms(rooms: Sequence[KnownRoom], shown: Sequence[int]) -> dict[str,
             "id": room.name,
             "name": drawn_names[drawn.number],
             "visited": room.visited,
+            "kind": kinds[number - 1],
             "share": round(room.hidden_share, _DIGITS),
             "corner": drawn.outline and drawn.outline[0],
         }
-        for room, drawn in zip(kept, known, strict=True)
+        for number, room, drawn in zip(shown, kept, known, strict=True)
     ]
     return {"rooms": encoded, "plan": asdict(plan), "row": asdict(row)}
 

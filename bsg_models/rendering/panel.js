@@ -64,7 +64,8 @@ const Panel = (() => {
     const bare = view.classless[node];
     if (bare) paragraph(side, [amount(bare)], " seen without a class.");
     const share = room ? room.share : view.hidden_share;
-    paragraph(side, room && !room.visited ? "Not visited yet. The expectation follows from the rest of the building and the kind of room, if it was given. Ids and labels are not read."
+    if (room && room.kind) paragraph(side, "Taken for: " + room.kind + ".");
+    paragraph(side, room && !room.visited ? "Not visited yet. The expectation follows from the rest of the building and the kind of room."
       : share === 0 ? "All of it was searched." : "About " + percent(share) + " of its objects are assumed to be unseen.");
     paragraph(side, "Expected by " + (view.model || "an unnamed model") + ".");
   }

@@ -44,6 +44,14 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
+class RoomKind:
+    """A kind that a room may be of."""
+
+    name: str  # a room label
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
 class ExpectedClass:
     """A class of things that a room may hide."""
 

@@ -38,7 +38,10 @@ _HOME = "home"
 _UNSEEN = 0.7  # weight of what was not seen
 _ALIKE = 8.0  # things of a room, beyond which more of them say less
 _BY_HAND = 20.0  # rooms
-_WRONG = 500.0  # labels that are right, for one that is wrong
+_WRONG = 100.0  # labels that are right, for one that is wrong
+# A label is doubted if its kind has less of the likelihood than this, another kind more, and so
+# many things were seen.
+_UNLIKE, _ALIKE_ENOUGH, _TELLING = 0.05, 0.3, 3
 _LEAST, _MOST = 0.02, 0.98  # P(a room has a thing); nothing is impossible
 _FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
 _RARE = 0.01  # rooms of a kind that a building has at least
@@ -110,7 +113,7 @@ class KindTable:
         length = np.linalg.norm(self.shares, axis=0).clip(min=1e-9)
         alike: Floats = self.shares.T @ self.shares / np.outer(length, length)
         np.fill_diagonal(alike, 0.0)
-        return np.where(alike < _HARDLY, 0.0, alike)
+        return np.asarray(np.where(alike < _HARDLY, 0.0, alike))
 
 
 @cache
@@ -192,7 +195,7 @@ class RoomKinds:
         building: `[B]` P(kind of the building).
         known: `[R]` whether anything is known of the room.
         by_things: `[R]` whether nobody says its kind.
-        doubted: label that its things contradict, by room number.
+        doubted: label and the kind of its things, if they contradict it, by room number.
         named: `[R]` things that the name of a room has: the bicycles of a bicycle store.
     """
 
@@ -201,7 +204,7 @@ class RoomKinds:
     building: Floats
     known: Bools
     by_things: Bools
-    doubted: dict[int, str]
+    doubted: dict[int, tuple[str, str]]
     named: tuple[frozenset[str], ...]
 
     def of(self, number: int) -> tuple[tuple[str, float], ...]:
@@ -275,15 +278,24 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         taken = (np.maximum(numbers - others, _AGAIN * numbers) / numbers) ** _TAKEN
         rooms = _normalise(prior * taken * both)
     silent = _normalise(prior * likely)
-    doubted = {
-        number: table.kinds[int(told[number].argmax())]
-        for number in np.flatnonzero(told.max(axis=1, initial=0.0) > SURE)
-        if rooms[number, told[number].argmax()] < SURE < silent[number].max()
-    }
+    doubted = _doubt_labels(told, silent, seen, table)
     left = _missing(table, building, rooms[known].sum(axis=0))
     rooms[~known] = _normalise(left * likely[~known])
     named = tuple(_list_named(room) for room in graph.rooms)
     return RoomKinds(table, rooms, building, known, said == 0, doubted, named)
+
+
+def _doubt_labels(
+    told: Floats, silent: Floats, seen: Sequence[Ints], table: KindTable
+) -> dict[int, tuple[str, str]]:
+    """Return the labels that things contradict, and the kind that these are of, by room number."""
+    doubted = {}
+    for number, (row, things) in enumerate(zip(told, silent, strict=True)):
+        label, kind = int(row.argmax()), int(things.argmax())
+        is_other = things[label] < _UNLIKE < _ALIKE_ENOUGH < things[kind]
+        if row[label] > SURE and is_other and len(seen[number]) >= _TELLING:
+            doubted[number] = table.kinds[label], table.kinds[kind]
+    return doubted
 
 
 def _list_named(room: KnownRoom) -> frozenset[str]:

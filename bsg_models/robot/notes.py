@@ -13,6 +13,7 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
 from bsg_data.scene.things import classify_seen
 from bsg_data.spelling import SHOWN
+from bsg_models.robot.kinds import SURE, RoomKinds
 from bsg_models.robot.ways import list_lost
 from bsg_models.robot.words import find_everyday, find_kind
 from bsg_models.runs.predictor import Predictor
@@ -21,10 +22,14 @@ _MOST_NAMES = 5  # in a note
 _WHOLE = 3  # a building has at least so many rooms, but for odd ones
 
 
-def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
-    """Yield the notes on a graph in the class space of a model."""
+def note_graph(graph: PartialGraph, predictor: Predictor, kinds: RoomKinds) -> Iterator[str]:
+    """Yield the notes on a graph in the class space of a model.
+
+    `kinds` has those of its rooms, and of rooms that are not found yet.
+    """
     yield from _note_names(graph, predictor.class_map)
     yield from note_room_types(graph)
+    yield from _note_kinds(graph, kinds)
     if graph.source is not None and graph.source not in KNOWN_SOURCES:
         known = ", ".join(KNOWN_SOURCES)
         yield f"source {graph.source!r} is read as unknown; models know {known}"
@@ -36,9 +41,15 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
     rooms = [room.label or room.name for room in graph.rooms]
     if lost := [rooms[node - 1] for node in sorted(list_lost(graph))]:
         yield f"{_list(lost)}: neither position nor connection; the planner guesses the way"
-    if not graph.rooms and not graph.objects and not graph.more_rooms:
+    more = len(kinds.rooms) - len(graph.rooms)
+    if not graph.rooms and not graph.objects and not more:
         yield "no rooms yet, so nothing is expected"
-    if 0 < len(graph.rooms) < _WHOLE and graph.more_rooms is None:
+    if more and graph.more_rooms is None:
+        yield (
+            f"{more:,} more rooms are expected, not found yet: a home has a kitchen, a bathroom "
+            "and a bedroom; `more_rooms: 0` says that the map is whole"
+        )
+    elif 0 < len(graph.rooms) < _WHOLE and graph.more_rooms is None:
         yield (
             f"{_list(rooms)}: taken as the whole building; `more_rooms` says that there are rooms "
             "that are not found yet"
@@ -48,6 +59,27 @@ def note_graph(graph: PartialGraph, predictor: Predictor) -> Iterator[str]:
         yield (
             f"{_list(unsaid)}: nothing says how much was seen; assumed {VAGUE} hidden (say "
             "floor_in_view or hidden_share)"
+        )
+
+
+def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
+    """Yield which kinds of rooms were inferred, and which labels their things contradict."""
+    names, read = [], []
+    for number, room in enumerate(graph.rooms):
+        first, *_ = kinds.of(number)
+        if kinds.by_things[number] and kinds.known[number] and first[1] > SURE:
+            names.append(room.label or room.name)
+            read.append(first[0])
+    if names:
+        yield (
+            f"{_list(names)}: read as {_list(read)}, by what was seen; say `room_type` if that is "
+            "wrong"
+        )
+    for number, (label, kind) in kinds.doubted.items():
+        room, (taken, _) = graph.rooms[number], kinds.of(number)[0]
+        yield (
+            f"{room.label or room.name}: called {label}, but its things are those of: {kind}; "
+            f"taken for: {taken}"
         )
 
 

@@ -35,6 +35,7 @@ from bsg_models.robot.answers import (
     ExpectedClass,
     Piece,
     Place,
+    RoomKind,
     Step,
 )
 from bsg_models.robot.decision import (
@@ -101,8 +102,8 @@ class SeenBuilding(ToldBuilding):
     """What a robot has seen of one building; the robot reports to it and asks it.
 
     Reports change this object: `saw`, `gone`, `looked`, `entered`, `searched`, `discovered`,
-    `describe` and `more_rooms`. Questions do not: `where`, `anywhere`, `expected`, `next_room`,
-    `next_rooms`, `explain` and `belief`. The state is one immutable `PartialGraph`. Keep `graph`,
+    `describe` and `more_rooms`. Questions do not: `where`, `anywhere`, `expected`, `kinds`,
+    `next_room`, `next_rooms`, `explain` and `belief`. The state is one immutable `PartialGraph`. Keep `graph`,
     or a `copy`, to ask what-if questions.
 
     A thing is any word. A room is its id, or its label if no other room has it. A word that means
@@ -215,12 +216,22 @@ class SeenBuilding(ToldBuilding):
         return float(self._now.seek(thing).belief.probability[0])
 
     @alone
+    def kinds(self, room: str) -> tuple[RoomKind, ...]:
+        """Return the kinds that a room may be of, the likeliest first.
+
+        They follow from its label and name, from what was seen in it, and from the other rooms.
+        Those below one percent are left out.
+        """
+        found = self._now.kinds.of(find_room(self.graph, room) - 1)
+        return tuple(RoomKind(kind, likely) for kind, likely in found)
+
+    @alone
     def expected(self, room: str) -> tuple[ExpectedClass, ...]:
         """Return the unseen classes that a room may hold, the likeliest first.
 
         Classes below half a percent are left out.
         """
-        node, belief = find_room(self.graph, room), self._now.expectation(of_homes=True)
+        node, belief = find_room(self.graph, room), self._now.expectation()
         presence = belief.presence[node]
         return tuple(
             ExpectedClass(
@@ -430,15 +441,17 @@ class SeenBuilding(ToldBuilding):
         It has as many blind nodes as are expected. `believe` also makes those of the paper's Table
         II: `believe(seen.graph, seen.expectation(), mode="unseen", model=seen.model)`.
         """
-        return believe(self.graph, self._now.expectation(of_homes=True), model=self.model)
+        return believe(self.graph, self._now.expectation(), model=self.model)
 
     @alone
     def expectation(self) -> Expectation:
-        """Return what the model believes of the building and its rooms, `[1 + R, C]`.
+        """Return what is believed of the building and its rooms, `[1 + R, C]`.
 
-        It includes what looks have missed, and in the building what rooms not found yet may hold.
+        It says what a person would find, as all answers do: classes have the rate of homes from the
+        table of everyday things, mixed in. What annotators would note, says `Predictor`. It
+        includes what looks have missed, and in the building what rooms not found yet may hold.
         """
-        return self._now.expectation(of_homes=False)
+        return self._now.expectation()
 
     @alone
     def asked(self, thing: str) -> str:

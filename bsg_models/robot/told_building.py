@@ -104,7 +104,7 @@ class ToldBuilding:
         )
         words = ", ".join(repr(word[:SHOWN]) for word in [*lost][:_LISTED])
         ignored = (f"looks for what {self.model} has no word for are ignored: {words}",)
-        notes = note_graph(self.graph, self._words.own)
+        notes = note_graph(self.graph, self._words.own, self._now.kinds)
         return (*self._notes, *notes, *(ignored if lost else ()))
 
     @property

@@ -69,8 +69,7 @@ class WeighedGraph:
         said: the graph as the robot said it.
         whole: the same without what looks exclude, and with the rooms that are not found yet.
         looks: that missed, of which the thing is known.
-        found: kinds of the rooms that the robot said.
-        kinds: these, and those of the rooms that are not found yet.
+        kinds: those of the rooms of `whole`.
     """
 
     def __init__(
@@ -91,12 +90,13 @@ class WeighedGraph:
         self._expectations: dict[Asked, Expectation] = {}
         self._lifted: dict[Asked, Expectation] = {}
         self._pieces: dict[int, SeenPieces] = {}
+        self.kinds: RoomKinds
         if before is not None and before._evidence == self._evidence:
             self._expectations, self._lifted = before._expectations, before._lifted
-            self.found, self.kinds = before.found, before.kinds
+            self.kinds = before.kinds
         else:
-            self.found = infer_kinds(left, words.kinds)
-            self.kinds = self.found.with_unknown(_count_unfound(left, self.found))
+            found = infer_kinds(left, words.kinds)
+            self.kinds = found.with_unknown(_count_unfound(left, found))
         self.whole = _add_unfound(left, len(self.kinds.rooms) - len(left.rooms))
         self._objects: dict[int, list[SeenObject]] = defaultdict(list)
         for obj in self.whole.objects:
@@ -140,13 +140,9 @@ class WeighedGraph:
             self._lifted[asked] = replace(belief, hidden_counts=hidden)
         return self._lifted[asked]
 
-    def expectation(self, *, of_homes: bool) -> Expectation:
-        """Return what is believed of the nodes that the robot said, by the building's model.
-
-        `of_homes`: what a person would find, and not what annotators would note.
-        """
-        belief = self.expect(Asked.OWN) if of_homes else self.believe(Asked.OWN)[1]
-        rooms = np.arange(1 + len(self.said.rooms))
+    def expectation(self) -> Expectation:
+        """Return what is believed of the nodes that the robot said, by the building's model."""
+        belief, rooms = self.expect(Asked.OWN), np.arange(1 + len(self.said.rooms))
         chances = np.zeros(belief.inputs.shape)
         words = {one.meaning.word: one.meaning for one in self.looks}.values()
         own = {m.class_index: m for m in words if m.model == Asked.OWN and m.is_class}

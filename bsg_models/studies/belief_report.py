@@ -28,8 +28,8 @@ from bsg_models.belief.formats import FormatRow, choose_format, write_beliefs
 from bsg_models.belief.graph_file import GraphFile
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.rendering.explorer import ShownBelief, write_explorer
-from bsg_models.robot.answers import ExpectedClass
-from bsg_models.robot.notes import note_graph
+from bsg_models.robot.answers import ExpectedClass, RoomKind
+from bsg_models.robot.kinds import SURE
 from bsg_models.robot.seen_building import SeenBuilding
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
@@ -63,6 +63,7 @@ class RoomBelief(NamedTuple):
     seen: int  # number of classified objects seen
     expected_more: float  # number of hidden objects
     unseen: tuple[ExpectedClass, ...]  # classes not seen in the room, the likeliest first
+    kinds: tuple[RoomKind, ...]  # that the room may be of; none of a room of a dataset
 
 
 class BeliefReport(NamedTuple):
@@ -111,15 +112,20 @@ def report_beliefs(
     rooms: list[RoomBelief] = []
     number = blind = 0
 
+    notes: list[tuple[str, ...]] = []
+
     def believe_all() -> Iterator[BeliefGraph]:
         nonlocal number, blind
-        for graph, truth, expectation in _ask_all(request, predictor, wanted):
+        for asked in _ask_all(request, predictor, wanted):
+            graph, expectation = asked.graph, asked.expectation
             belief = believe(
                 graph, expectation, mode=request.mode, top=request.top, model=predictor.name
             )
             if number < MOST_HELD:
-                views.append(ShownBelief(belief, truth, answer=request.answer))
-            rooms.extend(_describe_rooms(graph, expectation, request.top))
+                kinds = tuple(_say_kind(one) for one in asked.kinds)
+                views.append(ShownBelief(belief, asked.truth, answer=request.answer, kinds=kinds))
+                notes.append(asked.notes)
+            rooms.extend(_describe_rooms(asked, request.top))
             number, blind = number + 1, blind + len(belief.blind)
             yield belief
             if progress:
@@ -134,23 +140,38 @@ def report_beliefs(
             if (row, path) != streamed:
                 _write(row, staged[path], request, views)
     graphs = tuple(view.belief for view in views)
-    notes = tuple(
-        (*file.notes, *note_graph(belief.partial, predictor))
-        for file, belief in zip(request.graphs, graphs, strict=False)
-    )
-    return BeliefReport(predictor.name, notes, graphs, number, blind, tuple(rooms))
+    return BeliefReport(predictor.name, tuple(notes), graphs, number, blind, tuple(rooms))
+
+
+class _Asked(NamedTuple):
+    """A graph, and what is believed of it."""
+
+    graph: PartialGraph
+    expectation: Expectation
+    truth: Counts | None = None  # of a masked building
+    kinds: tuple[tuple[RoomKind, ...], ...] = ()  # by room, of a robot's graph
+    notes: tuple[str, ...] = ()
 
 
 def _ask_all(
     request: BeliefRequest, predictor: Predictor, wanted: frozenset[str]
-) -> Iterator[tuple[PartialGraph, Counts | None, Expectation]]:
-    """Yield the graphs with their truth, if known, and what the model believes."""
+) -> Iterator[_Asked]:
+    """Yield the graphs, and what is believed: of masked buildings, what annotators would note."""
     for file in request.graphs:
-        seen = SeenBuilding(reclassify(file.graph, predictor.class_map), predictor)
-        yield seen.graph, None, seen.expectation()
+        graph = reclassify(file.graph, predictor.class_map)
+        seen = SeenBuilding(graph, predictor, notes=file.notes)
+        kinds = tuple(seen.kinds(room) for room in seen.rooms)
+        yield _Asked(seen.graph, seen.expectation(), kinds=kinds, notes=seen.notes)
     if request.dataset is not None:
         for graph, truth in mask_dataset(request.dataset, wanted, request.mask):
-            yield graph, truth, predictor(graph, withheld=list_withheld(request.mask, graph))
+            believed = predictor(graph, withheld=list_withheld(request.mask, graph))
+            yield _Asked(graph, believed, truth)
+
+
+def _say_kind(kinds: Sequence[RoomKind]) -> str:
+    """Say which kind a room is taken for; empty if none is likelier than all others."""
+    first = next((one for one in kinds if one.probability > SURE), None)
+    return "" if first is None else f"{first.name} ({first.probability:.0%})"
 
 
 def _choose_scenes(request: BeliefRequest) -> frozenset[str]:
@@ -190,9 +211,8 @@ def _choose_streamed(
     return many[0] if many else None
 
 
-def _describe_rooms(
-    graph: PartialGraph, expectation: Expectation, top: int
-) -> Iterator[RoomBelief]:
+def _describe_rooms(asked: _Asked, top: int) -> Iterator[RoomBelief]:
+    graph, expectation = asked.graph, asked.expectation
     ranked, classes = rank_unseen(expectation, top), graph.class_space.classes
     presence, hidden = expectation.presence, expectation.hidden
     for number, room in enumerate(graph.rooms, 1):
@@ -206,6 +226,7 @@ def _describe_rooms(
             seen=int(expectation.inputs[number].sum()),
             expected_more=float(hidden[number].sum()),
             unseen=tuple(unseen),
+            kinds=asked.kinds[number - 1] if asked.kinds else (),
         )
 
 

@@ -297,8 +297,13 @@ class Robot:
         return describe_place(self.seen, said.thing, here=here, **asked)
 
     def expected(self, said: Expected) -> Answer:
-        """Answer what a room may hold, the likeliest first."""
-        return {"room": said.room, "expected": [*map(asdict, self.seen.expected(said.room))]}
+        """Answer what a room may hold, and of which kind it may be, the likeliest first."""
+        expected, kinds = self.seen.expected(said.room), self.seen.kinds(said.room)
+        return {
+            "room": said.room,
+            "kinds": [*map(asdict, kinds)],
+            "expected": [*map(asdict, expected)],
+        }
 
 
 def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:

@@ -222,6 +222,10 @@ class Content(Record):
 
     room: Annotated[str, Field(description="Its id; or the name that was asked for.")]
     label: str | None
+    kinds: Annotated[
+        tuple[bsg_models.RoomKind, ...],
+        Field(description="Kinds that the room may be of, the likeliest first."),
+    ]
     expected: Annotated[
         tuple[bsg_models.ExpectedClass, ...],
         Field(
@@ -329,6 +333,7 @@ class Service:
             Content(
                 room=room,
                 label=known.get(room),
+                kinds=seen.kinds(room),
                 expected=seen.expected(room)[: asked.most or MOST_CLASSES],
             )
             for room in rooms
