@@ -24,6 +24,7 @@ from bsg_cli.options import (
     model_option,
     number_option,
     refuse_unused,
+    room_labels_option,
     search_options,
     split_option,
 )
@@ -36,7 +37,10 @@ if TYPE_CHECKING:
 
 _MOST_ROWS = 60
 _MANIFEST = "dataset.json"  # in every dataset; the module that defines it is slow to import
-_OF_DATASET, _OF_GRAPH = ("split", "scene", "mask", "fraction"), ("labels", "shares", "find")
+_OF_DATASET, _OF_GRAPH = (
+    ("split", "scene", "mask", "fraction"),
+    ("labels", "room_labels", "shares", "find"),
+)
 _OF_SEARCH = ("here", "robots", "looks", "chance", "task")
 _PAGES = (".html", ".htm")
 
@@ -48,6 +52,7 @@ _PAGES = (".html", ".htm")
 @click.option("--scene", help="Of a DATASET: only this building.")
 @mask_options("Of a DATASET: how to hide objects.", "Of a DATASET: share of the objects to hide.")
 @click.option("--labels", metavar="SPACE", help="Label space of Hydra: mpcat40, ade20k, or a file.")
+@room_labels_option
 @click.option(
     "--hidden-share",
     "shares",
@@ -123,10 +128,10 @@ def main(
     pages = [path for path in options["out"] if path.suffix.casefold() in _PAGES]
     if shows and not pages:
         raise click.UsageError("--open shows a page; add --out FILE.html")
-    model, labels = options.pop("model"), options.pop("labels")
+    model, labels, own = (options.pop(name) for name in ("model", "labels", "room_labels"))
     shares = _read_shares(options.pop("shares"))
     graphs = () if dataset is not None else paths
-    files = [_open_graph(path, labels, shares) for path in graphs]
+    files = [_open_graph(path, labels, own, shares) for path in graphs]
     note = _say_nothing if quiet else print_note
     if model is None:
         model = bsg_models.DEFAULT_MODEL
@@ -240,12 +245,14 @@ def _ask(
     return find_things(seen, tuple(dict.fromkeys(things)), as_json=as_json, note=note, **search)
 
 
-def _open_graph(path: Path, labels: str | None, shares: dict[str, Any]) -> GraphFile:
+def _open_graph(
+    path: Path, labels: str | None, own: Path | None, shares: dict[str, Any]
+) -> GraphFile:
     """Read a robot's graph once, before models are imported, which is slow."""
     from bsg_models.belief.graph_file import open_graph_file
     from bsg_models.robot.words import set_hidden_shares
 
-    file = open_graph_file(path, labels=labels)
+    file = open_graph_file(path, labels=labels, room_labels=own)
     return replace(file, graph=set_hidden_shares(file.graph, **shares))
 
 

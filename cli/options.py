@@ -71,6 +71,11 @@ class_map_option = click.option(
     help="A published version, or the path of your own NAME.csv.",
     shell_complete=complete_class_map,
 )
+room_labels_option = click.option(
+    "--room-labels",
+    type=PATH,
+    help="CSV source_label,label: what words for rooms mean that we do not know.",
+)
 
 
 workers_option = click.option(

@@ -29,7 +29,7 @@ from pydantic import (
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import count_cells, find_columns, to_histograms
 from bsg_data.errors import RecipeError
-from bsg_data.inputs.bounds import MAX_CORNERS
+from bsg_data.inputs.bounds import MAX_CORNERS, MAX_UNREAD
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import View
@@ -100,6 +100,7 @@ StrictFraction = Annotated[float, Field(ge=0, le=1, strict=True)]
 Score = Annotated[float, Number, Field(ge=0, le=1)]
 Hours = Annotated[float, Number, Field(ge=0, le=1e6)]
 Stay = Annotated[float, Number, Field(gt=0, le=1e9)]
+Unread = Annotated[tuple[Text, ...], Field(max_length=MAX_UNREAD)]
 MoreRooms = Annotated[
     int | None,
     PlainValidator(check_more_rooms),
@@ -158,9 +159,10 @@ class KnownRoom:
         footprint: corners (x, y) from above, metres; None if unknown.
         floor_index: storey, 0 at the bottom; None if unknown.
         floor_area: square metres; None: take it from footprint or box, if any.
-        room_type: one of `list_room_labels()`, or several with probabilities. Models read it. None
+        room_type: one of `list_all_labels()`, or several with probabilities. Models read it. None
             if unknown.
         hidden_share_sd: standard deviation of the hidden share; 0 if it is certain.
+        unread: words for its type that nobody could read; they say nothing.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
@@ -176,6 +178,7 @@ class KnownRoom:
     floor_area: Annotated[float, Number, Field(gt=0, le=MAX_FLOOR_AREA)] | None = None
     room_type: Annotated[RoomType | None, PlainValidator(check_room_type)] = None
     hidden_share_sd: StrictFraction = 0.0
+    unread: Unread = ()
 
     @property
     def share(self) -> ShareBelief:
@@ -220,7 +223,7 @@ class PartialGraph:
         rooms: the rooms, in the order of their indices 1..R.
         objects: the seen objects, in any order.
         adjacency: pairs of indices of connected rooms, ascending.
-        building_kind: one of `BUILDING_KINDS`; None if unknown.
+        building_kind: one of `SAID_KINDS`; None if unknown.
         source: kind of source with the same names and counting of objects, e.g. `hm3d`; None if
             unknown.
         detector: the words that the robot's detector knows, each with its class, None for one
@@ -231,6 +234,8 @@ class PartialGraph:
         more_rooms: number of rooms that are not found yet; True for as many as homes have; None if
             nobody says: then none are expected.
         stays: hours after which half of the things are elsewhere; None if unknown.
+        room_labels: the user's words for rooms, each with its label; None for no kind of room.
+        unread: words for the kind of building that nobody could read; they say nothing.
     """
 
     scene_id: str
@@ -245,6 +250,8 @@ class PartialGraph:
     looks: tuple[Look, ...] = ()
     more_rooms: int | None = None
     stays: float | None = None
+    room_labels: tuple[tuple[str, str | None], ...] = ()
+    unread: tuple[str, ...] = ()
 
     def share_with(self, shares: Sequence[float]) -> float:
         """Return the hidden share of the building if its rooms have these shares, `[R]`.

@@ -76,6 +76,7 @@ from bsg_data.observation.partial_graph import (
     Stay,
     StrictFraction,
     Text,
+    Unread,
     spell_id,
 )
 from bsg_data.observation.reports import LOOK_CHANCE, say_score
@@ -83,26 +84,32 @@ from bsg_data.recipes import SaidRecord
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import (
+    NO_KIND,
+    RoomReader,
     RoomType,
     Understood,
-    explain_label,
+    check_own_label,
     explain_rules,
     is_name,
+    known_label,
     label_of,
-    list_unknown,
+    list_labels,
     name_nearest,
-    read_room,
+    normalise_room,
+    read_room_type,
 )
 from bsg_data.scene.surroundings import (
     BUILDING_KINDS,
+    SAID_KINDS,
     area_of,
-    check_building_kind,
+    find_building_kind,
     guess_building_kind,
 )
 from bsg_data.scene.things import classify_seen
 from bsg_data.scene.vocabularies import vocabulary_words
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
+OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
 _MOST_WORDS = 5  # named in a note
 _MOST_HIDDEN = 0.99  # of a room that shows something, though all of it is said to be hidden
 _ENTRIES = {
@@ -218,12 +225,13 @@ def _count_parts(rooms: Any) -> Any:
     listed = [room for room in rooms if isinstance(room, dict)] if _is_list(rooms) else []
     corners = sum(len(one) for room in listed if _is_list(one := room.get("footprint")))
     _require_few(corners, MAX_ALL_CORNERS, "corners of all footprints together")
-    types = [room.get("room_type") for room in listed]
-    labels = sum(len(one) for one in types if isinstance(one, dict))
+    types = [room.get(key) for room in listed for key in ("room_type", "unread")]
+    labels = sum(len(one) for one in types if isinstance(one, dict | list))
     _require_few(labels, MAX_ROBOT_TYPES, "labels of all room types together")
     kinds: set[str] = set()
     for one in types:
-        kinds.update([one] if isinstance(one, str) else one if isinstance(one, dict) else ())
+        words = [one] if isinstance(one, str) else one if isinstance(one, dict | list) else ()
+        kinds.update(word for word in words if isinstance(word, str))
     _require_few(len(kinds), MAX_ROBOT_KINDS, "different labels of room types")
     return rooms
 
@@ -254,6 +262,17 @@ def _count_things(looks: Any) -> Any:
     return looks
 
 
+def _count_own(said: Any) -> Any:
+    """Refuse a table of too many words for rooms."""
+    if isinstance(said, dict):
+        _require_few(len(said), MAX_ROBOT_WORDS, "words for rooms")
+    return said
+
+
+def _check_own(said: Mapping[str, str | None]) -> Mapping[str, str | None]:
+    return {word: check_own_label(word, label) for word, label in said.items()}
+
+
 def _is_list(said: Any) -> TypeGuard[list[Any] | tuple[Any, ...]]:
     return isinstance(said, list | tuple)
 
@@ -268,7 +287,7 @@ class _Graph(SaidRecord):
     version: Annotated[Literal[1], Number] = 1
     scene_id: Id
     hidden_share: StrictFraction | None = None
-    building_kind: Annotated[Text | None, AfterValidator(check_building_kind)] = None
+    building_kind: Text | None = None
     source: Id | None = None
     rooms: Annotated[
         Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS), BeforeValidator(_count_parts)
@@ -284,6 +303,12 @@ class _Graph(SaidRecord):
     ] = ()
     more_rooms: MoreRooms = None
     stays: Stay | None = None
+    room_labels: Annotated[
+        Keyed[Annotated[Text, Field(min_length=1)], Text | None],
+        BeforeValidator(_count_own),
+        AfterValidator(_check_own),
+    ] = Field(default_factory=dict)
+    unread: Unread = ()
 
 
 _ID_KEYS = {"rooms": ("id",), "objects": ("id", "room", "on"), "looks": ("room", "at")}
@@ -298,7 +323,10 @@ _KEYS = {
 
 
 def read_robot_graph(
-    path: AnyPath, *, class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP
+    path: AnyPath,
+    *,
+    class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
+    room_labels: OwnLabels = (),
 ) -> PartialGraph:
     """Read a partial graph from a JSON file.
 
@@ -308,17 +336,23 @@ def read_robot_graph(
     Args:
         path: the file.
         class_map: a published version, the path of your own NAME.csv, or a loaded map.
+        room_labels: your words for rooms, each with its label, as `read_room_words` reads them;
+            they count before those of the file.
 
     Raises:
         RobotGraphError: naming the file, the entry, and what was expected there.
     """
     path = Path(path)
     said = read_json(path, ROBOT, error=RobotGraphError)
-    return parse_robot_graph(said, path=path, class_map=class_map)
+    return parse_robot_graph(said, path=path, class_map=class_map, room_labels=room_labels)
 
 
 def parse_robot_graph(
-    said: Any, *, path: Path, class_map: AnyPath | ClassMap | ClassSpace = DEFAULT_CLASS_MAP
+    said: Any,
+    *,
+    path: Path,
+    class_map: AnyPath | ClassMap | ClassSpace = DEFAULT_CLASS_MAP,
+    room_labels: OwnLabels = (),
 ) -> PartialGraph:
     """Return the partial graph in a robot's JSON document; see `read_robot_graph`.
 
@@ -331,8 +365,9 @@ def parse_robot_graph(
         document = _find_partial(said, path)
         if isinstance(by, ClassSpace):  # as it was understood before
             return _assemble(_Graph.model_validate(document), by)
-        document = _tidy(document, path)
-        return understand_rooms(_assemble(_Graph.model_validate(document), by))
+        graph = _assemble(_Graph.model_validate(_tidy(document, path)), by)
+        own = dict(graph.room_labels) | dict(room_labels)
+        return understand_rooms(replace(graph, room_labels=tuple(own.items())))
     except ValidationError as error:
         why = _explain(error, document)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
@@ -487,6 +522,8 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         looks=looks,
         more_rooms=document.more_rooms,
         stays=document.stays,
+        room_labels=tuple(document.room_labels.items()),
+        unread=document.unread,
         detector=None
         if document.detector is None
         else tuple(
@@ -642,6 +679,10 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
         ],
         "adjacency": [[names[a - 1], names[b - 1]] for a, b in graph.adjacency],
     }
+    if graph.room_labels:
+        said["room_labels"] = dict(graph.room_labels)
+    if graph.unread:
+        said["unread"] = [*graph.unread]
     if graph.looks:
         said["looks"] = [
             {"room": names[one.room_index - 1], "thing": one.thing, "chance": one.chance}
@@ -654,9 +695,10 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 
 
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
-    said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS)}
+    said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS) if name != "unread"}
     said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
     said["room_type"] = _plain(room.room_type)
+    said |= {"unread": [*room.unread]} if room.unread else {}
     return {"id": room.name, **said}
 
 
@@ -672,26 +714,45 @@ def list_unmapped(graph: PartialGraph) -> dict[str, int]:
     return dict(Counter(obj.raw_category for obj in graph.objects if obj.category is None))
 
 
+def room_reader(graph: PartialGraph) -> RoomReader:
+    """Return what reads the names of a graph's rooms."""
+    return RoomReader(graph.room_labels, graph.building_kind)
+
+
 def understand_rooms(graph: PartialGraph) -> PartialGraph:
-    """Return a graph whose rooms have the kinds that their names say, if nothing else says one.
+    """Return a graph with what is said of its rooms and its kind in words that are known.
 
-    Where nobody says the kind of the building, the rooms tell it: see `guess_building_kind`.
+    The name of a room says its kind if nothing else does. Where nobody says the kind of the
+    building, the rooms tell it: see `guess_building_kind`. A word that nobody can read says
+    nothing; it stays in `unread`.
     """
-    rooms = tuple(_understand(room) for room in graph.rooms)
-    kind = graph.building_kind
-    if kind is None or isinstance(kind, Understood):
-        kind = guess_building_kind(map(_list_names, rooms))
-    return replace(graph, rooms=rooms, building_kind=kind)
+    said = graph.building_kind
+    is_guessed = isinstance(said, Understood) and said.by_name
+    word = None if is_guessed else said.said if isinstance(said, Understood) else said
+    kind = None if word is None else find_building_kind(word)
+    is_unread = word is not None and kind is None and normalise_room(word) not in NO_KIND
+    rooms = _read_rooms(graph.rooms, RoomReader(graph.room_labels, kind))
+    if kind is None and (kind := guess_building_kind(map(_list_names, rooms))):
+        rooms = _read_rooms(rooms, RoomReader(graph.room_labels, kind))
+    unread = (str(word),) if is_unread else graph.unread
+    return replace(graph, rooms=rooms, building_kind=kind, unread=unread)
 
 
-def _understand(room: KnownRoom) -> KnownRoom:
-    known = room.room_type
-    if known is not None and not (isinstance(known, Understood) and known.by_name):
-        return room
-    for name in filter(None, (room.label, room.name)):
-        if label := label_of("any", name):
-            return replace(room, room_type=Understood(label, name, by_name=True))
-    return room
+def _read_rooms(rooms: Sequence[KnownRoom], read: RoomReader) -> tuple[KnownRoom, ...]:
+    return tuple(_understand(room, read) for room in rooms)
+
+
+def _understand(room: KnownRoom, read: RoomReader) -> KnownRoom:
+    said = room.room_type
+    by_name = isinstance(said, Understood) and said.by_name
+    found = read_room_type(None if by_name else said, read=read)
+    kind = found.labels
+    for name in filter(None, (room.label, room.name) if kind is None else ()):
+        known = read(name)
+        if known.label:
+            kind = Understood(known.label, name, rule=known.rule, by_name=True)
+            break
+    return replace(room, room_type=kind, unread=found.unread or room.unread)
 
 
 def _list_names(room: KnownRoom) -> list[str]:
@@ -708,32 +769,38 @@ def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
 
 def note_rooms(rooms: Sequence[KnownRoom]) -> Iterator[str]:
     """Yield how the names and types of rooms are read, where that is not plain."""
-    kinds = [room.room_type for room in rooms if isinstance(room.room_type, Understood)]
-    plain = [one.said for one in kinds if one.by_name and not read_room(one.said).rule]
-    if plain:
-        yield f"{_list(plain)}: read as the kinds that their names say"
+    labels = [label for room in rooms for label in list_labels(room.room_type)]
+    named = [one for one in labels if isinstance(one, Understood) and one.by_name and not one.rule]
+    if named:
+        yield f"{_list([one.said for one in named])}: read as the kinds that their names say"
     rules: dict[str, str] = {}
-    types: dict[str, None] = {}
     for room in rooms:
         rules.update(explain_rules(room.room_type))
-        types.update(dict.fromkeys(list_unknown(room.room_type)))
     if rules:
         made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
         yield f"kinds of rooms read by a rule: {_list(made)}"
-    silent = [room.label or room.name for room in rooms if room.room_type is None]
-    if dark := [*dict.fromkeys(filter(is_name, silent))]:
-        near = _list(dark, lambda name: f"{name[:SHOWN]}{name_nearest(name)}")
+    silent = (room.label or room.name for room in rooms if room.room_type is None)
+    unread = dict.fromkeys(word for room in rooms for word in room.unread)
+    if dark := [*(unread | dict.fromkeys(filter(is_name, silent)))]:
+        near = _list(dark, lambda name: f"{name[:SHOWN]!r}{name_nearest(name)}")
         yield f"{near}: kind of room unknown; say `room_type`"
-    if types:
-        read_as = _list([*types], lambda word: f"{word[:SHOWN]!r} as {explain_label(word)}")
+    if wider := [*dict.fromkeys(one for one in labels if known_label(one) != one)]:
+        read_as = _list(wider, lambda label: f"{str(label)!r} as {known_label(label)}")
         yield f"room types that models do not know are read: {read_as}"
 
 
 def note_building(graph: PartialGraph) -> Iterator[str]:
     """Yield how the kind of a building was guessed, and whether models know it."""
     kind = graph.building_kind
+    if graph.unread:
+        words = _list(graph.unread, lambda word: repr(word[:SHOWN]))
+        yield f"{words}: kind of building unknown; known are {', '.join(SAID_KINDS)}"
     if isinstance(kind, Understood):
-        yield f"building kind taken for `{kind}`, by {kind.said}; say `building_kind` to correct it"
+        how = "by" if kind.by_name else "for it is called"
+        yield (
+            f"building kind taken for `{kind}`, {how} {kind.said[:SHOWN]}; say `building_kind` to "
+            "correct it"
+        )
     if kind and kind not in BUILDING_KINDS:
         yield f"building kind `{kind}`: no model was taught it; they read it as unknown"
 

@@ -4,7 +4,10 @@
 everyday words and count for every source. A row without a label marks a word that names no kind of
 room. Models were trained with the labels of `list_room_labels`; a row of the source `nearest` has
 the one of these by which they read another, such as an infirmary for an examination room. A row of
-the source `building` has the kind of building that a room tells.
+the source `building` has the kind of building that a room tells, one of the source `kind` what a
+word for a building means. Rows of a kind of building, such as `hotel`, count in these buildings
+before those of `any`; `#` stands there for a number of three or four digits. Rows of `real` are
+words of English that are no typo of a word for a room.
 """
 
 from __future__ import annotations
@@ -13,10 +16,10 @@ import math
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from itertools import chain
+from functools import cache, cached_property, lru_cache
+from itertools import chain, islice
 from typing import Literal
 
 import numpy as np
@@ -24,23 +27,24 @@ import numpy.typing as npt
 
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import read_number
-from bsg_data.scene.class_map import load_class_map, normalise_names
+from bsg_data.scene.class_map import load_class_map, normalise_names, read_real_words
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.spelling import nearest_names, show_value
+from bsg_data.spelling import ask_if_meant, nearest_names, show_value
 
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
-RoomRule = Literal["head noun", "misspelt"]  # that a reader should know of
+RoomRule = Literal["head noun", "first words", "misspelt"]  # that a reader should know of
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
 NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
 _FILE = "room-labels-v3.csv"
-_ANY_SOURCE, _NEAREST, _BUILDING = "any", "nearest", "building"
+_ANY_SOURCE, _NEAREST, _BUILDING, _KIND = "any", "nearest", "building", "kind"
 _NUMBER = re.compile(r"[\s#]*[0-9]+$")
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
 _MOST_LABELS = 1000  # of one room
 _LONGEST = 100  # characters of a name that rules read
-_HEAD = 3  # last words of a longer name that may be a kind of room
+_HEAD = 3  # first or last words of a longer name that may be a kind of room
 # Letters of a name from which one may be missing, too many or misplaced, and from which another.
 _MENDED, _REPLACED = 6, 7
+_MISSPELT = 5  # letters of the word in it that is wrong: a shorter one is rather another word
 _MARKS = re.compile(r"['’ʼ`´]|(?<=\b\w)\.|[\u0300-\u036f]")  # of possession, short forms, accents
 _HUMP = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])")
 _WORDS = re.compile(r"\d+(?:st|nd|rd|th)\b|[^\W\d_]+")
@@ -59,10 +63,22 @@ _BEHIND = re.compile(
 )
 # Words of any room, which do not name its kind.
 _NO_NAMES = re.compile("area|cell|node|place|region|room|segment|space|zone")
-# Words for rooms that other things end with, too: a towel bar, a cassette deck, a cold store.
+# Words for rooms that other things begin or end with, too: a towel bar, a cassette deck.
 _NO_HEADS = re.compile(
-    "bar|bath|chemist|child|deck|den|exam|kid|living|market|master|meeting|record|salon|shop|store"
-    "|suite|surgery"
+    "bad|bar|bath|bureau|cave|chemist|child|deck|den|exam|kid|living|market|master|meeting|record"
+    "|salon|shop|store|suite|surgery"
+)
+_HOUSE_NUMBER = re.compile(r"\s*\d{3,4}\s*")  # of a room of a hotel
+_POSSESSOR = re.compile(r"\b([^\W\d_]{2,})['’´`]s\b")
+_OWNED = ("bedroom", "child's bedroom", "office")
+_AFTER_KIND = re.compile(r"[\W\d_]*([A-Z][^\W\d_]{2,})[\W_]*")  # Emma, in "Bedroom - Emma"
+# People and animals of any name, of whom more than one may own a thing.
+_NO_OWNERS = re.compile(
+    "baby|bird|boy|cat|chef|child|children|cleaner|customer|doctor|dog|driver|everybody|everyone|gent"
+    "|gentlemen|girl|guest|he|here|horse|how|it|janitor|kid|lady|ladies|let|man|manager|master|men"
+    "|nurse|owner|parent|patient|people|pet|player|porter|resident|servant|she|somebody|someone"
+    "|staff|student|teacher|teenager|that|there|today|toddler|visitor|what|where|who|woman|women"
+    "|worker"
 )
 
 
@@ -79,13 +95,24 @@ class Understood(str):
     """A label, or a kind of building, with what it was read from. Only notes read that."""
 
     said: str  # a word, a name, or names
+    rule: RoomRule | None
     by_name: bool  # the name of a room said it, and not its `room_type`
 
-    def __new__(cls, label: str, said: str = "", *, by_name: bool = False) -> Understood:
+    def __new__(
+        cls, label: str, said: str = "", *, rule: RoomRule | None = None, by_name: bool = False
+    ) -> Understood:
         """Add to a label what it was read from."""
         made = super().__new__(cls, label)
-        made.said, made.by_name = said, by_name
+        made.said, made.rule, made.by_name = said, rule, by_name
         return made
+
+
+@dataclass(frozen=True, slots=True)
+class ReadType:
+    """What was read of the type of a room."""
+
+    labels: RoomType | None  # common labels; None if it says nothing
+    unread: tuple[str, ...] = ()  # its words that name no known kind of room
 
 
 def label_of(source: str, source_label: str | None) -> str | None:
@@ -97,27 +124,86 @@ def label_of(source: str, source_label: str | None) -> str | None:
     return None if source_label is None else read_room(source_label, source=source).label
 
 
+@dataclass(frozen=True)
+class RoomReader:
+    """How the rooms of one building are read.
+
+    Attributes:
+        own: words of the user, each with its label, None for no kind of room; as written, or else
+            in any case and without a number.
+        kind: kind of the building; None if it is unknown.
+    """
+
+    own: tuple[tuple[str, str | None], ...] = ()
+    kind: str | None = None
+
+    def __call__(self, name: str) -> ReadRoom:
+        """Read the name of a room: by the user's words, else by ours."""
+        word = self.find_own(name)
+        if word is not None:
+            return ReadRoom(self._labels[word], word)
+        return read_room(name, source=self.kind or _ANY_SOURCE)
+
+    def find_own(self, name: str) -> str | None:
+        """Return the user's word that a name is; None if the user lists none."""
+        if not self.own:
+            return None
+        return next((one for one in (name, normalise_room(name)) if one in self._labels), None)
+
+    @cached_property
+    def _labels(self) -> dict[str, str | None]:
+        """The label of each word, and of each other spelling that has one alone."""
+        spoken: dict[str, set[str | None]] = {}
+        for word, label in self.own:
+            spoken.setdefault(normalise_room(word), set()).add(label)
+        clear = {word: labels.pop() for word, labels in spoken.items() if word and len(labels) == 1}
+        return {**clear, **dict(self.own)}
+
+
+def check_own_label(word: str, label: str | None) -> str | None:
+    """Return the label that a user gives a word; None if the word names no kind of room.
+
+    Raises:
+        RecipeError: if the label is none of ours.
+    """
+    meant = label_of(_ANY_SOURCE, label)
+    if not label or meant == label:
+        return label or None
+    near = f"did you mean {meant}?" if meant else ask_if_meant(label, list_all_labels())
+    hint = near or f"known are {', '.join(list_all_labels())}"
+    raise RecipeError(
+        f"expected a label that we know for {show_value(word)}, or none if it names no kind of "
+        f"room; found {show_value(label)}; {hint}",
+        code="room-label-unknown",
+    )
+
+
 @lru_cache(maxsize=20_000)
 def read_room(name: str, *, source: str = _ANY_SOURCE) -> ReadRoom:
     """Read the name of a room; every name is read here.
 
-    The rows of the kind of source count first, exactly as written: in Matterport3D `b` is a bedroom
-    and `B` a bar. Then everyday words count, in any spelling: with a number, in the plural, joined.
-    Then the last words of a name, and at last a word with one wrong letter.
+    The rows of the source count first, exactly as written: in Matterport3D `b` is a bedroom and `B`
+    a bar. A kind of building is a source, too. Then everyday words count, in any spelling: with a
+    number, in the plural, joined. Then the last words of a name, its first words, and at last a
+    word with one wrong letter.
 
     >>> [read_room(name).label for name in ("2nd bath room", "Kid's room", "R7")]
-    ['bathroom', 'bedroom', None]
+    ['bathroom', "child's bedroom", None]
     >>> read_room("staff kichen")
     ReadRoom(label='kitchen', word='kitchen', rule='misspelt')
+    >>> read_room("101", source="hotel").label, read_room("101").label
+    ('hotel room', None)
     """
     rows, spoken = _read_labels(), normalise_room(name)
-    for key in ((source, name), (source, spoken), (_ANY_SOURCE, spoken)):
+    number = "#" if _HOUSE_NUMBER.fullmatch(name) else name
+    for key in ((source, name), (source, spoken), (source, number), (_ANY_SOURCE, spoken)):
         if key in rows:
             return ReadRoom(rows[key], key[1])
     if spoken in NO_KIND or len(name) > _LONGEST:
         return ReadRoom(None)
     word, rule = _find_word(name) or (None, None)
-    return ReadRoom(word and rows[_ANY_SOURCE, word], word, rule)
+    label = word and rows.get((source, word), rows[_ANY_SOURCE, word])
+    return ReadRoom(label, word, rule)
 
 
 def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
@@ -128,14 +214,28 @@ def _find_word(name: str) -> tuple[str, RoomRule | None] | None:
             return word, None
     if load_class_map().lookup(name) is not None:
         return None  # the name of a thing, and not of a room that is spelt like it
-    tails = [words[-most:] for words in forms for most in range(_HEAD, 0, -1) if most < len(words)]
+    sizes = [(words, most) for words in forms for most in range(_HEAD, 0, -1) if most < len(words)]
+    tails = [words[-most:] for words, most in sizes]
     for words in tails:
         if (word := listed.get("".join(words))) and not _NO_HEADS.fullmatch(words[-1]):
             return word, "head noun"
+    for words, most in sizes:
+        word = listed.get("".join(words[:most]))
+        if word and _may_follow(words[most - 1], words[most:]):
+            return word, "first words"
     for words in (*forms, *tails):
-        if word := _mend("".join(words)):
+        wrong = [word for word in words if word not in _list_known()]
+        if wrong and len(min(wrong, key=len)) >= _MISSPELT and (word := _mend("".join(words))):
             return word, "misspelt"
     return None
+
+
+def _may_follow(kind: str, rest: Sequence[str]) -> bool:
+    """Say whether words behind a kind of room leave it one: Alpha, but not door or tool store."""
+    if _NO_HEADS.fullmatch(kind) or _NO_HEADS.fullmatch(rest[-1]):
+        return False
+    lookup = load_class_map().lookup
+    return all(lookup(" ".join(rest[start:])) is None for start in range(len(rest)))
 
 
 def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
@@ -203,9 +303,15 @@ def _cut_common(a: str, b: str) -> tuple[str, str]:
 @cache
 def list_room_labels() -> tuple[str, ...]:
     """Return the common room labels that models read, sorted."""
+    return tuple(label for label in list_all_labels() if known_label(label) == label)
+
+
+@cache
+def list_all_labels() -> tuple[str, ...]:
+    """Return the common room labels, sorted, also those that models read as another one."""
+    of_buildings = (_BUILDING, _KIND)
     rows = _read_labels().items()
-    labels = {label for (source, _), label in rows if source != _BUILDING and label is not None}
-    return tuple(sorted(label for label in labels if known_label(label) == label))
+    return tuple(sorted({label for (s, _), label in rows if label and s not in of_buildings}))
 
 
 def known_label(label: str) -> str:
@@ -226,6 +332,40 @@ def tell_building(name: str) -> str | None:
     found, rows = read_room(name), _read_labels()
     told = (rows.get((_BUILDING, word)) for word in (found.word, found.label) if word)
     return next(filter(None, told), None)
+
+
+def read_building_kind(word: str) -> str | None:
+    """Return the kind of building that a word means, or its last words; None if it is unknown.
+
+    >>> read_building_kind("Apartment"), read_building_kind("factory"), read_building_kind("castle")
+    ('home', 'warehouse', None)
+    """
+    rows, words = _read_labels(), normalise_room(word[:_LONGEST]).split()
+    ends = (" ".join(words[start:]) for start in range(len(words)))
+    return next(filter(None, (rows.get((_KIND, end)) for end in ends)), None)
+
+
+def owner_of(name: str) -> str | None:
+    """Return who owns a thing or a room by its name, in small letters; None if nobody is named.
+
+    A name is a word before 's, or one with a capital letter behind a kind of room. `men's`,
+    `child's` and `nurse's` name nobody.
+
+    >>> [owner_of(name) for name in ("Emma's teddy bear", "Bedroom - Emma", "men's room")]
+    ['emma', 'emma', None]
+    """
+    if len(name) > _LONGEST:
+        return None
+    ends = (match.end() for match in islice(_WORDS.finditer(name), _HEAD))
+    owned = (end for end in ends if read_room(name[:end]).label in _OWNED)
+    behind = (_AFTER_KIND.fullmatch(name, end) for end in owned)
+    said = (match.group(1).casefold() for match in (_POSSESSOR.search(name), *behind) if match)
+    return next(filter(_is_owner, said), None)
+
+
+def _is_owner(word: str) -> bool:
+    is_other = _NO_OWNERS.fullmatch(word) or _BEHIND.fullmatch(_singular(word))
+    return not is_other and load_class_map().lookup(word) is None
 
 
 def is_name(text: str) -> bool:
@@ -263,18 +403,13 @@ def _normalise_rooms(names: Sequence[str]) -> list[str]:
 
 
 def check_room_type(said: RoomType | None) -> RoomType | None:
-    """Return the type of a room in common labels; probabilities of equal labels are summed.
-
-    A word that no label is known for stays, and counts as unknown; see `list_unknown`.
-
-    >>> check_room_type("Hallway"), check_room_type({"hall": 0.5, "corridor": 0.25})
-    ('corridor', {'corridor': 0.75})
+    """Return what is said of the type of a room, as it is said; see `read_room_type`.
 
     Raises:
         RecipeError: for an impossible probability or a sum above 1.
     """
     if said is None or isinstance(said, str):
-        return None if said is None else _find_label(said)
+        return said
     if not isinstance(said, Mapping) or not all(isinstance(word, str) for word in said):
         raise RecipeError(
             f"expected a room label, or labels with their probabilities, found {show_value(said)}"
@@ -283,61 +418,71 @@ def check_room_type(said: RoomType | None) -> RoomType | None:
         raise RecipeError(
             f"expected 1 to {_MOST_LABELS} labels, found {len(said)}; leave it out, or give null"
         )
-    found: dict[str, float] = {}
-    for word, probability in said.items():
-        most, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
-        probability = read_number(show_value(word), probability, most=most, wanted=wanted)
-        label = _find_label(word)
-        if label is not None and probability > 0:
-            found[label] = found.get(label, 0.0) + probability
-    total = math.fsum(said.values())
+    most, wanted = 1 + _ROUNDING, "a probability, 0 to 1"
+    found = {
+        word: read_number(show_value(word), probability, most=most, wanted=wanted)
+        for word, probability in said.items()
+    }
+    total = math.fsum(found.values())
     if total > 1 + _ROUNDING:
         raise RecipeError(f"expected probabilities that add up to 1 or less, found {total:g}")
-    return next(iter(found)) if list(found.values()) == [1.0] else found or None
+    return found
 
 
-def list_unknown(said: RoomType | None) -> list[str]:
-    """Return the words of a type that models do not know.
+def read_room_type(
+    said: RoomType | None, *, read: Callable[[str], ReadRoom] = read_room
+) -> ReadType:
+    """Return the type of a room in common labels; probabilities of equal labels are summed.
 
-    >>> list_unknown({"Küche": 0.5, "pharmacy": 0.25, "hall": 0.25})
-    ['Küche', 'pharmacy']
+    What was read before is read again from what was said then.
+
+    >>> read_room_type("Hallway").labels, read_room_type({"hall": 0.5, "corridor": 0.25}).labels
+    ('corridor', {'corridor': 0.75})
+    >>> read_room_type({"hall": 0.5, "zzz": 0.5})
+    ReadType(labels={'corridor': 0.5}, unread=('zzz',))
+
+    Args:
+        said: a word, or words with their probabilities.
+        read: reads each word.
+
+    Raises:
+        RecipeError: as `check_room_type`.
     """
-    known = _index_labels()
-    return [str(w) for w in _list_words(said) if w not in known or known_label(w) != w]
+    checked = check_room_type(said)
+    found: dict[str, float] = {}
+    unread: list[str] = []
+    words = {checked: 1.0} if isinstance(checked, str) else checked or {}
+    for told, probability in words.items():
+        word = told.said if isinstance(told, Understood) else told
+        known = read(word)
+        if known.label is None:
+            unread += [] if normalise_room(word) in NO_KIND else [word]
+        elif probability > 0:
+            is_label = known.label == word
+            label = word if is_label else Understood(known.label, word, rule=known.rule)
+            found[label] = found.get(label, 0.0) + probability
+    is_sure = list(found.values()) == [1.0]
+    return ReadType(next(iter(found)) if is_sure else found or None, tuple(unread))
 
 
-def explain_label(word: str) -> str:
-    """Return how models read a word that they do not know.
-
-    >>> explain_label("Küche"), explain_label("pharmacy")
-    ('unknown (nearest: kitchen)', 'storage room')
-    """
-    read = known_label(word)
-    return read if read in _index_labels() else f"unknown{name_nearest(word)}"
+def list_labels(said: RoomType | None) -> tuple[str, ...]:
+    """Return the labels of a type."""
+    return () if said is None else (said,) if isinstance(said, str) else tuple(said)
 
 
 def explain_rules(said: RoomType | None) -> dict[str, str]:
     """Return word → label and rule, of the words of a type that a rule has read.
 
-    >>> explain_rules("staff kitchen")
+    >>> explain_rules(read_room_type("staff kitchen").labels)
     {'staff kitchen': 'kitchen (head noun)'}
     """
-    read = {
-        word.said: (word, read_room(word.said).rule)
-        for word in _list_words(said)
-        if isinstance(word, Understood)
-    }
-    return {name: f"{label} ({rule})" for name, (label, rule) in read.items() if rule}
-
-
-def _list_words(said: RoomType | None) -> tuple[str, ...]:
-    known = check_room_type(said)
-    return () if known is None else (known,) if isinstance(known, str) else tuple(known)
+    read = [one for one in list_labels(said) if isinstance(one, Understood) and one.rule]
+    return {one.said: f"{one} ({one.rule})" for one in read}
 
 
 def name_nearest(word: str) -> str:
     """Return the labels that are spelt like a word, in brackets; empty if none is."""
-    near = nearest_names(normalise_room(word), list_room_labels())
+    near = nearest_names(normalise_room(word), list_all_labels())
     return f" (nearest: {', '.join(near)})" if near else ""
 
 
@@ -354,7 +499,7 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     Raises:
         RecipeError: as `check_room_type`.
     """
-    known, index = check_room_type(said), _index_labels()
+    known, index = read_room_type(said).labels, _index_labels()
     row = np.zeros(len(index))
     for label, probability in ({known: 1.0} if isinstance(known, str) else known or {}).items():
         if (read := known_label(label)) in index:
@@ -363,16 +508,6 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
         row += max(0.0, 1 - row.sum()) / len(row)
         row /= row.sum()
     return row.astype(np.float32)
-
-
-def _find_label(word: str) -> str | None:
-    """Return the common label of a word; the word itself if none is known; None if it says none."""
-    if isinstance(word, Understood):
-        return word
-    if normalise_room(word) in NO_KIND:
-        return None
-    label = label_of(_ANY_SOURCE, word) or word
-    return label if label == word else Understood(label, word)
 
 
 @cache
@@ -399,6 +534,13 @@ def _list_keys() -> Mapping[str, str]:
     keyed = {word: "".join(map(_singular, one)) for word, one in zip(words, said, strict=True)}
     plain_last = sorted(words, key=lambda word: keyed[word] == word.replace(" ", ""))
     return {keyed[word]: word for word in plain_last}
+
+
+@cache
+def _list_known() -> frozenset[str]:
+    """Return words of English: none of them is a typo of another word for a room."""
+    names = [*load_class_map().entries, *(word for _, word in _read_labels())]
+    return read_real_words() | set(map(_singular, _WORDS.findall(_make_plain("\n".join(names)))))
 
 
 @cache

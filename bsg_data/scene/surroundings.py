@@ -17,16 +17,15 @@ import numpy.typing as npt
 from bsg_data.arrays import Floats, Ints
 from bsg_data.errors import RecipeError
 from bsg_data.scene.room_label import (
-    NO_KIND,
     Understood,
     known_label,
     list_room_labels,
     normalise_room,
+    read_building_kind,
     spread_labels,
     tell_building,
 )
 from bsg_data.scene.scene_graph import Box
-from bsg_data.spelling import SHOWN
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 # Models know each by its index here; add new kinds and sources at the end.
 BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
 # Kinds that a robot may say and no model was trained on: they are read as unknown.
-SAID_KINDS = (*BUILDING_KINDS, "hospital", "other")
+SAID_KINDS = (*BUILDING_KINDS, "hospital", "warehouse", "museum", "gym", "library", "other")
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
 UNKNOWN = -1  # the index of a kind or a source that is not known
 _TELLING = 2  # rooms that tell the kind of a building
@@ -176,21 +175,14 @@ def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
     return float((polygon if polygon.is_valid else polygon.convex_hull).area) or None
 
 
-def check_building_kind(kind: str | None) -> str | None:
-    """Return one of `SAID_KINDS`; None for a word that says nothing, such as `unknown`.
+def find_building_kind(said: str) -> str | None:
+    """Return the one of `SAID_KINDS` that a word means; None if it is unknown or says nothing.
 
-    Raises:
-        RecipeError: if the kind is unknown.
+    >>> find_building_kind("Hotel"), find_building_kind("apartment"), find_building_kind("castle")
+    ('hotel', 'home', None)
     """
-    spoken = "" if kind is None else normalise_room(kind)
-    if spoken in NO_KIND - {"other"}:  # which says that it is none of the others
-        return None
-    if spoken not in SAID_KINDS:
-        raise RecipeError(
-            f"expected a kind of building, found {str(kind)[:SHOWN]!r}; known are "
-            f"{', '.join(SAID_KINDS)}; or leave it out"
-        )
-    return spoken
+    kind = read_building_kind(said)
+    return kind if kind is None or kind == normalise_room(said) else Understood(kind, said)
 
 
 def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Understood | None:

@@ -6,17 +6,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from bsg_data.errors import SourceError
+from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.room_label import label_of, list_room_labels, normalise_room
+from bsg_data.scene.room_label import RoomReader, check_own_label
 from bsg_data.scene.scene_graph import Room
 from bsg_data.sources.label_table import read_label_table
 from bsg_data.sources.source import Reading, SceneRef, Source, Wrapper
-from bsg_data.spelling import ask_if_meant, show_value
-
-_ANY_SOURCE = "any"
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class WithRoomLabels(Wrapper):
     def __init__(self, source: Source, file: AnyPath) -> None:
         path = Path(file)
         object.__setattr__(self, "source", source)
-        object.__setattr__(self, "words", _read_room_words(path))
+        object.__setattr__(self, "words", read_room_words(path))
         object.__setattr__(self, "file", path.name)
         object.__setattr__(self, "sha256", hash_file(path))
 
@@ -58,37 +55,31 @@ class WithRoomLabels(Wrapper):
         return self._find(word) is not None or super().lists(word)
 
     def _label(self, room: Room) -> Room:
-        found = self._find(room.source_label or "")
-        return room if found is None else replace(room, label=self._labels[found])
+        said = room.source_label or ""
+        return replace(room, label=self._reader(said).label) if self._find(said) else room
 
     def _find(self, word: str) -> str | None:
-        return next((one for one in (word, normalise_room(word)) if one in self._labels), None)
+        return self._reader.find_own(word)
 
     @cached_property
-    def _labels(self) -> dict[str, str | None]:
-        """The label of each word, and of each other spelling that has one alone."""
-        spoken: dict[str, set[str | None]] = {}
-        for word, label in self.words:
-            spoken.setdefault(normalise_room(word), set()).add(label)
-        clear = {word: labels.pop() for word, labels in spoken.items() if word and len(labels) == 1}
-        return {**clear, **dict(self.words)}
+    def _reader(self) -> RoomReader:
+        return RoomReader(self.words)
 
 
-def _read_room_words(path: Path) -> tuple[tuple[str, str | None], ...]:
-    """Read a table `source_label,label`: words, each with its label; None if it names no kind."""
-    table = read_label_table(path, {"source_label": (), "label": ()}, _read_key)
+def read_room_words(path: AnyPath) -> tuple[tuple[str, str | None], ...]:
+    """Read a table `source_label,label`: words, each with its label; None if it names no kind.
+
+    Raises:
+        SourceError: if the file is no such table, or a label is none of ours.
+    """
+    table = read_label_table(Path(path), {"source_label": (), "label": ()}, _read_key)
+    words = []
     for word, (label, where) in table.labels.items():
-        meant = label_of(_ANY_SOURCE, label)
-        if label and meant != label:
-            near = f"did you mean {meant}?" if meant else ask_if_meant(label, list_room_labels())
-            known = near or f"known are {', '.join(list_room_labels())}"
-            raise SourceError(
-                f"{where}: expected a label that we know for {show_value(word)}, or none if it "
-                f"names no kind of room; found {show_value(label)}; {known}",
-                code="room-label-unknown",
-                where=where,
-            )
-    return tuple((word, label or None) for word, (label, _) in table.labels.items())
+        try:
+            words.append((word, check_own_label(word, label)))
+        except RecipeError as error:
+            raise SourceError(f"{where}: {error}", code=error.code, where=where) from error
+    return tuple(words)
 
 
 def _read_key(where: str, cells: list[str]) -> str:

@@ -15,6 +15,7 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import RobotGraphError, parse_robot_graph
 from bsg_data.sources.dsg_file import is_dsg, parse_dsg
+from bsg_data.sources.room_words import read_room_words
 from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.hydra import BINARY, convert, describe_hydra, find_document, note_hydra
 
@@ -29,7 +30,9 @@ class GraphFile:
     notes: tuple[str, ...] = ()  # what a person should know of how it was read, a sentence each
 
 
-def read_graph(path: AnyPath, *, labels: AnyPath | None = None) -> PartialGraph:
+def read_graph(
+    path: AnyPath, *, labels: AnyPath | None = None, room_labels: AnyPath | None = None
+) -> PartialGraph:
     """Read a robot's graph: this project's JSON or Spark-DSG's.
 
     Rooms of a Spark-DSG graph are the nodes of the layer `ROOMS`. Objects are those of `OBJECTS`
@@ -43,28 +46,38 @@ def read_graph(path: AnyPath, *, labels: AnyPath | None = None) -> PartialGraph:
             input.
         labels: label space of a Hydra graph, as `load_label_space` takes it; None uses the names
             in the file.
+        room_labels: table `source_label,label` of your words for rooms; they count before ours.
 
     Raises:
         BSGError: if the file cannot be read, or is not a graph.
         RecipeError: if labels are given for a graph that is not Hydra's.
     """
-    return open_graph_file(Path(path), labels=labels).graph
+    return open_graph_file(Path(path), labels=labels, room_labels=room_labels).graph
 
 
-def open_graph_file(path: Path, *, labels: AnyPath | None = None) -> GraphFile:
+def open_graph_file(
+    path: Path, *, labels: AnyPath | None = None, room_labels: AnyPath | None = None
+) -> GraphFile:
     """Read a robot's graph as `read_graph` does, and keep its source."""
     named = Path("standard input") if path == Path("-") else path
     document = _read_document(path, named)
-    return parse_graph(document, path=named, labels=labels)
+    return parse_graph(document, path=named, labels=labels, room_labels=room_labels)
 
 
-def parse_graph(document: Any, *, path: Path, labels: AnyPath | None = None) -> GraphFile:
+def parse_graph(
+    document: Any,
+    *,
+    path: Path,
+    labels: AnyPath | None = None,
+    room_labels: AnyPath | None = None,
+) -> GraphFile:
     """Read a robot's graph in a document of JSON; errors name the path."""
+    own = () if room_labels is None else read_room_words(room_labels)
     if is_dsg(document):
         space = None if labels is None else load_label_space(labels)
         dsg = parse_dsg(document, path=path)
         said = {"scene_id": _name_scene(document, path), **describe_hydra(dsg, space, path)}
-        graph = parse_robot_graph(said, path=path)
+        graph = parse_robot_graph(said, path=path, room_labels=own)
         return GraphFile(path, graph, document, tuple(note_hydra(dsg, space)))
     if labels is not None:
         raise RecipeError(
@@ -72,7 +85,7 @@ def parse_graph(document: Any, *, path: Path, labels: AnyPath | None = None) -> 
             code="labels-unused",
             where=path,
         )
-    return GraphFile(path, parse_robot_graph(document, path=path))
+    return GraphFile(path, parse_robot_graph(document, path=path, room_labels=own))
 
 
 def _read_document(path: Path, named: Path) -> Any:

@@ -77,6 +77,7 @@ def open_graph(
     *,
     model: Predictor | AnyPath = DEFAULT_MODEL,
     labels: AnyPath | None = None,
+    room_labels: AnyPath | None = None,
 ) -> SeenBuilding:
     """Open a robot's graph, to ask about it.
 
@@ -85,15 +86,17 @@ def open_graph(
             input; or the document itself, as `json.loads` returns it.
         model: a `Predictor`, or what it takes.
         labels: label space of a Hydra graph, as `load_label_space` takes it.
+        room_labels: CSV `source_label,label` of your words for rooms; they count before ours, and
+            are kept with the graph.
 
     Raises:
         BSGError: if the graph cannot be read.
         CheckpointError: if there is no such model.
     """
     if isinstance(graph, Mapping):
-        file = parse_graph(dict(graph), path=Path("graph"), labels=labels)
+        file = parse_graph(dict(graph), path=Path("graph"), labels=labels, room_labels=room_labels)
     else:
-        file = open_graph_file(Path(graph), labels=labels)
+        file = open_graph_file(Path(graph), labels=labels, room_labels=room_labels)
     predictor = model if isinstance(model, Predictor) else Predictor(model)
     return SeenBuilding(reclassify(file.graph, predictor.class_map), predictor, notes=file.notes)
 

@@ -25,10 +25,10 @@ from bsg_data.observation.partial_graph import (
     check_report,
 )
 from bsg_data.observation.reports import LOOK_CHANCE, say_score
-from bsg_data.observation.robot_json import list_unmapped, understand_rooms
+from bsg_data.observation.robot_json import list_unmapped, room_reader, understand_rooms
 from bsg_data.recipes import read_number
 from bsg_data.scene.class_map import normalise_name
-from bsg_data.scene.room_label import RoomType
+from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.scene.surroundings import area_of
 from bsg_data.scene.things import classify_seen, find_receptacle
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
@@ -89,7 +89,7 @@ class ToldBuilding:
         self._lock = RLock()
         self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
         self._named = 0  # the highest number of an id that was given
-        self._now = self._weigh_looks(graph)
+        self._now = self._weigh_looks(understand_rooms(graph))
 
     @property
     def graph(self) -> PartialGraph:
@@ -402,7 +402,8 @@ class ToldBuilding:
         Args:
             room: its id.
             beside: id of a room that it connects with, or several.
-            room_type: a room label, or labels with probabilities. None: as its id says, if it does.
+            room_type: a kind of room, or kinds with probabilities. None: as its id says, if it
+                does. A word that is not understood says nothing; `notes` names it.
             position: metres, Z up.
             floor_area: square metres.
 
@@ -437,7 +438,8 @@ class ToldBuilding:
 
         Args:
             room: id or label.
-            room_type: a room label, or labels with probabilities.
+            room_type: a kind of room, or kinds with probabilities. A word that is not understood
+                says nothing; `notes` names it.
             label: its name for people.
             position: metres, Z up.
             floor_area: square metres.
@@ -457,7 +459,13 @@ class ToldBuilding:
         )
         others = [beside] if isinstance(beside, str) else beside
         neighbours = [find_room(self.graph, other) for other in others]
-        graph = reports.describe(self.graph, index, check_report(known), beside=neighbours)
+        known = check_report(known)
+        if room_type is not None:
+            read = read_room_type(known.room_type, read=room_reader(self.graph))
+            is_read = read.labels is not None or not read.unread  # else nothing is said
+            kind = known.room_type if is_read else before.room_type
+            known = replace(known, room_type=kind, unread=read.unread)
+        graph = reports.describe(self.graph, index, known, beside=neighbours)
         self._change(understand_rooms(graph))
 
     @alone

@@ -15,6 +15,7 @@ from bsg_cli.options import (
     force_option,
     out_option,
     require_datasets,
+    room_labels_option,
     workers_option,
 )
 from bsg_cli.terminal import (
@@ -58,11 +59,7 @@ from bsg_data.sources.catalogue import SOURCES, parse_options
     help="Labels, boxes and connections of rooms: DomestiGraph's YAML or habitat's JSON, a folder "
     "or a file, or a table scene,region,label.",
 )
-@click.option(
-    "--room-labels",
-    type=PATH,
-    help="CSV source_label,label: what words for rooms mean that we do not know.",
-)
+@room_labels_option
 @out_option("Dataset to write.", required=True)
 @click.option(
     "--class-map",

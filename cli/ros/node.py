@@ -45,6 +45,7 @@ PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
     "graph": ("", "file with what the robot has seen; empty: nothing", None),
     "state": ("", "file that keeps what it sees; a new node goes on from it; empty: none", None),
     "model": (bsg_models.DEFAULT_MODEL, "a shipped model, or the path of a run", None),
+    "room_labels": ("", "CSV source_label,label of your words for rooms; empty: none", None),
     "map_frame": ("map", "frame of all positions", None),
     "min_score": (0.5, "detections with a lower score are ignored", (0.0, 1.0)),
     "period": (1.0, "seconds between two states: the graph, the markers, the file", (0.05, 3600.0)),
@@ -72,6 +73,7 @@ class BeliefNode:
         self.node, self.log = node, node.get_logger()
         said = {name: _declare(node, name) for name in PARAMETERS}
         self.graph, self.model = said["graph"], said["model"]
+        self.room_labels = said["room_labels"] or None
         if self.model == bsg_models.DEFAULT_MODEL:  # ROS does not tell who has named it
             self.log.info(TERMS)
         self.state = Path(said["state"]) if said["state"] else None
@@ -104,7 +106,9 @@ class BeliefNode:
         self.tell()
 
     def _open(self, graph: Any) -> bsg_models.SeenBuilding:
-        seen = bsg_models.open_graph(graph or _NOTHING, model=self.model)
+        seen = bsg_models.open_graph(
+            graph or _NOTHING, model=self.model, room_labels=self.room_labels
+        )
         for note in seen.notes:
             self.log.info(make_line(note))
         self.log.info(f"{_count(seen)} by {self.model} from {graph or 'no file'}")

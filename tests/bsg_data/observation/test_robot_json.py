@@ -67,8 +67,8 @@ def test_a_graph_by_hand() -> None:
     assert list_unmapped(graph) == {"zzqx thing": 1}
 
 
-room_types = st.sampled_from([None, "Kitchen", "hallway", "other"]) | st.dictionaries(
-    st.sampled_from(["kitchen", "hall", "corridor", ""]), st.floats(0, 0.25), min_size=1
+room_types = st.sampled_from([None, "Kitchen", "hallway", "other", "zzz"]) | st.dictionaries(
+    st.sampled_from(["kitchen", "hall", "zzz", ""]), st.floats(0, 0.25), min_size=1
 )
 shares = st.just({}) | st.tuples(st.floats(0.01, 0.99), st.floats(0, 0.99)).map(
     lambda two: {
@@ -89,7 +89,7 @@ def test_any_graph_is_read_back(
 ) -> None:
     said = {
         "scene_id": data.draw(texts),
-        "building_kind": data.draw(st.sampled_from([None, "other", *BUILDING_KINDS])),
+        "building_kind": data.draw(st.sampled_from([None, "other", "zzz", *BUILDING_KINDS])),
         "source": data.draw(st.sampled_from([None, "hm3d", "x<y"])),
         "rooms": [
             {
@@ -146,7 +146,9 @@ def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
         ({"format": "bsg-belief-graph"}, "a belief graph without `partial`"),
         ({"scene_id": "a", "roms": []}, "'roms' is no key; did you mean rooms"),
         ({"x" * 10_000: 1}, f"'{'x' * 80}' is no key"),
-        ({"building_kind": "castle"}, "building_kind: "),
+        ({"building_kind": 7}, "building_kind: "),
+        ({"room_labels": {"Kajüte": "bedrom"}}, "room_labels: expected a label that we know"),
+        ({"room_labels": ["Kajüte"]}, "room_labels: "),
         ({"detector": "chair"}, "detector: no vocabulary 'chair'"),
         ({"detector": ["chair", 5]}, "detector: expected a JSON list of words"),
         ({"rooms": [{"id": "a"}, {"id": "a"}]}, "room id 'a'"),
@@ -250,15 +252,77 @@ def test_what_cannot_both_be_is_refused(said: dict[str, Any]) -> None:
         parse_robot_graph(document, path=Path("x"))
 
 
-def test_a_room_type_that_models_do_not_know_is_a_note() -> None:
-    rooms = [{"id": str(n), "room_type": said} for n, said in enumerate(["Küche", "ward", "zzqx"])]
+def test_a_room_type_that_nobody_can_read_is_not_said_but_noted() -> None:
+    types = ["cooking spot", "ward", {"zzqx": 0.5, "hall": 0.25}, "zzqx"]
+    rooms = [{"id": str(n), "room_type": said} for n, said in enumerate(types)]
     graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("x"))
-    assert [room.room_type for room in graph.rooms] == ["Küche", "patient room", "zzqx"]
-    assert graph.observation().surroundings.labels.sum(axis=1).tolist() == [0, 0, 1, 0]
-    assert note_room_types(graph) == (
-        "room types that models do not know are read: 'Küche' as unknown (nearest: kitchen), "
-        "'patient room' as bedroom, 'zzqx' as unknown",
+    kinds = [None, "patient room", {"corridor": 0.25}, None]
+    assert [room.room_type for room in graph.rooms] == kinds
+    bare = [{"id": room.name, "room_type": room.room_type} for room in graph.rooms]
+    unsaid = parse_robot_graph({"scene_id": "home", "rooms": bare}, path=Path("x"))
+    assert tuple(replace(room, unread=()) for room in graph.rooms) == unsaid.rooms
+    notes = note_room_types(graph)
+    assert notes == (
+        "'cooking spot', 'zzqx': kind of room unknown; say `room_type`",
+        "room types that models do not know are read: 'patient room' as bedroom",
     )
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    for reader in (load_class_map(), graph.class_space):
+        again = parse_robot_graph(saved, path=Path("x"), class_map=reader)
+        assert (again, note_room_types(again)) == (graph, notes)
+
+
+def test_a_type_that_nobody_can_read_leaves_the_name_of_the_room() -> None:
+    (room,) = parse_robot_graph(
+        {"rooms": [{"id": "kitchen", "room_type": "zzz"}]}, path=Path("x")
+    ).rooms
+    assert (room.room_type, room.unread) == ("kitchen", ("zzz",))
+
+
+@pytest.mark.parametrize(
+    ("word", "kind", "note"),
+    [
+        ("castle", None, "'castle': kind of building unknown; known are home, office"),
+        ("flat", "home", "building kind taken for `home`, for it is called flat; say"),
+        ("Factory", "warehouse", "building kind taken for `warehouse`, for it is called Factory"),
+    ],
+)
+def test_any_word_says_the_kind_of_a_building_or_nothing(
+    word: str, kind: str | None, note: str
+) -> None:
+    graph = parse_robot_graph({"rooms": [], "building_kind": word}, path=Path("x"))
+    assert graph.building_kind == kind
+    assert note_room_types(graph)[0].startswith(note)
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    again = parse_robot_graph(saved, path=Path("x"))
+    assert again == graph
+    assert kind or note_room_types(again) == note_room_types(graph)
+
+
+def test_a_hotel_s_rooms_have_numbers() -> None:
+    """In a hotel that is said, and in one that its rooms tell."""
+    names = ["Room 101", "102", "guest room 12", "suite 3", "hotel bar", "7", "kitchen"]
+    kinds = [*["hotel room"] * 4, "bar", None, "kitchen"]
+    told = {"rooms": [{"id": name} for name in names]}
+    for said in (told, told | {"building_kind": "hotel"}):
+        graph = parse_robot_graph(said, path=Path("x"))
+        assert ([room.room_type for room in graph.rooms], graph.building_kind) == (kinds, "hotel")
+    bare = parse_robot_graph(told | {"building_kind": "office"}, path=Path("x"))
+    assert [room.room_type for room in bare.rooms[:3]] == [None, None, "bedroom"]
+
+
+def test_words_of_the_user_stay_with_the_graph() -> None:
+    said = {
+        "rooms": [{"id": "Kajüte 2"}, {"id": "x", "room_type": "Messe"}, {"id": "Last"}],
+        "room_labels": {"Kajüte": "bedroom", "Messe": "canteen", "Last": None},
+    }
+    graph = parse_robot_graph(said, path=Path("x"))
+    assert [room.room_type for room in graph.rooms] == ["bedroom", "canteen", None]
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert saved["room_labels"] == said["room_labels"]
+    assert parse_robot_graph(saved, path=Path("x")) == graph
+    mine = parse_robot_graph(said, path=Path("x"), room_labels=[("Kajüte", "office")])
+    assert mine.rooms[0].room_type == "office"
 
 
 def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
@@ -271,7 +335,7 @@ def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
         {"id": "staff kichen", "room_type": "unknown"},
         {"id": "zzqx", "room_type": ""},
         {"id": "R8"},
-        {"id": "hut", "label": "Küche"},
+        {"id": "hut", "label": "Kajüte"},
     ]
     graph = parse_robot_graph({"rooms": rooms}, path=Path("x"))
     kinds = ["corridor", "bathroom", "bar", {"bar": 0.75}, "kitchen", None, None, None]
@@ -279,7 +343,7 @@ def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
     assert note_room_types(graph) == (
         "hall, 2nd bath room: read as the kinds that their names say",
         "kinds of rooms read by a rule: 'staff kichen' is kitchen (misspelt)",
-        "zzqx, Küche (nearest: kitchen): kind of room unknown; say `room_type`",
+        "'zzqx', 'Kajüte': kind of room unknown; say `room_type`",
     )
     saved = json.loads(json.dumps(encode_robot_graph(graph)))
     assert [room["room_type"] for room in saved["rooms"]] == kinds
@@ -520,6 +584,7 @@ def test_what_a_graph_has_in_all_is_bounded_and_one_at_the_bound_is_read(
         {"id": "2", "footprint": corners},
         {"id": "2", "room_type": {"hall": 0.5}},
         {"id": "2", "room_type": "attic"},
+        {"id": "2", "unread": ["zzz"]},
     ):
         with refuses(RobotGraphError, "graph-malformed", "x"):
             parse_robot_graph({"rooms": [*rooms, more]}, path=Path("x"))

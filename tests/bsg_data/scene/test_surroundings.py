@@ -11,16 +11,17 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.geometry.placement import measure_area
-from bsg_data.scene.room_label import RoomType, check_room_type, list_room_labels
+from bsg_data.scene.room_label import RoomType, check_room_type, list_room_labels, read_room_type
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
     BUILDING_KINDS,
     EVIDENCE,
     KNOWN_SOURCES,
+    SAID_KINDS,
     UNKNOWN,
     Surroundings,
     _find_floor_area,
-    check_building_kind,
+    find_building_kind,
     guess_building_kind,
     measure_footprint,
     stack_surroundings,
@@ -52,18 +53,13 @@ def test_what_is_not_known_is_legal() -> None:
     nothing = surround_rooms([None], [None], source="my robot")
     assert same_surroundings(nothing, Surroundings.unknown(nodes=2))
     assert nothing.building_kinds.tolist() == nothing.sources.tolist() == [UNKNOWN]
-    assert [check_building_kind(kind) for kind in ("Home", "Other", "", None)] == [
-        "home",
-        "other",
-        None,
-        None,
-    ]
+    assert [find_building_kind(kind) for kind in ("Home", "Other", "")] == ["home", "other", None]
 
 
 def test_models_know_the_kinds_of_buildings_that_they_were_trained_on() -> None:
     """By their places, so that none may be added among them."""
     assert BUILDING_KINDS == ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
-    assert check_building_kind("Hospital") == "hospital"
+    assert find_building_kind("Hospital") == "hospital"
     ward = surround_rooms([None], ["ward"], building_kind="hospital")
     assert ward.building_kinds.tolist() == [UNKNOWN]
     assert ward.labels[1, LABELS.index("bedroom")] == 1
@@ -78,13 +74,39 @@ def test_models_know_the_kinds_of_buildings_that_they_were_trained_on() -> None:
         ("sales floor, checkout, store room", "shop"),
         ("restaurant, commercial kitchen, toilets", "restaurant"),
         ("kitchen, bedroom, bathroom, office", None),
-        ("aisle 1, aisle 2, loading dock, packing area, office", None),
+        ("aisle 1, aisle 2, loading dock, packing area, office", "warehouse"),
+        ("aisle 1, aisle 2, checkout, sales floor", "shop"),
         ("patient room, ward, classroom 1, classroom 2", None),
         ("", None),
     ],
 )
 def test_rooms_tell_the_kind_of_a_building_if_two_or_more_do(rooms: str, kind: str | None) -> None:
     assert guess_building_kind([name] for name in rooms.split(", ")) == kind
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("home", "house, apartment, flat, Villa, holiday home, Wohnung, maison"),
+        ("office", "office building, coworking"),
+        ("school", "kindergarten, university, Schule, école"),
+        ("shop", "supermarket, store, Mall"),
+        ("restaurant", "cafe, café, bar, canteen"),
+        ("hotel", "hostel, guest house"),
+        ("hall", "conference center, church"),
+        ("hospital", "clinic, care home, Krankenhaus"),
+        ("warehouse", "warehouse, factory, distribution centre"),
+        ("museum", "museum, art gallery"),
+        ("gym", "gym, fitness center"),
+        ("library", "library, public library"),
+        (None, "castle, zzz, unknown, zzz 3"),
+    ],
+)
+def test_a_word_for_a_building_is_read_as_its_kind(kind: str | None, words: str) -> None:
+    assert {word: find_building_kind(word) for word in words.split(", ")} == dict.fromkeys(
+        words.split(", "), kind
+    )
+    assert kind is None or kind in SAID_KINDS
 
 
 @given(shares=st.lists(st.floats(0, 1), min_size=1, max_size=len(LABELS)))
@@ -96,8 +118,8 @@ def test_a_room_type_is_a_distribution_or_nothing(shares: list[float]) -> None:
     rest = max(0.0, 1 - sum(said.values())) / len(LABELS) if any(said.values()) else 0.0
     expected = [said.get(label, 0.0) + rest for label in LABELS]
     assert row.tolist() == pytest.approx(expected, abs=1e-5)
-    known = check_room_type(said)
-    assert check_room_type(known) == known
+    known = read_room_type(said)
+    assert read_room_type(known.labels) == known
 
 
 def test_taking_inverts_stacking(office: Surroundings) -> None:

@@ -53,7 +53,7 @@ def read_labels(source: Source) -> dict[str | None, str | None]:
 
 def test_a_listed_word_has_its_label_before_our_reading(tmp_path: Path, words: Path) -> None:
     said = ["Küche", "KÜCHE_2", "Diele", "Office", "Archiv", "b", "B", "Behandlung", "bathroom"]
-    table = write_rooms(tmp_path, *said, "Flur")
+    table = write_rooms(tmp_path, *said, "Kajüte")
     source = WithRoomLabels(table, words)
     assert read_labels(source) == {
         "Küche": "kitchen",
@@ -65,10 +65,10 @@ def test_a_listed_word_has_its_label_before_our_reading(tmp_path: Path, words: P
         "B": "bar",
         "Behandlung": "examination room",
         "bathroom": "bathroom",
-        "Flur": None,
+        "Kajüte": None,
     }
     assert read_labels(table)["Office"] == "office"
-    assert [source.lists(word) for word in ("Archiv", "küche 3", "Flur")] == [True, True, False]
+    assert [source.lists(word) for word in ("Archiv", "küche 3", "Kajüte")] == [True, True, False]
 
 
 def test_a_number_that_is_listed_stands_for_no_other(tmp_path: Path, words: Path) -> None:
@@ -90,9 +90,9 @@ def test_the_file_is_recorded_and_read_once(tmp_path: Path, words: Path) -> None
 
 def test_words_of_layouts_count_too(tmp_path: Path, words: Path) -> None:
     table = write_rooms(tmp_path, "", "")
-    (tmp_path / "labels.csv").write_text("scene,region,label\nflat,0,Diele\nflat,1,Flur\n")
+    (tmp_path / "labels.csv").write_text("scene,region,label\nflat,0,Diele\nflat,1,Kajüte\n")
     source = WithRoomLabels(WithLayouts(table, tmp_path / "labels.csv"), words)
-    assert read_labels(source) == {"Diele": "corridor", "Flur": None}
+    assert read_labels(source) == {"Diele": "corridor", "Kajüte": None}
     assert source.options["room_layouts"] == 1
 
 

@@ -95,13 +95,50 @@ def test_a_room_hides_what_the_look_at_it_leaves(seen: SeenBuilding) -> None:
         seen.entered("kitchen", floor_in_view=0.75, hidden_share=0.5)
 
 
-def test_a_room_type_that_models_do_not_know_is_a_note(seen: SeenBuilding) -> None:
-    before = seen.notes
-    seen.discovered("galley", room_type="Küche")
-    place, word = sorted(set(seen.notes) - set(before))
-    assert "'Küche' as unknown (nearest: kitchen)" in word
-    assert place.startswith("galley: neither position nor connection")
-    assert len(seen.where("stove")) == len(seen.rooms)
+def test_a_room_type_that_nobody_can_read_is_a_note_and_says_nothing(seen: SeenBuilding) -> None:
+    other, before = seen.copy(), seen.notes
+    seen.discovered("R9", room_type="zzz")
+    word, place = sorted(set(seen.notes) - set(before))
+    assert word == "'zzz': kind of room unknown; say `room_type`"
+    assert place.startswith("R9: neither position nor connection")
+    other.discovered("R9")
+    other.describe("R9", room_type={"zzz": 0.5, "yyy": 0.5})
+    assert seen.where("milk") == other.where("milk")
+    seen.describe("R9", room_type="kitchen")
+    seen.describe("R9", room_type="zzz")
+    assert (seen.graph.rooms[-1].room_type, word in seen.notes) == ("kitchen", True)
+    seen.describe("R9", room_type="bar")
+    assert (seen.graph.rooms[-1].room_type, seen.graph.rooms[-1].unread) == ("bar", ())
+
+
+def test_a_map_in_german_answers_as_one_in_english() -> None:
+    german = open_graph({"Küche": ["sink"], "Flur": [], "Schlafzimmer": ["bed"], "Bad": []})
+    english = open_graph({"kitchen": ["sink"], "hall": [], "bedroom": ["bed"], "bathroom": []})
+    for thing in ("milk", "microwave", "shampoo", "wardrobe"):
+        found = [[one.probability for one in seen.where(thing)] for seen in (german, english)]
+        assert found[0] == found[1]
+
+
+def test_words_of_the_user_are_read_from_a_table(tmp_path: Path) -> None:
+    table = tmp_path / "words.csv"
+    table.write_text("source_label,label\nKajüte,bedroom\n", "utf-8")
+    seen = open_graph({"Kajüte 1": []}, room_labels=table)
+    seen.discovered("R9")
+    seen.describe("R9", room_type="kajüte")
+    assert [room.room_type for room in seen.graph.rooms] == ["bedroom", "bedroom"]
+    table.write_text("source_label,label\nKajüte,bedrom\n", "utf-8")
+    with refuses(SourceError, "room-label-unknown", f"{table}, line 2", golden=False):
+        open_graph({}, room_labels=table)
+
+
+def test_a_graph_made_in_python_is_understood_too() -> None:
+    graph = read_robot_graph(OFFICE)
+    rooms = tuple(replace(room, room_type="zzz", label=None) for room in graph.rooms)
+    seen = SeenBuilding(replace(graph, rooms=rooms, building_kind="castle"), FAST)
+    bare = tuple(replace(room, room_type=None) for room in rooms)
+    silent = SeenBuilding(replace(graph, rooms=bare, building_kind=None), FAST)
+    assert seen.where("milk") == silent.where("milk")
+    assert [note for note in seen.notes if "zzz" in note or "castle" in note]
 
 
 def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> None:

@@ -49,17 +49,17 @@ def test_a_source_takes_options_and_a_map_of_its_own(tmp_path: Path) -> None:
 
 
 def test_words_for_rooms_are_reported_and_taught(tmp_path: Path) -> None:
-    table = "scene,room,category\nflat,Wohnzimmer,sofa\nflat,Dachboden,box\n"
+    table = "scene,room,category\nflat,soggiorno,sofa\nflat,soffitta,box\n"
     (tmp_path / "objects.csv").write_text(table, "utf-8")
-    (tmp_path / "words.csv").write_text("source_label,label\nWohnzimmer,living room\n", "utf-8")
+    (tmp_path / "words.csv").write_text("source_label,label\nsoggiorno,living room\n", "utf-8")
     words = ("build", "--source", "table", tmp_path / "objects.csv", "--out", tmp_path / "d")
     words += ("--workers", "1")
     said = run(*words).stdout
     assert "kind of room not known" in said
     assert "--room-labels FILE" in said
     taught = run(*words, "--room-labels", tmp_path / "words.csv", "--force").stdout
-    assert "Dachboden" in taught
-    assert "Wohnzimmer" not in taught
+    assert "soffitta" in taught
+    assert "soggiorno" not in taught
 
 
 def test_a_source_without_meshes_says_so(tmp_path: Path) -> None:

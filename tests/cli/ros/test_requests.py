@@ -150,8 +150,8 @@ def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
     gizmo = say(robot, "saw", thing="gizmo", room="kitchen")
     assert gizmo["notes"] == ["no class map knows 'gizmo': it is kept, but tells the model nothing"]
     for topic in ("discovered", "describe"):
-        (note,) = say(robot, topic, room="attic", room_type="zzz")["notes"]
-        assert note == "room types that models do not know are read: 'zzz' as unknown"
+        (note,) = say(robot, topic, room="R9", room_type="zzz")["notes"]
+        assert note == "'zzz': kind of room unknown; say `room_type`"
 
 
 @pytest.mark.parametrize(
