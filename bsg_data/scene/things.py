@@ -3,8 +3,8 @@
 Four tables of `mappings/` say it, written by hand but for the shares of people
 (`mappings/things-v1.md`, `mappings/README.md`):
 
-    things-v1.csv             a thing, its names, its class, the rooms where people look for it, and
-                              P(a home has one)
+    things-v1.csv             a thing, its names, its class, the rooms where people look for it,
+                              P(a home has one), and how often one that is there is in sight
     receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
                               it is opened, and whether it holds what keeping-v1 names alone
     receptacle-shares-v1.csv  share of people to whom things belong there, of all things together
@@ -32,7 +32,7 @@ from bsg_data.scene.room_label import known_label
 
 _FILE, _PIECES = "things-v1.csv", "receptacles-v1.csv"
 _SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
-_HEADER = ("thing", "spellings", "wider", "rooms", "home")
+_HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight")
 _SEPARATOR = "|"
 _OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
 _NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
@@ -49,6 +49,7 @@ class Thing:
     # that only other buildings have are among them: divide by the sum over the rooms that there are
     rooms: tuple[tuple[str, float], ...]
     home: float  # P(a home has at least one)
+    sight: float  # P(one is in sight of somebody who sees the floor and surfaces of its room)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,13 +114,15 @@ def classify_seen(word: str, class_map: ClassMap) -> Classified:
 @cache
 def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     things = []
-    for _, (name, said, wider, rooms, home) in read_rows(_FILE, read_published(_FILE), _HEADER):
+    for _, row in read_rows(_FILE, read_published(_FILE), _HEADER):
+        name, said, wider, rooms, home, sight = row
         parts = [room.partition(":") for room in rooms.split(_SEPARATOR)]
         weights = {room: float(weight) for room, _, weight in parts}
         total = math.fsum(weights.values())
         shares = tuple([(room, weight / total) for room, weight in weights.items()])
         spellings = tuple(said.split(_SEPARATOR)) if said else ()
-        things.append(Thing(name, spellings, wider or None, shares, float(home) / 100))
+        rates = (float(home) / 100, float(sight) / 100)
+        things.append(Thing(name, spellings, wider or None, shares, *rates))
     names = [(one, thing) for thing in things for one in thing.names]
     spelled = _spell([one for one, _ in names])
     listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}

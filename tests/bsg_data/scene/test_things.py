@@ -12,6 +12,7 @@ from bsg_data.scene.class_space import load_class_space
 from bsg_data.scene.name_rules import separate
 from bsg_data.scene.room_label import known_label, label_of, list_room_labels
 from bsg_data.scene.things import (
+    Thing,
     find_keeping,
     find_receptacle,
     find_thing,
@@ -42,6 +43,7 @@ def test_names_are_sorted_and_every_row_is_whole() -> None:
         assert sum(w for label, w in weights.items() if label in AT_HOME) == 100, row
         assert max(weights.values()) <= 250, row
         assert 0 <= float(row["home"]) <= 100, row
+        assert 0 < float(row["sight"]) <= 100, row
         assert row["wider"] in {"", *CLASSES}, row
 
 
@@ -57,6 +59,60 @@ def test_shares_sum_to_one_and_labels_are_read_by_models() -> None:
         assert [label_of("any", label) for label in labels] == labels, thing.name
         assert len(labels) == len(set(labels)), thing.name
         assert 0 < thing.home <= 1, thing.name
+        assert 0 < thing.sight <= 1, thing.name
+
+
+def test_every_class_that_counts_things_has_a_row_of_its_own() -> None:
+    """What a row says of a class is meant of all its things: one scale for classes and things."""
+    rows = {name: find_thing(name) for name in sorted(CLASSES)}
+    assert [name for name, thing in rows.items() if thing is None] == []
+    default = load_class_space("hm3d45-v2").classes
+    assert [name for name in default if rows[name] and rows[name].wider != name] == []
+    assert len({thing.name for thing in rows.values() if thing}) == len(CLASSES)
+
+
+def test_a_part_is_never_likelier_than_its_whole_in_any_room_or_home() -> None:
+    """A mug is tableware: a room has tableware at least as often as a mug."""
+    wrong = []
+    for thing in list_things():
+        whole = find_thing(thing.wider or thing.name)
+        assert whole is not None, thing.name
+        assert thing.home <= whole.home, thing.name
+        there = _in_rooms(whole)
+        for room, probability in _in_rooms(thing).items():
+            if probability > there.get(room, 0.0) + 1e-9:
+                wrong.append((thing.name, whole.name, room))
+    assert wrong == []
+
+
+def _in_rooms(thing: Thing) -> dict[str, float]:
+    """Return P(at least one) in a home's rooms of each kind, and in those of other buildings."""
+    at_home = sum(share for room, share in thing.rooms if room in AT_HOME)
+    return {room: 1 - (1 - thing.home) ** (share / at_home) for room, share in thing.rooms}
+
+
+@pytest.mark.parametrize(
+    ("word", "low", "high"),
+    [
+        ("bicycle", 0.95, 1),
+        ("sofa", 1, 1),
+        ("fridge", 1, 1),
+        ("tv", 0.95, 1),
+        ("backpack", 0.7, 0.9),
+        ("vacuum cleaner", 0.6, 0.85),
+        ("keys", 0.45, 0.7),
+        ("mug", 0.4, 0.6),
+        ("scissors", 0.2, 0.4),
+        ("passport", 0.03, 0.15),
+        ("frozen peas", 0, 0.1),
+    ],
+)
+def test_large_things_are_in_sight_and_small_ones_lie_in_drawers(
+    word: str, low: float, high: float
+) -> None:
+    thing = find_thing(word) or find_thing("frozen food")
+    assert thing is not None
+    assert low <= thing.sight <= high
 
 
 def test_every_name_is_in_small_letters_and_names_one_thing() -> None:
