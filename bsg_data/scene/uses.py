@@ -38,8 +38,10 @@ class Use:
 
 
 @lru_cache(maxsize=4096)  # the objects of a map are asked again and again
-def find_use(word: str) -> Use | None:
+def find_use(word: str, *, by_thing: bool = True) -> Use | None:
     """Return what a word before a thing says of its rooms; None if it says nothing.
+
+    `by_thing`: whether the word may name another thing.
 
     >>> [use.rooms[0][0] for word in ("curio", "kitchen") if (use := find_use(word))]
     ['living room', 'kitchen']
@@ -55,7 +57,7 @@ def find_use(word: str) -> Use | None:
     read = read_room(word) if len(word) >= _SHORTEST else None
     if read is not None and read.label is not None and read.rule is None:
         return Use(((read.label, 1.0),), _SAID)
-    thing = find_thing(word)
+    thing = find_thing(word) if by_thing else None
     return None if thing is None else Use(thing.rooms, _BESIDE)
 
 

@@ -13,7 +13,7 @@ from bsg_data.scene.class_map import (
     list_class_maps,
     load_class_map,
 )
-from bsg_data.scene.uses import move_thing
+from bsg_data.scene.uses import find_use, move_thing
 from bsg_models.robot.nouns import NounTable, may_be_one, read_nouns
 from bsg_models.robot.words import (
     Asked,
@@ -24,7 +24,6 @@ from bsg_models.robot.words import (
     find_meaning,
     find_wider,
     list_owners,
-    list_uses,
     require_word,
     tell_apart,
 )
@@ -112,7 +111,8 @@ class Dictionary:
         thing, more = (listed, ()) if listed else find_wider(word)
         if thing is None:
             return read(word)
-        uses = list_uses(more)
+        others = [one for one in more if one not in list_owners(word)]
+        uses = [one for one in others if find_use(one)]
         for name in () if uses else self.own.class_map.classes:
             if counts(name, thing):
                 how = explain_everyday(thing, word, class_name=name)
@@ -122,7 +122,7 @@ class Dictionary:
         except RecipeError:
             found = Meaning(word, None, None, Asked.OWN, "", is_exact=False)
         thing, told, nouns = move_thing(thing, uses), tell_apart(word), self._nouns
-        how, others = explain_everyday(thing, word), {*more} - list_owners(word)
+        how = explain_everyday(thing, word)
         is_kind = nouns is not None and nouns.knows(others)  # else a brand
         kind = frozenset(others if is_kind else uses)
         return replace(found, word=word, thing=thing, how=how, told=told, kind=kind)

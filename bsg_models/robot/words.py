@@ -46,7 +46,7 @@ _MOST_BEFORE = 5  # words before the last one of a listed thing, and more
 _LISTED = 8  # rooms listed in an error
 _LABELS = 3  # kinds of rooms in a note
 # Who has a thing tells it from others, and makes it no other kind of thing.
-_OWNER = re.compile(r"(\w+)(?:['’]s|s['’])\s")
+_OWNER = re.compile(r"(\w+)(?:['’]s|(?<=s)['’])\s")
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
@@ -240,23 +240,19 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     """
     if len(word) > LONGEST or find_everyday(word):
         return None, ()
-    said = _name_only(word)
-    class_map = load_class_map()
+    said, class_map = _name_only(word), load_class_map()
     known = class_map.classify(said)
     is_known = known.role != "unmapped" and known.rule != "head noun"
     before, head = split_head(str(known.category) if is_known and known.rule else said)
     for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
-        name = " ".join([*before[number:], head])
+        name, told = " ".join([*before[number:], head]), tuple(before[:number])
         if thing := _find_listed(name, is_part=True):
-            told = tuple(before[:number])
-            same = known.class_index in {None, class_map.classify(name).class_index} - {None}
-            return (thing, told) if not is_known or (same and list_uses(told)) else (None, ())
+            index = known.class_index
+            is_kind = index is not None and index == class_map.classify(name).class_index
+            if is_known and not (is_kind and any(map(find_use, told))):
+                break
+            return thing, told
     return None, ()
-
-
-def list_uses(told: Iterable[str]) -> list[str]:
-    """Return those words before a name that say in which rooms the thing is."""
-    return [word for word in told if find_use(word)]
 
 
 def list_owners(word: str) -> frozenset[str]:
@@ -265,8 +261,8 @@ def list_owners(word: str) -> frozenset[str]:
     >>> sorted(list_owners("Emma's teddy bear")), sorted(list_owners("the kids' chair"))
     (['emma'], [])
     """
-    owners = {owner for owner in _OWNER.findall(normalise_name(word)) if not find_use(owner)}
-    return frozenset(owners)
+    owners = _OWNER.findall(normalise_name(word))
+    return frozenset(owner for owner in owners if not find_use(owner, by_thing=False))
 
 
 @lru_cache(maxsize=_REMEMBERED)
