@@ -14,6 +14,7 @@ from collections import ChainMap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -35,6 +36,7 @@ from bsg_data.scene.name_rules import (
     Rule,
     change_number,
     index_words,
+    list_parts,
     list_tails,
     mend,
     resolve,
@@ -134,6 +136,12 @@ class ClassMap:
         entry = self.entries.get(name)
         return entry if entry is not None else self.normalised.get(normalise_name(name))
 
+    def lists(self, name: str) -> bool:
+        """Say whether a name as a whole is listed, or is another word that leads to one or none."""
+        forms = {separate(reading) for reading in _read_both(name)}
+        known = (self.normalised, self.synonyms or {})
+        return self.lookup(name) is not None or any(form in one for form in forms for one in known)
+
     def classify(self, name: str) -> Classified:
         """Return category, class and role of an annotated name; every lookup goes through here."""
         entry = self.lookup(name)
@@ -161,8 +169,15 @@ class ClassMap:
             return _UNMAPPED
         if self.former is None:  # it has the rules of earlier datasets
             return self._follow([normalise_name(name)], self.rules) or _UNMAPPED
-        readings = _read_both(name)
-        found = self._follow(readings, self.rules)
+        readings, parts = _read_both(name), list_parts(name)
+        if parts == (name,) or self.lists(name):
+            found = self._follow(readings, self.rules)
+        elif (found := self._follow(readings, self.rules, is_whole=True)) is None:
+            of_parts = [_read_both(part) for part in parts]
+            each = (self._follow(one, self.rules) for one in of_parts)
+            if known := next(filter(None, each), None):
+                return replace(known, rule="phrase")
+            readings = [*chain.from_iterable(of_parts)]
         return found or self._mend(readings, self.rules) or _UNMAPPED
 
     def classify_whole(self, name: str) -> Classified:

@@ -10,6 +10,9 @@ The rules are tried in this order; each resulting form is looked up, and the dec
 - number: the last word in the singular or plural: `sofas` is `sofa`;
 - head noun: the last words alone, the longest first, or those before `of`, `with` or `for`:
   `leather armchair` is `armchair`. Only if that is a class;
+- phrase: what is said of a thing is left out: where it is, a score, what stands in brackets or
+  behind a comma; of several names with a slash between, the first known one counts:
+  `lamp on table`, `lamp (0.87)` and `lamp/table` are `lamp`;
 - spelling: one typo in one word that is no word of English: `toilett` is `toilet`.
 """
 
@@ -22,12 +25,57 @@ from itertools import takewhile
 from operator import itemgetter
 from typing import Literal
 
-Rule = Literal["separator", "vocabulary", "number", "synonym", "head noun", "spelling"]
+Rule = Literal["separator", "vocabulary", "number", "synonym", "head noun", "phrase", "spelling"]
 RULES_VERSION = b"rules 2"  # of what is below: it is in the hash of every class map with rules
 # What follows one of these tells what kind of the thing before it is meant.
 _PREPOSITION = re.compile(r"\s(?:with|without|for|of)\s")
 # A number of things is of the things' class (rule 3 of mappings/README.md).
 _COLLECTION = re.compile(r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|row) of ")
+# What is said of a thing: behind a comma or in brackets, how sure it is, and where it is.
+_REMARK = re.compile(r"[(\[{<][^)\]}>]*[)\]}>]?|[,;].*")
+_SCORE = re.compile(r"[\s_:=@]+(?:[01]?\.[0-9]+|[0-9]{1,3} ?%)\s*$")
+_EITHER = re.compile(r"[/|]")
+_WITH = re.compile(r"\bw/(?=\W*\w)", re.IGNORECASE)
+MARKS = " ?!.,;:…*\"'`“”„‘’«»‹›()[]{}<>¿¡？"  # around a name that was copied from a sentence
+_PLACE = re.compile(
+    r"\s(?:(?:is|are|hanging|lying|standing|sitting|placed|mounted|leaning|resting|stacked)\s)*"
+    r"(?:on|in|under|underneath|beneath|below|behind|beside|near|next to|by|at|from|above|over"
+    r"|against|between|inside|outside|atop|upon|within|along|around|opposite|in front of|close to"
+    r")\s(?=\w)",
+    re.IGNORECASE,
+)
+# Words that make one word with `in` or `on`: a carry on bag is on nothing.
+_ONE_WORD = frozenset(
+    {
+        "add",
+        "all",
+        "built",
+        "carry",
+        "clip",
+        "drop",
+        "fold",
+        "hands",
+        "left",
+        "lift",
+        "log",
+        "plug",
+        "pop",
+        "pull",
+        "push",
+        "ride",
+        "roll",
+        "screw",
+        "sit",
+        "slip",
+        "snap",
+        "stand",
+        "step",
+        "stick",
+        "trade",
+        "tuck",
+        "walk",
+    }
+)
 # Between the words of `CoffeeTable` and of `TVStand`.
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 # (ending of the plural, ending of the singular)
@@ -76,6 +124,31 @@ def take_apart(name: str) -> str:
     ('Coffee Table', 'TV Stand', 'TV  old ')
     """
     return _CAMEL.sub(" ", re.sub(r"[()]", " ", name))
+
+
+@lru_cache(maxsize=4096)  # the objects of a map are asked again and again
+def list_parts(name: str) -> tuple[str, ...]:
+    """Return the names of what a name is about, without what it says of them; itself if no more.
+
+    >>> list_parts("box under bed"), list_parts("Cabinet/shelf"), list_parts("chair(0.87)")
+    (('box',), ('Cabinet', 'shelf'), ('chair',))
+    >>> list_parts("mug, red"), list_parts("walk in closet"), list_parts("end of bed bench")
+    (('mug',), ('walk in closet',), ('end of bed bench',))
+    """
+    if len(name) > LONGEST:
+        return (name,)
+    bare = _REMARK.sub(" ", _SCORE.sub("", _WITH.sub("with ", name)))
+    pieces = (_drop_place(one).strip(MARKS) for one in _EITHER.split(bare))
+    return tuple(filter(None, pieces)) or (name.strip(MARKS),)
+
+
+def _drop_place(name: str) -> str:
+    spaced = name.replace("_", " ")
+    for found in _PLACE.finditer(spaced):
+        before = spaced[: found.start()].split()
+        if before and before[-1].casefold() not in _ONE_WORD:
+            return name[: found.start()]
+    return name
 
 
 @lru_cache(maxsize=64)

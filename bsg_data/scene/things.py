@@ -27,7 +27,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.scene.class_map import Classified, ClassMap, normalise_names
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import LONGEST, singulars, take_apart
+from bsg_data.scene.name_rules import LONGEST, list_parts, singulars, take_apart
 from bsg_data.scene.room_label import known_label
 
 _FILE, _PIECES = "things-v1.csv", "receptacles-v1.csv"
@@ -104,7 +104,8 @@ def classify_seen(word: str, class_map: ClassMap) -> Classified:
     'tv'
     """
     known = class_map.classify(word)
-    if known.role == "unmapped" and (thing := find_thing(word)):
+    things = map(find_thing, () if known.role != "unmapped" else (word, *list_parts(word)))
+    if thing := next(filter(None, things), None):
         counted = (class_map.classify(name) for name in class_map.classes if name in thing.names)
         return next((replace(one, rule="synonym") for one in counted), known)
     return known
@@ -195,7 +196,7 @@ def find_receptacle(word: str) -> Receptacle | None:
     if len(word) > LONGEST:
         return None
     listed = _read_receptacles()
-    for key in dict.fromkeys(_spell((word, take_apart(word)))):
+    for key in dict.fromkeys(_spell((word, take_apart(word), *list_parts(word)))):
         for form in (key, *singulars(key)):
             if form in listed:
                 return listed[form]

@@ -13,6 +13,7 @@ from bsg_data.scene.class_map import (
     list_class_maps,
     load_class_map,
 )
+from bsg_data.scene.uses import find_use, move_thing
 from bsg_models.robot.kinds import KindTable, read_kinds
 from bsg_models.robot.nouns import NounTable, may_be_one, read_nouns
 from bsg_models.robot.words import (
@@ -23,6 +24,7 @@ from bsg_models.robot.words import (
     find_everyday,
     find_meaning,
     find_wider,
+    list_owners,
     require_word,
     tell_apart,
 )
@@ -115,7 +117,9 @@ class Dictionary:
         thing, more = (listed, ()) if listed else find_wider(word)
         if thing is None:
             return read(word)
-        for name in self.own.class_map.classes:
+        others = [one for one in more if one not in list_owners(word)]
+        uses = [one for one in others if find_use(one)]
+        for name in () if uses else self.own.class_map.classes:
             if counts(name, thing):
                 how = explain_everyday(thing, word, class_name=name)
                 return replace(read(name), word=word, how=how)
@@ -123,8 +127,10 @@ class Dictionary:
             found = read(thing.name)
         except RecipeError:
             found = Meaning(word, None, None, Asked.OWN, "", is_exact=False)
-        how, told, nouns = explain_everyday(thing, word), tell_apart(word), self._nouns
-        kind = frozenset(more if nouns is not None and nouns.knows(more) else ())  # else a brand
+        thing, told, nouns = move_thing(thing, uses), tell_apart(word), self._nouns
+        how = explain_everyday(thing, word)
+        is_kind = nouns is not None and nouns.knows(others)  # else a brand
+        kind = frozenset(others if is_kind else uses)
         return replace(found, word=word, thing=thing, how=how, told=told, kind=kind)
 
     def _read(self, word: str, *, prefer_exact: bool) -> Meaning:
@@ -150,7 +156,8 @@ class Dictionary:
         if thing is not None:
 
             def is_thing(word: str) -> bool:
-                is_listed = thing in (find_everyday(word), find_wider(word)[0])
+                things = find_everyday(word), find_wider(word)[0]
+                is_listed = any(one is not None and one.name == thing.name for one in things)
                 is_named = is_listed or bool(noun and noun.names(word))
                 told = tell_apart(word)
                 return is_named and meaning.kind <= told and may_be_one(meaning.told, told)

@@ -26,7 +26,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.files import write_bytes
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import read_published
-from bsg_data.scene.name_rules import singulars
+from bsg_data.scene.name_rules import list_parts, singulars
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 
@@ -36,7 +36,7 @@ HEAD = 0.5  # weight of the head of a compound; the words before it share the re
 _MOST_WORDS = 12
 _SHORT = 4  # letters: shorter parts of a word are chance
 # What follows one of these says more about the thing before it: a cup of tea.
-_PREPOSITION = re.compile(r" (?:of|for|with|without|from|in|on|to) ")
+_PREPOSITION = re.compile(r" (?:of|for|with|without|to) ")
 _PARTITIVE = re.compile(
     r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
 )
@@ -92,8 +92,9 @@ def split_head(name: str) -> tuple[list[str], str]:
 
 @lru_cache(maxsize=4096)  # every rule splits a name again
 def _split_head(name: str) -> tuple[tuple[str, ...], str]:
-    said = re.sub(r"[^\w']|_", " ", normalise_name(name)).rstrip(" 0123456789")
-    words = [word.removesuffix("'s") for word in said.split()[:_MOST_WORDS]]
+    plain = normalise_name(list_parts(name)[0]).replace("’", "'")
+    said = re.sub(r"[^\w']|_", " ", plain).rstrip(" 0123456789")
+    words = [word.removesuffix("'s").strip("'") for word in said.split()[:_MOST_WORDS]]
     bare = _PARTITIVE.sub("", _DETERMINERS.sub("", " ".join(words)))
     words = _PREPOSITION.split(bare, maxsplit=1)[0].split()
     before = tuple(word for word in words[:-1] if word not in _LOOKS | _MAKES)

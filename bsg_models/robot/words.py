@@ -22,9 +22,19 @@ from bsg_data.scene.class_map import (
     read_real_words,
 )
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import LONGEST, SHORT, index_words, is_typo, mend, singulars
+from bsg_data.scene.name_rules import (
+    LONGEST,
+    MARKS,
+    SHORT,
+    index_words,
+    is_typo,
+    list_parts,
+    mend,
+    singulars,
+)
 from bsg_data.scene.room_label import read_room
 from bsg_data.scene.things import Thing, find_keeping, find_thing, list_things
+from bsg_data.scene.uses import find_use
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.robot.nouns import Noun, NounTable, looks_of, split_head
 
@@ -35,9 +45,8 @@ _REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be
 _MOST_BEFORE = 5  # words before the last one of a listed thing, and more
 _LISTED = 8  # rooms listed in an error
 _LABELS = 3  # kinds of rooms in a note
-# What follows says where a thing is, not what it is.
-_PLACE = re.compile(r"\s(?:on|in|under|behind|beside|near|by|at|from)\s(?:the|my|your|a)\s")
-_MARKS = " ?!.,;:…\"'`“”„‘’«»‹›()[]*¿¡？"  # around a name that was copied from a sentence
+# Who has a thing tells it from others, and makes it no other kind of thing.
+_OWNER = re.compile(r"(\w+)(?:['’]s|(?<=s)['’])\s")
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
@@ -144,9 +153,17 @@ def find_meaning(
     raise RecipeError(_refusal(word, kind, roles, near), code="thing-unknown", where=word)
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def _name_only(word: str) -> str:
     """Return the name of a thing without its place and marks: a book on the table is a book."""
-    return _PLACE.split(word, maxsplit=1)[0].strip(_MARKS)
+    bare, parts = word.strip(MARKS), list_parts(word)
+    if bare in parts or len(word) > LONGEST or _is_listed(bare):
+        return bare
+    return next(filter(_is_listed, parts), parts[0])
+
+
+def _is_listed(name: str) -> bool:
+    return find_thing(name) is not None or load_class_map().lists(name)
 
 
 def _is_room(said: str) -> bool:
@@ -215,22 +232,37 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     """Return the everyday thing of which a name without a row says more, and what it says more.
 
     The longest listed end of the name is the thing: a Miele vacuum cleaner is a vacuum cleaner.
-    None for a name that is listed, or that a class map knows as a whole.
+    None for a name that is listed, or that a class map knows as a whole; but for a known class of
+    such things, as of chairs, if a word says in which rooms: a dining chair is a chair.
 
     >>> [(thing.name, told) for thing, told in [find_wider("my Nokia phone")] if thing]
     [('phone', ('nokia',))]
     """
-    if len(word) > LONGEST:
+    if len(word) > LONGEST or find_everyday(word):
         return None, ()
-    said = _name_only(word)
-    before, head = split_head(said)
-    known = load_class_map().classify(said)
+    said, class_map = _name_only(word), load_class_map()
+    known = class_map.classify(said)
     is_known = known.role != "unmapped" and known.rule != "head noun"
-    if not is_known and not find_everyday(word):
-        for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
-            if thing := _find_listed(" ".join([*before[number:], head]), is_part=True):
-                return thing, tuple(before[:number])
+    before, head = split_head(str(known.category) if is_known and known.rule else said)
+    for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
+        name, told = " ".join([*before[number:], head]), tuple(before[:number])
+        if thing := _find_listed(name, is_part=True):
+            index = known.class_index
+            is_kind = index is not None and index == class_map.classify(name).class_index
+            if is_known and not (is_kind and any(map(find_use, told))):
+                break
+            return thing, told
     return None, ()
+
+
+def list_owners(word: str) -> frozenset[str]:
+    """Return whose a thing is, by its name.
+
+    >>> sorted(list_owners("Emma's teddy bear")), sorted(list_owners("the kids' chair"))
+    (['emma'], [])
+    """
+    owners = _OWNER.findall(normalise_name(word))
+    return frozenset(owner for owner in owners if not find_use(owner, by_thing=False))
 
 
 @lru_cache(maxsize=_REMEMBERED)

@@ -25,6 +25,16 @@ MOST_THINGS = 20  # of a question
 MOST_ROBOTS = 10
 MOST_CLASSES = 10  # of a room, if the question does not say
 
+
+def _list_things(said: Any) -> Any:
+    """Return the things of a text: models of agents write `["cup"]` or `cup, towel` for a list."""
+    if not isinstance(said, str):
+        return said
+    if said.lstrip().startswith("["):
+        return parse_json(said)
+    return [one.strip() for one in said.split(",") if one.strip()] or [said]
+
+
 Map = Annotated[
     dict[str, Any],
     # Models of agents write a map as a text at times.
@@ -38,7 +48,7 @@ Map = Annotated[
 ]
 Things = Annotated[
     Listed[Text],
-    BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
+    BeforeValidator(_list_things),
     Field(min_length=1, max_length=MOST_THINGS, description="What to look for, in any words."),
 ]
 OneThing = Annotated[Text, Field(description="What to look for, in any words.")]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data.scene.name_rules import index_words, is_typo, mend, resolve
+from bsg_data.scene.name_rules import LONGEST, index_words, is_typo, list_parts, mend, resolve
 
 LISTED = {"tv stand", "shelf", "couch", "knife", "box", "battery", "plant", "basket", "tv", "towel"}
 SYNONYMS = {"sofa": "couch", "television": "tv"}
@@ -121,3 +121,36 @@ def min_length(said: str, word: str) -> bool:
 def test_one_word_is_mended(name: str, mended: list[str]) -> None:
     index = index_words(["toilet", "table lamp", "bottle"])
     assert [*mend(name, index, real={"battle"})] == mended
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("lamp on table", ("lamp",)),
+        ("cup next to the sink in the kitchen", ("cup",)),
+        ("PICTURE HANGING ABOVE COUCH", ("PICTURE",)),
+        ("Cabinet / shelf on wall", ("Cabinet", "shelf")),
+        ("mug (red, on table)", ("mug",)),
+        ("(old) mug", ("mug",)),
+        ("mug (red", ("mug",)),
+        ("[mug]", ("mug",)),
+        ("mug - 0.5", ("mug -",)),
+        ("mug = .5", ("mug",)),
+        ("mug 12", ("mug 12",)),  # a number, and no score
+        ("walk-in closet", ("walk-in closet",)),
+        ("under sink cabinet", ("under sink cabinet",)),
+        ("in", ("in",)),
+        ("()", ("",)),
+        ("", ("",)),
+        ("x on " * 50_000, ("x on " * 50_000,)),
+    ],
+)
+def test_parts_by_hand(name: str, parts: tuple[str, ...]) -> None:
+    assert list_parts(name) == parts
+
+
+@given(st.text("ax on/,(.)", max_size=LONGEST))
+def test_parts_say_nothing_that_the_name_does_not(name: str) -> None:
+    parts = list_parts(name)
+    assert parts
+    assert all(len(part) <= len(name) and {*part} <= {*name, " "} for part in parts)

@@ -642,3 +642,80 @@ def test_a_map_and_a_question_read_a_word_alike() -> None:
 def test_a_typo_does_not_put_furniture_on_furniture(typo: str, thing: str) -> None:
     seen = open_graph({"living room": ["desk", "sofa"], "kitchen": ["kitchen counter"]})
     assert [p.pieces for p in seen.where(typo)] == [p.pieces for p in seen.where(thing)] == [(), ()]
+
+
+HOUSE = {
+    one: []
+    for one in [
+        *("kitchen", "dining room", "living room", "bedroom", "bathroom", "office", "hall"),
+        *("garage", "laundry room", "terrace", "garden"),
+    ]
+}
+
+
+@pytest.mark.parametrize(
+    ("thing", "rooms", "not_first"),
+    [
+        ("dining chair", {"dining room"}, {"office"}),
+        ("office chair", {"office"}, {"dining room"}),
+        ("patio table", {"terrace", "garden"}, {"dining room"}),
+        ("picnic table", {"terrace", "garden"}, {"dining room"}),
+        ("wicker table", {"terrace", "living room"}, {"dining room"}),
+        ("garden chair", {"terrace", "garden"}, {"dining room", "office"}),
+        ("curio cabinet", {"living room", "dining room"}, {"kitchen"}),
+        ("cocktail cabinet", {"living room", "dining room"}, {"kitchen"}),
+        ("office cabinet", {"office"}, {"kitchen"}),
+        ("utility cabinet", {"laundry room", "garage"}, {"kitchen"}),
+        ("tool cabinet", {"garage"}, {"kitchen"}),
+        ("power washer", {"garage"}, {"laundry room"}),
+        ("laundry basket", {"laundry room", "bathroom", "bedroom"}, {"kitchen"}),
+        ("bathroom shelf", {"bathroom"}, {"living room", "kitchen"}),
+        ("kitchen stool", {"kitchen"}, {"living room"}),
+        ("DiningChair", {"dining room"}, {"office"}),
+        ("baby crib", {"bedroom"}, {"kitchen"}),
+        ("chair at desk", {"office", "dining room"}, set()),
+    ],
+)
+def test_the_first_word_has_a_vote(thing: str, rooms: set[str], not_first: set[str]) -> None:
+    places = {place.room: place.probability for place in open_graph(HOUSE).where(thing)}
+    assert max(places, key=lambda room: places[room] or 0) in rooms, places
+    assert max(places[one] for one in rooms) > 1.2 * max([places[one] for one in not_first] or [0])
+
+
+def test_a_kind_that_a_word_names_is_one_of_its_class_and_no_other_kind() -> None:
+    seen = open_graph({"garage": ["tool cabinet"], "office": ["office cabinet"], "hall": []})
+    sought = {
+        one: {p.room for p in seen.where(one) if p.seen} for one in ("cabinet", "tool cabinet")
+    }
+    assert sought == {"cabinet": {"garage", "office"}, "tool cabinet": {"garage"}}
+    assert {obj.category for obj in seen.graph.objects} == {"cabinet"}
+    for word in ("office cabinet", "tool cabinet"):
+        assert seen.understand(word).class_name == "cabinet"
+
+
+@pytest.mark.parametrize(
+    ("said", "thing"),
+    [
+        ("Emma's teddy bear", "teddy bear"),
+        ("emma’s bed", "bed"),
+        ("James' mug", "mug"),
+        ("Emma's patio table", "patio table"),
+        ("lamp on table", "lamp"),
+        ("mug (red)", "mug"),
+        ("chair(0.87)", "chair"),
+        ("shampoo, towel", "shampoo"),
+        ("Cabinet/shelf", "cabinet"),
+        ("patio table near the pool", "patio table"),
+    ],
+)
+def test_an_owner_a_place_and_a_remark_change_nothing(said: str, thing: str) -> None:
+    asked = open_graph(HOUSE)
+    assert asked.where(said) == asked.where(thing)
+    assert asked.anywhere(said) == asked.anywhere(thing)
+
+
+def test_the_things_of_two_owners_are_two() -> None:
+    seen = open_graph({"bedroom": ["Emma's mug"], "kitchen": []})
+    found = {one: [p.room for p in seen.where(one) if p.seen] for one in ("mug", "Emma's mug")}
+    assert found == {"mug": ["bedroom"], "Emma's mug": ["bedroom"]}
+    assert not any(place.seen for place in seen.where("Liam's mug"))

@@ -92,3 +92,21 @@ def test_a_map_may_be_a_text_that_our_parser_reads(address: str) -> None:
             assert "the key 'a' twice" in twice.content[0].text
 
     anyio.run(ask)
+
+
+def test_a_list_of_things_may_be_a_text(address: str) -> None:
+    async def ask() -> None:
+        async with Client(address + "/mcp") as client:
+            said = [["cup", "towel"], '["cup", "towel"]', "cup, towel"]
+            found = [
+                await client.call_tool("find_things", {"map": SIMPLE, "things": one})
+                for one in said
+            ]
+            first = found[0].structured_content
+            assert [one["thing"] for one in first["things"]] == ["cup", "towel"]
+            assert all(one.structured_content == first for one in found)
+            for fault in ('["cup"', "[5]", " , "):
+                broken = await client.call_tool("find_things", {"map": SIMPLE, "things": fault})
+                assert broken.is_error, fault
+
+    anyio.run(ask)
