@@ -14,7 +14,6 @@ network learns how far to trust the table, and what it knows better of labels th
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from typing import Literal
 
@@ -22,10 +21,10 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.arrays import Array, floats, library_of
 from bsg_models.inputs.nodes import EVIDENCE, Nodes, sum_buildings
+from bsg_models.zoo.hand_prior import read_hand_prior
 from bsg_models.zoo.layers import (
     NO_DROPOUT,
     NoDropout,
@@ -38,8 +37,6 @@ from bsg_models.zoo.layers import (
 from bsg_models.zoo.settings import ModelConfig
 
 _SILENT_ROOMS = 3.0  # without anything, added to the others: one room says little of the next
-_TABLE = "hand-prior-v2.json"  # of `bsg_mappings`: label → how usual, and class → probability
-_LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 _TRUST = 0.5  # in the table, at the start
 _EMBEDDING = "features.embedding"
 _EDGE = 0.02  # shares are moved this far from 0 and 1 before a logarithm
@@ -188,12 +185,7 @@ def tabulate_labels(classes: tuple[str, ...]) -> Floats:
 
     They are 0 for labels that it does not list.
     """
-    table = json.loads(read_published(_TABLE))
-    unlisted, none = table["unlisted"], {"weight": 0.0, "presence": {}}
-    types = [table["room_types"].get(label, none) for label in list_room_labels()]
-    weight = np.array([one["weight"] for one in types])
-    presence = np.array(
-        [[one["presence"].get(name, unlisted) for name in classes] for one in types]
-    )
-    presence, weight = np.clip(presence, _LEAST, 1 - _LEAST), weight / weight.sum()
-    return np.where(weight[:, None] > 0, logit(presence) - logit(weight @ presence), 0.0)
+    table = read_hand_prior(classes)
+    usual = table.usual[:, None]
+    any_room = logit(table.usual @ table.presence)
+    return np.where(usual > 0, logit(table.presence) - any_room, 0.0)

@@ -12,6 +12,11 @@
 labelled rooms turn out to be. τ < 1 (`temper`) because
 the classes of a room are not independent given its type; the plain product is too confident.
 
+With `kinds = "named"` the types are the room labels. Then π is of the table that was written by
+hand (`bsg_models.zoo.hand_prior`), m and r are of the table and of the training rooms with the
+label, a label is right with probability `_TRUST`, and α is `_NAMED_HABIT`: few buildings do not
+tell it.
+
 The building is a second level (`building`). Its habits are estimated from the *other* rooms that
 were looked into:
 
@@ -41,6 +46,7 @@ from pydantic import Field
 from bsg_data.arrays import Bools, Floats, Ints, find_runs
 from bsg_data.observation.observation import Observation
 from bsg_data.scene.room_label import list_room_labels
+from bsg_data.scene.surroundings import BUILDING_KINDS, UNKNOWN
 from bsg_models.arrays import take_columns
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.negative_binomial import (
@@ -57,8 +63,17 @@ from bsg_models.inputs.folds import scenes_of
 from bsg_models.special_functions import log_sum_exp
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.hand_prior import read_hand_prior
 from bsg_models.zoo.model import ModelInputs
-from bsg_models.zoo.room_types import MISSING, MOST, FittedTypes, Rooms, fit_types, tilted_means
+from bsg_models.zoo.room_types import (
+    MISSING,
+    MOST,
+    FittedTypes,
+    Rooms,
+    fit_named_types,
+    fit_types,
+    tilted_means,
+)
 from bsg_models.zoo.settings import DataConfig, ModelConfig
 
 if TYPE_CHECKING:
@@ -67,18 +82,27 @@ if TYPE_CHECKING:
 _LEAST = 1e-9  # no type makes a class impossible
 _PRIOR_TYPES = 8.0  # η: weight of the average building in π_b, in rooms
 _PRIOR_LABEL = 4.0  # weight of the average room in P(k | l), in rooms
+# Of types that have names.
+_TRUST = 0.95  # P(a label is right); else it says nothing
+_NAMED_HABIT = 4.0  # α of every class
 
 
 class _MixtureConfig(ModelConfig):
     """Latent room types with negative-binomial counts, fitted by expectation maximisation."""
 
     family: Literal["mixture"] = "mixture"
-    types: int = Field(default=16, ge=1, le=1000)
+    kinds: Literal["latent", "named"] = "latent"  # of rooms: found, or those of a table by hand
+    types: int = Field(default=16, ge=1, le=1000)  # if they are latent
     iterations: int = Field(default=60, ge=1, le=10_000)
     temper: float = Field(default=0.85, gt=0, le=1)  # τ
     building: bool = True  # whether the other rooms of a building inform
     tilted: int = Field(default=2, ge=0, le=8)  # J
     calibrate: bool = True  # on the val buildings
+
+    @property
+    def number(self) -> int:
+        """Number of types, K."""
+        return self.types if self.kinds == "latent" else len(list_room_labels())
 
 
 class _RoomTypeMixture(CalibratedModel):
@@ -96,39 +120,57 @@ class _RoomTypeMixture(CalibratedModel):
 
     def __init__(self, config: _MixtureConfig, inputs: ModelInputs) -> None:
         super().__init__(config, inputs)
-        ones = np.ones((config.types, inputs.classes))
+        ones = np.ones((config.number, inputs.classes))
         self.hold(log_types=0 * ones[:, 0], means=ones, dispersions=ones, habits=ones[0])
-        self.hold(labels=np.zeros((config.types, len(list_room_labels()))))
+        self.hold(labels=np.zeros((config.number, len(list_room_labels()))))
         if config.tilted:
             self.hold(tilts=np.zeros((config.tilted, *ones.shape)))
 
     def fit(self, data: Dataset, choice: DataConfig) -> None:
         """Fit types, and how much buildings differ, to the rooms of the training buildings."""
-        import torch  # was seeded with the run's seed; only trainings come here
-
         scenes = scenes_of(data, "train", fold=choice.fold)
         counts, building = read_rooms(data, scenes, most=MOST)
+        labels = read_labels(data, scenes)
+        if self.config.kinds == "named":
+            at_home = _list_homes(data, scenes)[building]
+            fitted = fit_named_types(
+                counts,
+                choose_labels(labels, at_home),
+                read_hand_prior(data.manifest.class_space.classes),
+                tilted=self.config.tilted,
+            )
+            odds = _trust_labels(fitted.log_types)
+            habits = np.full(counts.shape[1], _NAMED_HABIT)
+        else:
+            fitted = self._find_types(counts)
+            odds = fit_labels(fitted.belonging(counts), labels)
+            habits = _fit_habits(counts, building, fitted)
+        self.hold(
+            log_types=fitted.log_types,
+            means=fitted.means,
+            dispersions=fitted.dispersions,
+            habits=habits,
+            labels=odds,
+        )
+        if self.config.tilted:
+            self.hold(tilts=fitted.tilts)
+
+    def _find_types(self, counts: Rooms) -> FittedTypes:
+        """Return latent types of rooms `[R, C]`."""
+        import torch  # was seeded with the run's seed; only trainings come here
+
         if len(counts) < self.config.types:
             raise TrainingError(
                 f"{len(counts)} training rooms are too few for {self.config.types} room types; "
                 "lower model.types"
             )
-        fitted = fit_types(
+        return fit_types(
             counts,
             types=self.config.types,
             iterations=self.config.iterations,
             seed=int(torch.randint(2**31, (1,)).item()),
             tilted=self.config.tilted,
         )
-        self.hold(
-            log_types=fitted.log_types,
-            means=fitted.means,
-            dispersions=fitted.dispersions,
-            habits=_fit_habits(counts, building, fitted),
-            labels=fit_labels(fitted.belonging(counts), read_labels(data, scenes)),
-        )
-        if self.config.tilted:
-            self.hold(tilts=fitted.tilts)
 
     def predict_hidden_counts(self, seen: Observation) -> CountDistribution:
         """Return the posterior of the hidden counts of every room, K components."""
@@ -277,6 +319,27 @@ def read_labels(data: Dataset, scenes: Sequence[str]) -> Floats:
         scene: data.surroundings(scene).labels for some in data.in_shards(scenes) for scene in some
     }
     return np.concatenate([own[scene][1:] for scene in scenes]).astype(np.float64)
+
+
+def choose_labels(labels: Floats, at_home: Bools) -> Floats:
+    """Return the labels `[R, L]` from which a kind of room is learned, 0 for other rooms.
+
+    A kind that homes have is learned in homes alone: the corridor of a school is another.
+    """
+    told = labels > 0
+    return np.where(at_home[:, None] | ~told[at_home].any(axis=0), labels, 0.0)
+
+
+def _list_homes(data: Dataset, scenes: Sequence[str]) -> Bools:
+    """Return which buildings are homes `[B]`; one of unknown kind counts as a home."""
+    home = (UNKNOWN, BUILDING_KINDS.index("home"))
+    return np.array([data.surroundings(one).building_kinds[0] in home for one in scenes])
+
+
+def _trust_labels(log_types: Floats) -> Floats:
+    """Return log P(type | label) / P(type) `[K, K]` of types that are the labels."""
+    types = np.exp(log_types)[:, None]
+    return np.asarray(np.log(_TRUST * np.eye(len(types)) / types + 1 - _TRUST))
 
 
 def fit_labels(belonging: Floats, labels: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""Fit room types to the counts of rooms by expectation maximisation.
+"""Fit room types to the counts of rooms: by expectation maximisation, or by the rooms' labels.
 
 Each round computes P(type | room), sums over the rooms what each type holds (`_Sums`), and fits the
 types to these sums. Rooms are read `_CHUNK` at a time, and most counts are 0. So a round takes
@@ -12,7 +12,7 @@ well as all rooms do.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from bsg_models.belief.negative_binomial import (
     log_normaliser,
 )
 from bsg_models.special_functions import log_sum_exp
+from bsg_models.zoo.hand_prior import HandPrior
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -40,6 +41,12 @@ _LOG_SHAPE = 4.0  # limit of |log r|, whose prior is a standard normal
 _PRIOR_ROOMS = 2.0  # weight of the mean room in every type's means, in rooms
 _TILT_ROOMS = 40.0  # weight of no tilt in every type's tilts, in rooms
 _MOST_TILT = 5.0
+# Of types that have names. Their weights are in rooms.
+_TABLE_ROOMS = 50.0  # of the table, in each type; chosen on the homes of docs/results/transfer.md
+_OWN_ROOMS = 20.0  # of a usual room, in how many a type has of a class
+_USUAL_ROOMS = 10.0  # of the rooms that were read, in a usual room
+_ONE_MORE = 0.2  # how much rarer one more of a class is, before any room was read
+_NAMED_ROUNDS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +122,36 @@ def fit_types(
         rooms = some if number < iterations else counts
         fitted = _fit_sums(_sum_expected(rooms, fitted, width), fitted.dispersions, fitted.tilts)
     return fitted
+
+
+def fit_named_types(
+    counts: Rooms, labels: Floats, table: HandPrior, *, tilted: int = 0
+) -> FittedTypes:
+    """Fit a tilted negative binomial to what the rooms of each label hold; K is L.
+
+    The table, written by hand, counts as `_TABLE_ROOMS` rooms of each label. It says whether a room
+    has a class, and how usual the label is. How many such a room has is as in the rooms `[R, C]` of
+    the label `[R, L]`, and as in a usual room where these are few.
+    """
+    sums = _sum_rooms(counts, labels, max(int(counts.max(initial=0)) + 1, tilted, 3))
+    found = sums.frequency[..., 1:MISSING]
+    size = np.maximum(sums.frequency[..., :MISSING].sum(axis=2, keepdims=True), 1)
+    usual = _USUAL_ROOMS * np.tensordot(table.usual, found / size, 1)
+    usual = _divide(usual + _ONE_MORE ** np.arange(found.shape[2]))
+    of_table = table.presence[..., None] * _divide(found + _OWN_ROOMS * usual)
+    sums.frequency[..., 0] += _TABLE_ROOMS * (1 - table.presence)
+    found += _TABLE_ROOMS * of_table
+    dispersions = np.ones(table.presence.shape)
+    tilts = np.zeros((tilted, *dispersions.shape))
+    for _ in range(_NAMED_ROUNDS):
+        fitted = _fit_sums(sums, dispersions, tilts, prior_rooms=0, tilt_rooms=1)
+        dispersions, tilts = fitted.dispersions, fitted.tilts
+    return replace(fitted, log_types=np.log(table.usual))
+
+
+def _divide(values: Floats) -> Floats:
+    """Return values divided by their sums over the last axis."""
+    return np.asarray(values / values.sum(axis=-1, keepdims=True))
 
 
 def _take_sample(counts: Rooms, number: int, *, seed: int) -> Rooms:
@@ -197,21 +234,28 @@ def _ask(log_types: Floats, table: Floats, marked: csr_array) -> tuple[Floats, F
     return np.exp(log_joint - log_room), log_room[:, 0]
 
 
-def _fit_sums(sums: _Sums, dispersions: Floats, tilts: Floats) -> FittedTypes:
+def _fit_sums(
+    sums: _Sums,
+    dispersions: Floats,
+    tilts: Floats,
+    *,
+    prior_rooms: float = _PRIOR_ROOMS,
+    tilt_rooms: float = _TILT_ROOMS,
+) -> FittedTypes:
     """Return the types that fit sums over rooms; dispersions start from the previous ones."""
     frequency = sums.frequency[..., :MISSING]
     log_types = np.log((sums.size + 1) / (sums.size.sum() + len(sums.size)))
     size, rooms = sums.size[:, None], sums.size.sum()
-    if sums.frequency.shape[2] > MISSING:
+    if sums.frequency.shape[2] > MISSING or not prior_rooms:
         size = frequency.sum(axis=2)  # [K, C] of the rooms that can name the class
         rooms = np.maximum(size.sum(axis=0), 1)
     values = np.arange(frequency.shape[2])
     totals = frequency @ values
     overall = np.maximum(totals.sum(axis=0) / rooms, 0.5 / rooms)
-    means = (totals + _PRIOR_ROOMS * overall) / (size + _PRIOR_ROOMS)
+    means = (totals + prior_rooms * overall) / (size + prior_rooms)
     dispersions = _improve_dispersions(dispersions, means, frequency, values)
     table = log_negative_binomial(values, means[..., None], dispersions[..., None])
-    tilts = _fit_tilts(table, frequency, len(tilts))
+    tilts = _fit_tilts(table, frequency, len(tilts), tilt_rooms)
     return FittedTypes(log_types, means, dispersions, tilts)
 
 
@@ -236,16 +280,16 @@ def _sum_before(steps: Floats) -> Floats:
     return np.concatenate([np.zeros_like(sums, shape=(*sums.shape[:-1], 1)), sums], axis=-1)
 
 
-def _fit_tilts(table: Floats, frequency: Floats, tilted: int) -> Floats:
+def _fit_tilts(table: Floats, frequency: Floats, tilted: int, rooms: float) -> Floats:
     """Return the tilts `[J, K, C]` that give the first counts their shares of the rooms.
 
-    The shares are shrunk towards those without tilts, with the weight of `_TILT_ROOMS` rooms. The
+    The shares are shrunk towards those without tilts, with the weight of some `rooms`. The
     `table` `[K, C, values]` has the log probabilities of the counts without tilts.
     """
     first = np.exp(table[..., :tilted])
     beyond = np.maximum(1 - first.sum(axis=-1), 1e-9)
-    weights = frequency[..., :tilted] + _TILT_ROOMS * first
-    rest = frequency[..., tilted:].sum(axis=-1) + _TILT_ROOMS * beyond
+    weights = frequency[..., :tilted] + rooms * first
+    rest = frequency[..., tilted:].sum(axis=-1) + rooms * beyond
     gain = np.log(weights / first) - np.log(rest / beyond)[..., None]
     return np.moveaxis(np.clip(gain, -_MOST_TILT, _MOST_TILT), -1, 0)
 
