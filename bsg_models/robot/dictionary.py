@@ -14,7 +14,6 @@ from bsg_data.scene.class_map import (
     load_class_map,
 )
 from bsg_data.scene.uses import find_use, move_thing
-from bsg_models.robot.kinds import KindTable, read_kinds
 from bsg_models.robot.nouns import NounTable, may_be_one, read_nouns
 from bsg_models.robot.words import (
     Asked,
@@ -58,11 +57,6 @@ class Dictionary:
     def class_map(self, asked: Asked) -> ClassMap:
         """Return the class map from a robot's words to the classes of a model."""
         return self.own.class_map if asked == Asked.OWN else load_class_map(_MODELS[asked][1])
-
-    @cached_property
-    def kinds(self) -> KindTable:
-        """What is known of kinds of rooms; what was counted in HM3D is for research."""
-        return read_kinds(counted=not self.own.is_free)
 
     @cached_property
     def judge(self) -> Asked:

@@ -10,9 +10,8 @@ that were not. τ < 1, because things of a room are not independent. The kind of
 from all its rooms, if nobody says it. A label that is read is right in all but one of `_WRONG`
 cases. A room of which nothing is known is of a kind that the building still lacks.
 
-p_kt is by hand: the table of presence of `hand-prior-v2`, and the rates of `things-v1`. Models that
-learned from HM3D and Matterport3D also read how many rooms of theirs had the thing
-(`kind-counts-v1.csv`), the table by hand being worth `_BY_HAND` rooms.
+p_kt is by hand, too: classes have the presence of `hand-prior-v2`, other things the rates of
+`things-v1`. So every model may read kinds. `scripts/measure/kinds.py` measures them.
 """
 
 from __future__ import annotations
@@ -32,17 +31,16 @@ from bsg_data.scene.surroundings import area_of
 from bsg_data.scene.things import Thing, find_thing, list_things
 from bsg_models.robot.words import find_everyday, find_wider
 
-_KINDS, _COUNTS, _PRESENCE = "kinds-v1.csv", "kind-counts-v1.csv", "hand-prior-v2.json"
+_KINDS, _PRESENCE = "kinds-v1.csv", "hand-prior-v2.json"
 _FACTS = ("floor_area", "spread", "neighbours", "passage")
 _HOME = "home"
-_UNSEEN = 0.7  # weight of what was not seen
+_UNSEEN = 0.65  # weight of what was not seen
 _ALIKE = 8.0  # things of a room, beyond which more of them say less
-_BY_HAND = 20.0  # rooms
 _WRONG = 100.0  # labels that are right, for one that is wrong
 # A label is doubted if its kind has less of the likelihood than this, another kind more, and so
 # many things were seen.
 _UNLIKE, _ALIKE_ENOUGH, _TELLING = 0.05, 0.3, 3
-_LEAST, _MOST = 0.02, 0.98  # P(a room has a thing); nothing is impossible
+_LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
 _FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
 _RARE = 0.01  # rooms of a kind that a building has at least
 _HARDLY = 0.15  # kinds of rooms that are less alike have nothing in common
@@ -102,11 +100,6 @@ class KindTable:
             return np.asarray(self.shares[row])
         return _share([thing], self.kinds, self.numbers[0] > 0)[0]
 
-    def learn(self, seen: Floats, rooms: Floats) -> KindTable:
-        """Return the table with what was counted: `seen` `[K, T]` of `rooms` `[K, 1]`."""
-        mean = (seen + _BY_HAND * self.presence) / (rooms + _BY_HAND)
-        return replace(self, presence=mean.clip(_LEAST / 4, _MOST))
-
     @cached_property
     def alike(self) -> Floats:
         """How far people search in one kind of room for what is in another, `[K, K]`, 0 to 1."""
@@ -117,8 +110,8 @@ class KindTable:
 
 
 @cache
-def read_kinds(*, counted: bool) -> KindTable:
-    """Read the tables; `counted`: also what was counted in HM3D and Matterport3D."""
+def read_kinds() -> KindTable:
+    """Read the tables."""
     data = read_published(_KINDS)
     header = tuple(data.partition(b"\n")[0].decode().split(","))
     rows = [row for _, row in read_rows(_KINDS, data, header)]
@@ -128,20 +121,11 @@ def read_kinds(*, counted: bool) -> KindTable:
     things = list_things()
     homes = np.array([thing.home for thing in things])
     shares = _share(things, kinds, numbers[0] > 0)
-    presence = (1 - (1 - homes[:, None].clip(max=_MOST)) ** shares).T.clip(_LEAST, _MOST)
-    row = {thing.name: number for number, thing in enumerate(things)}
-    is_class = np.zeros(len(things), dtype=bool)
-    said = json.loads(read_published(_PRESENCE))["room_types"]
-    for number, kind in enumerate(kinds):
-        for name, likely in (
-            said.get(kind, said.get(known_label(kind), {})).get("presence", {}).items()
-        ):
-            if thing := find_thing(name):
-                at = row[thing.name]
-                likely *= 1.0 if kind in said else _FOREIGN
-                presence[number, at] = max(presence[number, at], min(likely, _MOST))
-                is_class[at] = True
-    table = KindTable(
+    each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
+    presence = (1 - (1 - homes[:, None].clip(max=_MOST)) ** each).T.clip(_LEAST, _MOST)
+    said, is_class = _read_presence(kinds, things)
+    presence = np.where(np.isnan(said), presence, said)
+    return KindTable(
         kinds=kinds,
         buildings=buildings,
         numbers=numbers[: len(buildings)],
@@ -154,7 +138,25 @@ def read_kinds(*, counted: bool) -> KindTable:
         presence=presence,
         is_class=is_class,
     )
-    return table.learn(*_read_counts(table)) if counted else table
+
+
+def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Floats, Bools]:
+    """Return P(a room has a class) by hand, `[K, T]`, NaN for other things; which are classes."""
+    tables = json.loads(read_published(_PRESENCE))["room_types"]
+    row = {thing.name: number for number, thing in enumerate(things)}
+    names = {name for table in tables.values() for name in table["presence"]}
+    columns = {name: row[thing.name] for name in sorted(names) if (thing := find_thing(name))}
+    said, is_class = np.full((len(kinds), len(things)), np.nan), np.zeros(len(things), dtype=bool)
+    is_class[[*columns.values()]] = True
+    for number, kind in enumerate(kinds):
+        table = tables.get(kind, tables.get(known_label(kind)))
+        if table is not None:
+            for name, column in columns.items():
+                likely = table["presence"].get(name, 0.0)
+                said[number, column] = np.clip(
+                    np.nanmax([likely, said[number, column], _LEAST]), _LEAST, _MOST
+                )
+    return said, is_class
 
 
 def _share(things: Sequence[Thing], kinds: Sequence[str], of_homes: Bools) -> Floats:
@@ -173,16 +175,6 @@ def _share(things: Sequence[Thing], kinds: Sequence[str], of_homes: Bools) -> Fl
                 row[number] = _FOREIGN * said.get(kind, 0.0)
         row /= total or 1.0
     return shares
-
-
-def _read_counts(table: KindTable) -> tuple[Floats, Floats]:
-    """Return in how many rooms a thing was seen `[K, T]`, and of how many `[K, 1]`."""
-    seen, rooms = np.zeros(table.presence.shape), np.zeros((len(table.kinds), 1))
-    counted = read_rows(_COUNTS, read_published(_COUNTS), ("kind", "thing", "seen", "rooms"))
-    for _, (kind, thing, number, every) in counted:
-        seen[table.column[kind], table.row[thing]] = float(number)
-        rooms[table.column[kind]] = float(every)
-    return seen, rooms
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, f
 from bsg_models.robot.answers import NOT_SEEN, Piece
 from bsg_models.robot.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_models.robot.dictionary import Dictionary
-from bsg_models.robot.kinds import RoomKinds, infer_kinds
+from bsg_models.robot.kinds import RoomKinds, infer_kinds, read_kinds
 from bsg_models.robot.missed_looks import (
     Looked,
     MissedLook,
@@ -95,7 +95,7 @@ class WeighedGraph:
             self._expectations, self._lifted = before._expectations, before._lifted
             self.kinds = before.kinds
         else:
-            found = infer_kinds(left, words.kinds)
+            found = infer_kinds(left, read_kinds())
             self.kinds = found.with_unknown(_count_unfound(left, found))
         self.whole = _add_unfound(left, len(self.kinds.rooms) - len(left.rooms))
         self._objects: dict[int, list[SeenObject]] = defaultdict(list)

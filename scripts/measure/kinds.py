@@ -1,37 +1,40 @@
-"""Count which things rooms of each kind have, and measure how well kinds are inferred.
+"""Measure how well the kinds of rooms are inferred from what was seen, without labels.
 
     bsg-data build --hm3d PATH --no-meshes --room-layouts PATH --out hm3d
-    python scripts/measure/kinds.py --hm3d hm3d --mp3d ../shared/sources/mp3d_reverie \
-        --counts mappings/kind-counts-v1.csv
+    python scripts/measure/kinds.py --hm3d hm3d --mp3d PATH --out docs/results/figures.json
 
-A home is read as a robot tells it: things in rooms, and no label. The kinds of its rooms are
-inferred by the table by hand, and by what was counted in the other homes, too.
+People labelled rooms of 50 homes of HM3D's train split, and those of Matterport3D. The tables that
+are read were written by hand; no room taught them anything.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from results import ResultsTable, write_figures
 
-from bsg_data.arrays import Floats
-from bsg_data.files import write_bytes
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import label_of
-from bsg_models.robot.kinds import KindTable, infer_kinds, list_seen, read_kinds
+from bsg_data.scene.things import classify_seen
+from bsg_models import Predictor, SeenBuilding
+from bsg_models.robot.kinds import infer_kinds, read_kinds
 
-_FOLDS = 5
-_FEWEST_ROOMS = 5  # that have a thing
 _FEWEST_THINGS = {"HM3D": 1, "Matterport3D": 3}  # of a room that is asked about
 _NOTED = {"HM3D": 1.0, "Matterport3D": 0.63}  # share of the things of the rooms
 _SEEN = (1.0, 0.5)
-_SPACE = load_class_map().space
+_ASKED = (
+    *("bathtub", "bed", "couch", "dishwasher", "microwave", "refrigerator", "shower", "sink"),
+    *("stove", "toilet", "tv", "washing machine"),
+)
+_CLASS_MAP = load_class_map()
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ def read_mp3d(folder: Path) -> Iterator[Home]:
         number = {room: index for index, room in enumerate(known.room, 1)}
         things = objects[(objects.scene == scene) & objects.room.isin(number)]
         labels = [label_of("mp3d", said) or label_of("any", said) for said in known.room_label]
-        seen = ((number[room], str(name)) for room, name in zip(things.room, things.category))
+        seen = zip(map(number.__getitem__, things.room), things.category.astype(str), strict=True)
         yield _make("Matterport3D", str(scene), [None] * len(known), labels, seen)
 
 
@@ -90,36 +93,16 @@ def _make(
 ) -> Home:
     rooms = tuple(
         KnownRoom(f"R{number}", 1 - _NOTED[source], floor_area=area)
-        for number, area in enumerate(areas)
+        for number, area in enumerate(areas, 1)
     )
-    objects = tuple(
-        SeenObject(str(number), int(room), name, name, None)
-        for number, (room, name) in enumerate(seen)
-    )
-    graph = PartialGraph(scene, _SPACE, 1 - _NOTED[source], rooms, objects, adjacency)
+    objects = []
+    for number, (room, name) in enumerate(seen):
+        read = classify_seen(name, _CLASS_MAP)
+        facts = (name, read.category, read.class_index)
+        objects.append(SeenObject(str(number), int(room), *facts))
+    share = 1 - _NOTED[source]
+    graph = PartialGraph(scene, _CLASS_MAP.space, share, rooms, tuple(objects), adjacency)
     return Home(source, graph, tuple(kinds))
-
-
-def count(homes: Iterable[Home], table: KindTable) -> tuple[Floats, Floats]:
-    """Return in how many rooms of each kind a thing was, `[K, T]`, and of how many, `[K, 1]`."""
-    seen, rooms = np.zeros(table.presence.shape), np.zeros((len(table.kinds), 1))
-    for home in homes:
-        for kind, things in zip(home.kinds, list_seen(home.graph, table), strict=True):
-            if kind in table.column:
-                rooms[table.column[kind]] += _NOTED[home.source]
-                seen[table.column[kind], things] += 1
-    return seen, rooms
-
-
-def write_counts(homes: Sequence[Home], table: KindTable, path: Path) -> None:
-    """Write the table of counts, without what is in few rooms."""
-    seen, rooms = count(homes, table)
-    lines = ["kind,thing,seen,rooms"]
-    for row, kind in enumerate(table.kinds):
-        for column, thing in enumerate(table.things):
-            if seen[:, column].sum() >= _FEWEST_ROOMS and seen[row, column]:
-                lines.append(f"{kind},{thing.name},{seen[row, column]:.0f},{rooms[row, 0]:.0f}")
-    write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
 def thin(home: Home, share: float, rng: np.random.Generator) -> Home:
@@ -131,46 +114,86 @@ def thin(home: Home, share: float, rng: np.random.Generator) -> Home:
     return replace(home, graph=replace(home.graph, rooms=rooms, objects=kept))
 
 
-def judge(homes: Sequence[Home], tables: Sequence[KindTable]) -> str:
-    """Return how often the likeliest kind is right, and the log loss; a table for each home."""
-    right, loss = [], []
-    for home, table in zip(homes, tables, strict=True):
+def judge(homes: Sequence[Home]) -> list[str]:
+    """Return the number of rooms, how often the likeliest kind is right, and the log loss."""
+    table, right, loss = read_kinds(), [], []
+    for home in homes:
         found = infer_kinds(home.graph, table)
-        number = [0] * (1 + len(home.kinds))
-        for obj in home.graph.objects:
-            number[obj.room_index] += 1
+        number = np.bincount(
+            [obj.room_index for obj in home.graph.objects], minlength=1 + len(home.kinds)
+        )
         for row, kind, things in zip(found.rooms, home.kinds, number[1:], strict=True):
             if kind in table.column and things >= _FEWEST_THINGS[home.source]:
                 right.append(row.argmax() == table.column[kind])
                 loss.append(-math.log(max(row[table.column[kind]], 1e-9)))
-    return f"{len(right):6,} {np.mean(right):7.3f} {np.mean(loss):9.2f}"
+    return [f"{len(right):,}", f"{np.mean(right):.3f}", f"{np.mean(loss):.2f}"]
 
 
-def main() -> None:
-    """Count and measure."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--hm3d", type=Path, required=True, help="a dataset with room layouts")
-    parser.add_argument("--mp3d", type=Path, required=True, help="its folder of tables")
-    parser.add_argument("--counts", type=Path, help="write the table of counts here")
-    options = parser.parse_args()
-    homes = [*read_hm3d(options.hm3d), *read_mp3d(options.mp3d)]
-    hand = read_kinds(counted=False)
-    if options.counts:
-        write_counts(homes, hand, options.counts)
-    fold = {home.graph.scene_id: number % _FOLDS for number, home in enumerate(homes)}
-    learned = [
-        hand.learn(*count([h for h in homes if fold[h.graph.scene_id] != number], hand))
-        for number in range(_FOLDS)
-    ]
-    print("homes         seen  table     rooms   right  log loss")
+def report_kinds(homes: Sequence[Home]) -> ResultsTable:
+    """Return how well kinds are inferred, with all noted things seen and with half of them."""
+    rows = []
     for source in _NOTED:
         for share in _SEEN:
             rng = np.random.default_rng(0)
             some = [thin(home, share, rng) for home in homes if home.source == source]
-            by_fold = [learned[fold[home.graph.scene_id]] for home in some]
-            print(f"{source:13} {share:.2f}  by hand  {judge(some, [hand] * len(some))}")
-            print(f"{source:13} {share:.2f}  counted  {judge(some, by_fold)}")
+            rows.append([source, f"{share:.0%}", *judge(some)])
+    reading = (
+        f"Rooms of HM3D with a thing or more, and of Matterport3D, where {_NOTED['Matterport3D']:.0%}"
+        f" of the things were noted, with {_FEWEST_THINGS['Matterport3D']} or more."
+    )
+    header = ("homes", "things seen", "rooms", "likeliest kind right", "log loss")
+    return ResultsTable("kinds", header, rows, reading, tested_on="chosen")
+
+
+def find_first(homes: Sequence[Home], model: str, *, told: bool) -> list[bool]:
+    """Return whether the first room that is named for a class has one, of each home that has one.
+
+    A robot has seen all things that were noted, but those of the class.
+    """
+    predictor, right = Predictor(Path(model) if "/" in model else model), []
+    for home in homes:
+        kinds = home.kinds if told else [None] * len(home.kinds)
+        rooms = [replace(r, room_type=k) for r, k in zip(home.graph.rooms, kinds, strict=True)]
+        for asked in _ASKED:
+            index = _CLASS_MAP.space.class_index(asked)
+            there = {obj.room_index for obj in home.graph.objects if obj.class_index == index} - {0}
+            if there:
+                left = tuple(obj for obj in home.graph.objects if obj.class_index != index)
+                graph = replace(home.graph, rooms=tuple(rooms), objects=left, more_rooms=0)
+                first = SeenBuilding(graph, predictor).where(asked)[0].room
+                right.append(first in {f"R{number}" for number in there})
+    return right
+
+
+def report_first(homes: Sequence[Home], models: Sequence[str]) -> ResultsTable:
+    """Return how often the first room is right, with kinds of rooms told and not told."""
+    rows = []
+    for model in models:
+        print(f"asks {model}", file=sys.stderr, flush=True)
+        told, untold = (find_first(homes, model, told=one) for one in (True, False))
+        rows.append([f"`{Path(model).name}`", f"{np.mean(told):.3f}", f"{np.mean(untold):.3f}"])
+    reading = f"Twelve classes: {', '.join(_ASKED)}. What was noted of each was not seen."
+    header = ("model", "labels told ↑", "no labels told ↑")
+    return ResultsTable("first room", header, rows, reading, tested_on="chosen")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--hm3d", type=Path, required=True, help="a dataset with room layouts")
+    parser.add_argument("--mp3d", type=Path, required=True, help="its folder of tables")
+    parser.add_argument("--models", nargs="+", default=["universal"], help="names, or runs")
+    parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
+    options = parser.parse_args(argv)
+    found = [*read_mp3d(options.mp3d)]
+    tables = [
+        report_kinds([*read_hm3d(options.hm3d), *found]),
+        report_first(found, options.models),
+    ]
+    words = [__file__, *(argv or sys.argv[1:])]
+    write_figures(options.out, "kinds", tables, argv=words, files=[options.mp3d / "objects.csv"])
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
