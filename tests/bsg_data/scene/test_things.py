@@ -195,6 +195,32 @@ OFFICE = ("office", "copy room", "meeting room", "kitchen", "toilet", "corridor"
 WARD = ("patient room", "office", "pharmacy", "corridor", "bathroom", "storage room")
 
 
+HOTEL = ("hotel room", "lobby", "reception", "linen room", "luggage room", "kitchen", "corridor")
+HOTEL += ("lift", "restaurant")
+SCHOOL = ("classroom", "music room", "art room", "gym", "canteen", "staff room", "nurse office")
+SCHOOL += ("cleaning closet", "corridor", "toilet", "office")
+WAREHOUSE = (
+    "warehouse",
+    "aisle",
+    "cold storage",
+    "loading dock",
+    "packing area",
+    "office",
+    "toilet",
+)
+FIRM = ("office", "archive", "cloakroom", "reception", "kitchen", "meeting room", "lift", "toilet")
+HOUSE = (
+    "living room",
+    "kitchen",
+    "dining room",
+    "bedroom",
+    "child's bedroom",
+    "bathroom",
+    "office",
+)
+HOUSE += ("entrance", "garage", "laundry room", "basement", "attic", "patio", "garden", "shed")
+
+
 @pytest.mark.parametrize(
     ("building", "word", "room"),
     [
@@ -209,6 +235,39 @@ WARD = ("patient room", "office", "pharmacy", "corridor", "bathroom", "storage r
         (OFFICE, "whiteboard", "meeting room"),
         (WARD, "medicine", "pharmacy"),
         (WARD, "bed", "patient room"),
+        (HOTEL, "remote", "hotel room"),
+        (HOTEL, "hair dryer", "hotel room"),
+        (HOTEL, "suitcase", "luggage room"),
+        (HOTEL, "sheets", "linen room"),
+        (SCHOOL, "violin", "music room"),
+        (SCHOOL, "paint brush", "art room"),
+        (SCHOOL, "basketball", "gym"),
+        (SCHOOL, "chalk", "classroom"),
+        (SCHOOL, "inhaler", "nurse office"),
+        (SCHOOL, "mop", "cleaning closet"),
+        (SCHOOL, "toilet paper", "toilet"),
+        (WAREHOUSE, "hammer", "warehouse"),
+        (WAREHOUSE, "box cutter", "packing area"),
+        (WAREHOUSE, "milk", "cold storage"),
+        (FIRM, "jacket", "cloakroom"),
+        (FIRM, "binder", "archive"),
+        (FIRM, "coffee machine", "kitchen"),
+        (HOUSE, "teddy bear", "child's bedroom"),
+        (HOUSE, "lego", "child's bedroom"),
+        (HOUSE, "nappies", "child's bedroom"),
+        (HOUSE, "jewelry", "bedroom"),
+        (HOUSE, "reading glasses", "bedroom"),
+        (HOUSE, "dining chair", "dining room"),
+        (HOUSE, "patio table", "patio"),
+        (HOUSE, "curio cabinet", "dining room"),
+        (HOUSE, "cocktail cabinet", "living room"),
+        (HOUSE, "cereal box", "kitchen"),
+        (HOUSE, "cookbook", "kitchen"),
+        (HOUSE, "lawn mower", "shed"),
+        (HOUSE, "power washer", "shed"),
+        (HOUSE, "Christmas decorations", "attic"),
+        (HOUSE, "treadmill", "basement"),
+        (HOUSE, "cabinet", "kitchen"),
     ],
 )
 def test_a_person_looks_there_first(building: tuple[str, ...], word: str, room: str) -> None:
@@ -273,6 +332,8 @@ def test_words_of_robots_name_pieces_of_furniture(word: str, name: str | None) -
         ("bedside lamp", "nightstand"),
         ("desk lamp", "table"),
         ("fruit bowl", "counter"),
+        ("slippers", "shoe rack"),
+        ("flashlight", "drawer"),
     ],
 )
 def test_a_person_would_look_there_first(thing: str, first: str) -> None:
