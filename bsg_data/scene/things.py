@@ -1,10 +1,11 @@
 """Everyday things: in which rooms and on which furniture a person would search for them.
 
-Four tables of `mappings/` say it, written by hand but for the shares of people
+Five tables of `mappings/` say it, written by hand but for the shares of people
 (`mappings/things-v1.md`, `mappings/README.md`):
 
     things-v1.csv             a thing, its names, its class, the rooms where people look for it,
                               P(a home has one), and how often one that is there is in sight
+    narrow-rooms-v1.csv       a kind of room that holds only what things-v1 names there
     receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
                               it is opened, and whether it holds what keeping-v1 names alone
     receptacle-shares-v1.csv  share of people to whom things belong there, of all things together
@@ -16,7 +17,6 @@ people were asked about are the columns of everything here, in the order of `lis
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.scene.name_rules import LONGEST, list_parts, singulars, take_apart
 from bsg_data.scene.room_label import known_label
 
-_FILE, _PIECES = "things-v1.csv", "receptacles-v1.csv"
+_FILE, _NARROW, _PIECES = "things-v1.csv", "narrow-rooms-v1.csv", "receptacles-v1.csv"
 _SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
 _HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight")
 _SEPARATOR = "|"
@@ -45,8 +45,8 @@ class Thing:
     name: str
     spellings: tuple[str, ...]  # its other names
     wider: str | None  # the class that every such thing is of
-    # (common label of a room, P(a search begins there)), the likeliest first. Labels
-    # that only other buildings have are among them: divide by the sum over the rooms that there are
+    # (common label of a room, weight), those of homes first, and of each the likeliest. The weights
+    # of homes' rooms add up to 1; those of other rooms come on top, on the same scale.
     rooms: tuple[tuple[str, float], ...]
     home: float  # P(a home has at least one)
     sight: float  # P(one is in sight of somebody who sees the floor and surfaces of its room)
@@ -57,13 +57,16 @@ class Thing:
         return self.name, *self.spellings
 
     def probability_in(self, label: str) -> float:
-        """Return P(a search begins in a room with a label), or with the label models read for it.
+        """Return the weight of rooms with a label, or with the label by which models read it.
 
-        Ask it for the rooms that there are. The table's own labels are never translated: medicine
-        is in a pharmacy, which models read as a storage room, but in no storage room of a home.
+        P(a search begins there) is its share in the weights of the rooms that there are. The
+        table's own labels are never translated: medicine is in a pharmacy, which models read as a
+        storage room, but in no storage room of a home. A narrow room has what is named there alone.
         """
         rooms = dict(self.rooms)
-        return rooms.get(label, rooms.get(known_label(label), 0.0))
+        if label in rooms or label in _read_narrow():
+            return rooms.get(label, 0.0)
+        return rooms.get(known_label(label), 0.0)
 
 
 def list_things() -> tuple[Thing, ...]:
@@ -117,17 +120,22 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     for _, row in read_rows(_FILE, read_published(_FILE), _HEADER):
         name, said, wider, rooms, home, sight = row
         parts = [room.partition(":") for room in rooms.split(_SEPARATOR)]
-        weights = {room: float(weight) for room, _, weight in parts}
-        total = math.fsum(weights.values())
-        shares = tuple([(room, weight / total) for room, weight in weights.items()])
+        weights = tuple([(room, float(weight) / 100) for room, _, weight in parts])
         spellings = tuple(said.split(_SEPARATOR)) if said else ()
         rates = (float(home) / 100, float(sight) / 100)
-        things.append(Thing(name, spellings, wider or None, shares, *rates))
+        things.append(Thing(name, spellings, wider or None, weights, *rates))
     names = [(one, thing) for thing in things for one in thing.names]
     spelled = _spell([one for one, _ in names])
     listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
     return tuple(things), joined | listed
+
+
+@cache
+def _read_narrow() -> frozenset[str]:
+    """Return the labels of rooms that hold only what the table of things names there."""
+    rows = read_rows(_NARROW, read_published(_NARROW), ("room", "holds"))
+    return frozenset(room for _, (room, _) in rows)
 
 
 def _spell(words: Iterable[str]) -> list[str]:

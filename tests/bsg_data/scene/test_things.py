@@ -54,7 +54,8 @@ def _split(rooms: str) -> list[list[str]]:
 def test_shares_sum_to_one_and_labels_are_read_by_models() -> None:
     for thing in list_things():
         labels = [label for label, _ in thing.rooms]
-        assert sum(share for _, share in thing.rooms) == pytest.approx(1), thing.name
+        at_home = [share for label, share in thing.rooms if label in AT_HOME]
+        assert sum(at_home) == pytest.approx(1), thing.name
         assert {known_label(label) for label in labels} <= set(list_room_labels()), thing.name
         assert [label_of("any", label) for label in labels] == labels, thing.name
         assert len(labels) == len(set(labels)), thing.name
@@ -66,29 +67,40 @@ def test_every_class_that_counts_things_has_a_row_of_its_own() -> None:
     """What a row says of a class is meant of all its things: one scale for classes and things."""
     rows = {name: find_thing(name) for name in sorted(CLASSES)}
     assert [name for name, thing in rows.items() if thing is None] == []
+    wider = {name: thing.wider for name, thing in rows.items() if thing}
     default = load_class_space("hm3d45-v2").classes
-    assert [name for name in default if rows[name] and rows[name].wider != name] == []
+    assert {name: wider[name] for name in default} == {name: name for name in default}
     assert len({thing.name for thing in rows.values() if thing}) == len(CLASSES)
 
 
 def test_a_part_is_never_likelier_than_its_whole_in_any_room_or_home() -> None:
     """A mug is tableware: a room has tableware at least as often as a mug."""
     wrong = []
+    labels = {room for thing in list_things() for room, _ in thing.rooms}
     for thing in list_things():
         whole = find_thing(thing.wider or thing.name)
         assert whole is not None, thing.name
         assert thing.home <= whole.home, thing.name
-        there = _in_rooms(whole)
-        for room, probability in _in_rooms(thing).items():
-            if probability > there.get(room, 0.0) + 1e-9:
+        for room in labels:
+            if _is_in(thing, room) > _is_in(whole, room) + 1e-9:
                 wrong.append((thing.name, whole.name, room))
     assert wrong == []
 
 
-def _in_rooms(thing: Thing) -> dict[str, float]:
-    """Return P(at least one) in a home's rooms of each kind, and in those of other buildings."""
-    at_home = sum(share for room, share in thing.rooms if room in AT_HOME)
-    return {room: 1 - (1 - thing.home) ** (share / at_home) for room, share in thing.rooms}
+def _is_in(thing: Thing, room: str) -> float:
+    """Return P(at least one) in a room."""
+    return float(1 - (1 - thing.home) ** thing.probability_in(room))
+
+
+def test_a_narrow_room_holds_what_is_named_there_alone() -> None:
+    hammer, medicine, milk = (find_thing(word) for word in ("hammer", "medicine", "milk"))
+    assert hammer is not None
+    assert medicine is not None
+    assert milk is not None
+    assert hammer.probability_in("workshop") > 1 > hammer.probability_in("utility room") > 0
+    assert hammer.probability_in("cold storage") == 0 < hammer.probability_in("storage room")
+    assert milk.probability_in("cold storage") > 0
+    assert medicine.probability_in("archive") == 0 == medicine.probability_in("child's bedroom")
 
 
 @pytest.mark.parametrize(
@@ -172,8 +184,8 @@ def test_what_a_person_would_say(
     thing = find_thing(word)
     assert thing is not None
     assert thing.name == name
-    shares = sorted(thing.rooms, key=lambda room: -room[1])
-    assert {label for label, _ in shares[: len(rooms)]} == set(rooms)
+    asked = sorted({*AT_HOME, *rooms}, key=thing.probability_in, reverse=True)
+    assert set(asked[: len(rooms)]) == set(rooms)
     assert low <= thing.home <= high
 
 
@@ -181,6 +193,32 @@ def test_what_a_person_would_say(
 FLAT = ("living room", "corridor", "kitchen", "bathroom", "bedroom", "utility room")
 OFFICE = ("office", "copy room", "meeting room", "kitchen", "toilet", "corridor", "computer room")
 WARD = ("patient room", "office", "pharmacy", "corridor", "bathroom", "storage room")
+
+
+HOTEL = ("hotel room", "lobby", "reception", "linen room", "luggage room", "kitchen", "corridor")
+HOTEL += ("lift", "restaurant")
+SCHOOL = ("classroom", "music room", "art room", "gym", "canteen", "staff room", "nurse office")
+SCHOOL += ("cleaning closet", "corridor", "toilet", "office")
+WAREHOUSE = (
+    "warehouse",
+    "aisle",
+    "cold storage",
+    "loading dock",
+    "packing area",
+    "office",
+    "toilet",
+)
+FIRM = ("office", "archive", "cloakroom", "reception", "kitchen", "meeting room", "lift", "toilet")
+HOUSE = (
+    "living room",
+    "kitchen",
+    "dining room",
+    "bedroom",
+    "child's bedroom",
+    "bathroom",
+    "office",
+)
+HOUSE += ("entrance", "garage", "laundry room", "basement", "attic", "patio", "garden", "shed")
 
 
 @pytest.mark.parametrize(
@@ -197,6 +235,39 @@ WARD = ("patient room", "office", "pharmacy", "corridor", "bathroom", "storage r
         (OFFICE, "whiteboard", "meeting room"),
         (WARD, "medicine", "pharmacy"),
         (WARD, "bed", "patient room"),
+        (HOTEL, "remote", "hotel room"),
+        (HOTEL, "hair dryer", "hotel room"),
+        (HOTEL, "suitcase", "luggage room"),
+        (HOTEL, "sheets", "linen room"),
+        (SCHOOL, "violin", "music room"),
+        (SCHOOL, "paint brush", "art room"),
+        (SCHOOL, "basketball", "gym"),
+        (SCHOOL, "chalk", "classroom"),
+        (SCHOOL, "inhaler", "nurse office"),
+        (SCHOOL, "mop", "cleaning closet"),
+        (SCHOOL, "toilet paper", "toilet"),
+        (WAREHOUSE, "hammer", "warehouse"),
+        (WAREHOUSE, "box cutter", "packing area"),
+        (WAREHOUSE, "milk", "cold storage"),
+        (FIRM, "jacket", "cloakroom"),
+        (FIRM, "binder", "archive"),
+        (FIRM, "coffee machine", "kitchen"),
+        (HOUSE, "teddy bear", "child's bedroom"),
+        (HOUSE, "lego", "child's bedroom"),
+        (HOUSE, "nappies", "child's bedroom"),
+        (HOUSE, "jewelry", "bedroom"),
+        (HOUSE, "reading glasses", "bedroom"),
+        (HOUSE, "dining chair", "dining room"),
+        (HOUSE, "patio table", "patio"),
+        (HOUSE, "curio cabinet", "dining room"),
+        (HOUSE, "cocktail cabinet", "living room"),
+        (HOUSE, "cereal box", "kitchen"),
+        (HOUSE, "cookbook", "kitchen"),
+        (HOUSE, "lawn mower", "shed"),
+        (HOUSE, "power washer", "shed"),
+        (HOUSE, "Christmas decorations", "attic"),
+        (HOUSE, "treadmill", "basement"),
+        (HOUSE, "cabinet", "kitchen"),
     ],
 )
 def test_a_person_looks_there_first(building: tuple[str, ...], word: str, room: str) -> None:
@@ -261,6 +332,8 @@ def test_words_of_robots_name_pieces_of_furniture(word: str, name: str | None) -
         ("bedside lamp", "nightstand"),
         ("desk lamp", "table"),
         ("fruit bowl", "counter"),
+        ("slippers", "shoe rack"),
+        ("flashlight", "drawer"),
     ],
 )
 def test_a_person_would_look_there_first(thing: str, first: str) -> None:
