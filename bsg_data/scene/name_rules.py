@@ -45,37 +45,13 @@ _PLACE = re.compile(
     re.IGNORECASE,
 )
 # Words that make one word with `in` or `on`: a carry on bag is on nothing.
-_ONE_WORD = frozenset(
-    {
-        "add",
-        "all",
-        "built",
-        "carry",
-        "clip",
-        "drop",
-        "fold",
-        "hands",
-        "left",
-        "lift",
-        "log",
-        "plug",
-        "pop",
-        "pull",
-        "push",
-        "ride",
-        "roll",
-        "screw",
-        "sit",
-        "slip",
-        "snap",
-        "stand",
-        "step",
-        "stick",
-        "trade",
-        "tuck",
-        "walk",
-    }
-)
+# fmt: off
+_ONE_WORD = frozenset({
+    "add", "all", "built", "carry", "clip", "drop", "fold", "hands", "left", "lift", "log", "plug",
+    "pop", "pull", "push", "ride", "roll", "screw", "sit", "slip", "snap", "stand", "step", "stick",
+    "trade", "tuck", "walk",
+})
+# fmt: on
 # Between the words of `CoffeeTable` and of `TVStand`.
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 # (ending of the plural, ending of the singular)
