@@ -174,9 +174,10 @@ class ClassMap:
             found = self._follow(readings, self.rules)
         elif (found := self._follow(readings, self.rules, is_whole=True)) is None:
             of_parts = [_read_both(part) for part in parts]
-            each = (self._follow(one, self.rules) for one in of_parts)
-            if known := next(filter(None, each), None):
-                return replace(known, rule="phrase")
+            known = [*filter(None, (self._follow(one, self.rules) for one in of_parts))]
+            if known:  # rule 5 of mappings/README.md: the first with a class, or the first
+                best = min(known, key=lambda one: one.class_index is None)
+                return replace(best, rule="phrase")
             readings = [*chain.from_iterable(of_parts)]
         return found or self._mend(readings, self.rules) or _UNMAPPED
 

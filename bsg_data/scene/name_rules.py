@@ -11,7 +11,7 @@ The rules are tried in this order; each resulting form is looked up, and the dec
 - head noun: the last words alone, the longest first, or those before `of`, `with` or `for`:
   `leather armchair` is `armchair`. Only if that is a class;
 - phrase: what is said of a thing is left out: where it is, a score, what stands in brackets or
-  behind a comma; of several names with a slash between, the first known one counts:
+  behind a comma; of names with a slash between, the first with a class counts:
   `lamp on table`, `lamp (0.87)` and `lamp/table` are `lamp`;
 - spelling: one typo in one word that is no word of English: `toilett` is `toilet`.
 """
@@ -32,10 +32,10 @@ _PREPOSITION = re.compile(r"\s(?:with|without|for|of)\s")
 # A number of things is of the things' class (rule 3 of mappings/README.md).
 _COLLECTION = re.compile(r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|row) of ")
 # What is said of a thing: behind a comma or in brackets, how sure it is, and where it is.
-_REMARK = re.compile(r"[(\[{<][^)\]}>]*[)\]}>]?|[,;].*")
+_REMARK = re.compile(r"[(\[{<][^)\]}>]*[)\]}>]?|(?:,|;\s).*")
 _SCORE = re.compile(r"[\s_:=@]+(?:[01]?\.[0-9]+|[0-9]{1,3} ?%)\s*$")
 _EITHER = re.compile(r"[/|]")
-_WITH = re.compile(r"\bw/(?=\W*\w)", re.IGNORECASE)
+_WITH = re.compile(r"\bw/(?=\W*\w)|/w\b", re.IGNORECASE)
 MARKS = " ?!.,;:…*\"'`“”„‘’«»‹›()[]{}<>¿¡？"  # around a name that was copied from a sentence
 _PLACE = re.compile(
     r"\s(?:(?:is|are|hanging|lying|standing|sitting|placed|mounted|leaning|resting|stacked)\s)*"
@@ -45,37 +45,13 @@ _PLACE = re.compile(
     re.IGNORECASE,
 )
 # Words that make one word with `in` or `on`: a carry on bag is on nothing.
-_ONE_WORD = frozenset(
-    {
-        "add",
-        "all",
-        "built",
-        "carry",
-        "clip",
-        "drop",
-        "fold",
-        "hands",
-        "left",
-        "lift",
-        "log",
-        "plug",
-        "pop",
-        "pull",
-        "push",
-        "ride",
-        "roll",
-        "screw",
-        "sit",
-        "slip",
-        "snap",
-        "stand",
-        "step",
-        "stick",
-        "trade",
-        "tuck",
-        "walk",
-    }
-)
+# fmt: off
+_ONE_WORD = frozenset({
+    "add", "all", "built", "carry", "clip", "drop", "fold", "hands", "left", "lift", "log", "plug",
+    "pop", "pull", "push", "ride", "roll", "screw", "sit", "slip", "snap", "stand", "step", "stick",
+    "trade", "tuck", "walk",
+})
+# fmt: on
 # Between the words of `CoffeeTable` and of `TVStand`.
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 # (ending of the plural, ending of the singular)
@@ -137,7 +113,7 @@ def list_parts(name: str) -> tuple[str, ...]:
     """
     if len(name) > LONGEST:
         return (name,)
-    bare = _REMARK.sub(" ", _SCORE.sub("", _WITH.sub("with ", name)))
+    bare = _REMARK.sub(" ", _SCORE.sub("", _WITH.sub(" with ", name)))
     pieces = (_drop_place(one).strip(MARKS) for one in _EITHER.split(bare))
     return tuple(filter(None, pieces)) or (name.strip(MARKS),)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cache, lru_cache
-from itertools import islice
+from itertools import chain, islice
 from types import MappingProxyType
 
 from bsg_data.errors import RecipeError
@@ -159,7 +159,9 @@ def _name_only(word: str) -> str:
     bare, parts = word.strip(MARKS), list_parts(word)
     if bare in parts or len(word) > LONGEST or _is_listed(bare):
         return bare
-    return next(filter(_is_listed, parts), parts[0])
+    counted = (one for one in parts if load_class_map().classify(one).class_index is not None)
+    listed = (one for known in (find_thing, _is_listed) for one in parts if known(one))
+    return next(chain(counted, listed), parts[0])
 
 
 def _is_listed(name: str) -> bool:

@@ -32,7 +32,7 @@ def _list_things(said: Any) -> Any:
         return said
     if said.lstrip().startswith("["):
         return parse_json(said)
-    return [one.strip() for one in said.split(",") if one.strip()] or [said]
+    return [one.strip() for one in said.split(",", MOST_THINGS) if one.strip()] or [said]
 
 
 Map = Annotated[

@@ -51,6 +51,8 @@ PHRASES = {  # of captions and detectors → the class of what they are about
     "mug, red": "tableware",
     "Cabinet/shelf": "cabinet",
     "gizmo / shelf": "shelf",
+    "door / cabinet": "cabinet",
+    "fireplace /w art": None,
     "toilett (old)": "toilet",
     "gizmo on table": None,  # nobody knows it, and it is no table
     "walk in closet": None,  # names with such words, which are no phrases
