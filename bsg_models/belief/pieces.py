@@ -30,6 +30,7 @@ import numpy as np
 
 from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import KnownRoom, SeenObject
+from bsg_data.scene.room_label import known_label
 from bsg_data.scene.things import (
     Receptacle,
     find_keeping,
@@ -230,7 +231,9 @@ def _weigh_labels(room: _Labels) -> Floats:
     labels = read_shares().rooms
     weights = np.zeros(len(labels))
     for label, likely in room:
-        alike = label if label in labels else _FURNISHED_LIKE.get(label)
+        names = (label, known_label(label))
+        near = (one for name in names for one in (name, _FURNISHED_LIKE.get(name)))
+        alike = next((one for one in near if one in labels), None)
         if alike is not None:
             weights[labels.index(alike)] += likely
     total = weights.sum()
