@@ -98,7 +98,7 @@ class KindTable:
         row = self.row.get(thing.name)
         if row is not None and self.things[row] is thing:
             return np.asarray(self.shares[row])
-        return _share([thing], self.kinds, self.numbers[0] > 0)[0]
+        return _share([thing], self.kinds)[0]
 
     @cached_property
     def alike(self) -> Floats:
@@ -120,7 +120,7 @@ def read_kinds() -> KindTable:
     numbers = np.array([[float(x) for x in row[1:-1]] for row in rows]).T
     things = list_things()
     homes = np.array([thing.home for thing in things])
-    shares = _share(things, kinds, numbers[0] > 0)
+    shares = _share(things, kinds)
     each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
     presence = (1 - (1 - homes[:, None].clip(max=_MOST)) ** each).T.clip(_LEAST, _MOST)
     said, is_class = _read_presence(kinds, things)
@@ -159,21 +159,19 @@ def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Float
     return said, is_class
 
 
-def _share(things: Sequence[Thing], kinds: Sequence[str], of_homes: Bools) -> Floats:
+def _share(things: Sequence[Thing], kinds: Sequence[str]) -> Floats:
     """Return the shares of kinds `[T, K]`; those of kinds that homes have sum to 1."""
     shares = np.zeros((len(things), len(kinds)))
     column = {kind: number for number, kind in enumerate(kinds)}
-    nearest = [(column[kind], known_label(kind)) for kind in kinds if known_label(kind) != kind]
+    others = [(number, kind) for number, kind in enumerate(kinds) if known_label(kind) != kind]
     for row, thing in zip(shares, things, strict=True):
         said = dict(thing.rooms)
         for kind, share in said.items():
             if kind in column:
                 row[column[kind]] = share
-        total = row[of_homes].sum()
-        for number, kind in nearest:
-            if kinds[number] not in said:
-                row[number] = _FOREIGN * said.get(kind, 0.0)
-        row /= total or 1.0
+        for number, kind in others:
+            if kind not in said:
+                row[number] = _FOREIGN * thing.probability_in(kind)
     return shares
 
 

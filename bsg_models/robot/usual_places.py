@@ -113,9 +113,8 @@ def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     unknown, there = kinds.rooms[~kinds.known], kinds.rooms[kinds.known].sum(axis=0).clip(max=1.0)
     some = 1 - (1 - unknown).prod(axis=0)
     each = unknown * (some / unknown.sum(axis=0).clip(min=1e-9))
-    total = np.maximum(shares.sum(axis=1, keepdims=True), 1.0)
     may_be = kinds.building @ (table.numbers > 0)
-    return np.asarray((shares * (1 - there) * may_be / total) @ each.T)
+    return np.asarray((shares * (1 - there) * may_be) @ each.T)
 
 
 def _hide(things: Sequence[Thing], graph: PartialGraph) -> Floats:
