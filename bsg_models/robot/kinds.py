@@ -101,6 +101,19 @@ class KindTable:
         return _share([thing], self.kinds)[0]
 
     @cached_property
+    def parts(self) -> dict[str, tuple[Thing, ...]]:
+        """Name of a thing → those that are such things: mugs of tableware."""
+        found: dict[str, list[Thing]] = {}
+        for thing in self.things:
+            if thing.wider is not None and thing.wider not in thing.names:
+                found.setdefault(thing.wider, []).append(thing)
+        return {name: tuple(parts) for name, parts in found.items()}
+
+    def parts_of(self, thing: Thing) -> tuple[Thing, ...]:
+        """Return the things of which each is also such a thing."""
+        return tuple([part for name in thing.names for part in self.parts.get(name, ())])
+
+    @cached_property
     def alike(self) -> Floats:
         """How far people search in one kind of room for what is in another, `[K, K]`, 0 to 1."""
         length = np.linalg.norm(self.shares, axis=0).clip(min=1e-9)

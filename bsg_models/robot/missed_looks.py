@@ -45,8 +45,7 @@ class MissedLook:
             return mine.told <= sought.told
         if mine.noun is not None:
             return sought.noun is not None and mine.noun.includes(sought.word)
-        its_class = sought.model, sought.class_index
-        return mine.is_class and (mine.model, mine.class_index) == its_class
+        return mine.is_class and mine.class_index == sought.class_index
 
 
 @dataclass(frozen=True, eq=False)

@@ -557,7 +557,7 @@ def _key_of(meaning: Meaning) -> tuple[object, ...]:
     if meaning.thing is not None:
         return meaning.thing.name, meaning.told
     parts = None if noun is None else (*split_head(noun.name)[0], noun.head, looks_of(noun.name))
-    return meaning.model, meaning.class_index, parts
+    return meaning.class_index, parts
 
 
 def _join(step: Step, more: Step) -> Step:

@@ -40,12 +40,12 @@ def list_parts(
 
     A class is at least as likely as a mug of its; what is in sight is no likelier than its class.
     """
-    number = {name: index for index, name in enumerate(classes)}
     own = [(index, thing) for index, name in enumerate(classes) if (thing := find_thing(name))]
     parts = [
-        (number[one.wider], one)
-        for one in table.things
-        if one.wider in number and one.sight < IN_SIGHT and (number[one.wider], one) not in own
+        (index, part)
+        for index, thing in own
+        for part in table.parts_of(thing)
+        if part.sight < IN_SIGHT
     ]
     return own, parts
 

@@ -145,7 +145,7 @@ class WeighedGraph:
         belief, rooms = self.expect(Asked.OWN), np.arange(1 + len(self.said.rooms))
         chances = np.zeros(belief.inputs.shape)
         words = {one.meaning.word: one.meaning for one in self.looks}.values()
-        own = {m.class_index: m for m in words if m.model == Asked.OWN and m.is_class}
+        own = {m.class_index: m for m in words if m.is_class}
         for index, meaning in own.items():
             chances[:, index] = 1 - self._overlook(meaning)
         if chances.any():
@@ -171,14 +171,16 @@ class WeighedGraph:
         is_sought = self._words.names(meaning)
         found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
         if meaning.thing is not None:
-            rates = rate_things([meaning.thing], self.kinds, graph)[0]
-            if meaning.class_index is not None and meaning.thing.sight >= IN_SIGHT:
-                most = self.expect(meaning.model).presence[:, meaning.class_index]
+            parts = () if meaning.kind else read_kinds().parts_of(meaning.thing)
+            things = [meaning.thing, *parts]
+            rates = rate_things(things, self.kinds, graph).max(axis=0)
+            is_narrower = meaning.class_name not in (None, *meaning.thing.names)
+            if is_narrower and meaning.thing.sight >= IN_SIGHT:
+                most = self.expect(Asked.OWN).presence[:, meaning.class_index]
                 rates = np.minimum(rates, -np.log1p(-most.clip(max=_SURELY)))
             hidden, none = believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
         elif meaning.class_index is not None:
-            graph = self.believe(meaning.model)[0]
-            hidden, none = believe_class(self.expect(meaning.model), meaning.class_index)
+            hidden, none = believe_class(self.expect(Asked.OWN), meaning.class_index)
             if meaning.noun is not None:
                 hidden, none = believe_kind(hidden, self._judge(meaning.noun)[0])
             else:

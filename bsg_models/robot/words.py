@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cache, lru_cache
@@ -37,6 +37,7 @@ from bsg_data.scene.things import Thing, find_keeping, find_thing, list_things
 from bsg_data.scene.uses import find_use
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
 from bsg_models.robot.nouns import Noun, NounTable, looks_of, split_head
+from bsg_models.runs.found_model import WIDE_MAP
 
 MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
@@ -54,8 +55,7 @@ class Asked(IntEnum):
     """The models that may answer for a word."""
 
     OWN = 0  # the building's
-    WIDE = 1
-    DEFAULT = 2  # by whose classes nouns are judged, where the building's model has others
+    DEFAULT = 1  # by whose classes nouns are judged, where the building's model has others
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +64,8 @@ class Meaning:
 
     Attributes:
         word: as it was asked.
-        class_name: None if no model has a class for it.
+        class_name: None if the building's model has no class for it.
         class_index: in its class space; None without a class.
-        model: which model has this class; the building's own without a class.
         how: why, in words; empty if the word is the name of the class.
         is_exact: whether the class holds only such things; False for a teapot in `tableware`.
         noun: what the word means, if it is known and no class holds only such things.
@@ -79,7 +78,6 @@ class Meaning:
     word: str
     class_name: str | None
     class_index: int | None
-    model: Asked
     how: str
     is_exact: bool
     noun: Noun | None = None
@@ -112,45 +110,32 @@ class Meaning:
 
 
 def find_meaning(
-    word: str,
-    class_maps: Iterable[ClassMap],
-    *,
-    prefer_exact: bool = True,
-    nouns: NounTable | None = None,
+    word: str, class_map: ClassMap, *, prefer_exact: bool = True, nouns: NounTable | None = None
 ) -> Meaning:
     """Return what a word means: a class, or else a noun.
 
-    The first map with a class for the word wins, but a class of exactly such things comes before a
-    wider class of an earlier map: a laptop is a computer only if no map has a class of laptops. A
-    word without a class is looked up among the `nouns`, unless it is a part of the building, a
-    room, or no thing at all: a person, an animal, a colour, an action or an event.
-
-    `class_maps` has that of the building's own model, and of the wide one if it may be asked, which
-    is only loaded if it is needed. `prefer_exact=False` takes the first map that has a class for
-    the word, however wide the class is: for a map that is the user's own.
+    A wide class is narrowed by what the word means. A word without a class is looked up among the
+    `nouns`, unless it is a part of the building, a room, or no thing at all: a person, an animal, a
+    colour, an action or an event. `prefer_exact=False` takes a class however wide it is: for a map
+    that is the user's own.
     """
     require_word(word)
     said = _name_only(word)
-    asked: list[ClassMap] = []
-    wider: Meaning | None = None
-    for model, class_map in zip(Asked, class_maps, strict=False):
-        found = _look_up(word, said, class_map, model)
-        if found and (found.is_exact or not (prefer_exact or found.is_mended)):
-            return found
-        asked.append(class_map)
-        wider = wider or found
+    found = _look_up(word, said, class_map)
+    if found and (found.is_exact or not (prefer_exact or found.is_mended)):
+        return found
     noun = nouns.find(said) if nouns else None
-    if wider is not None:
-        return wider if noun is None or wider.is_mended else _narrow(wider, noun)
-    roles = {class_map.classify(said).role for class_map in asked}
-    kind = find_kind(said) if roles <= {"unmapped", "nameless"} else None
-    is_thing = kind is None and "structure" not in roles and not _is_room(said)
+    if found is not None:
+        return found if noun is None or found.is_mended else _narrow(found, noun)
+    role = class_map.classify(said).role
+    kind = find_kind(said) if role in ("unmapped", "nameless") else None
+    is_thing = kind is None and role != "structure" and not _is_room(said)
     if noun is not None and is_thing:
-        return Meaning(word, None, None, Asked.OWN, _explain(noun), is_exact=False, noun=noun)
-    near = [] if kind else _spelled_alike(said, asked)
-    if not near and kind is None and nouns is not None and roles == {"unmapped"}:
+        return Meaning(word, None, None, _explain(noun), is_exact=False, noun=noun)
+    near = [] if kind else _spelled_alike(said, class_map)
+    if not near and kind is None and nouns is not None and role == "unmapped":
         near = _mended(said, nouns.known)
-    raise RecipeError(_refusal(word, kind, roles, near), code="thing-unknown", where=word)
+    raise RecipeError(_refusal(word, kind, role, near), code="thing-unknown", where=word)
 
 
 @lru_cache(maxsize=_REMEMBERED)
@@ -254,6 +239,10 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
             if is_known and not (is_kind and any(map(find_use, told))):
                 break
             return thing, told
+    if known.role == "left-out":  # of no class of ours, but perhaps of one of the 170
+        wide = load_class_map(WIDE_MAP)
+        index = wide.classify(said).class_index
+        return (None, ()) if index is None else (find_thing(wide.classes[index]), tuple(before))
     return None, ()
 
 
@@ -333,14 +322,14 @@ def _explain(noun: Noun) -> str:
     )
 
 
-def _look_up(word: str, thing: str, class_map: ClassMap, model: Asked) -> Meaning | None:
+def _look_up(word: str, thing: str, class_map: ClassMap) -> Meaning | None:
     """Return the class of a thing by the map of a model; None if it has none."""
     said = normalise_name(thing)
     named = [normalise_name(name) for name in class_map.classes]
     if said in named:
         index = named.index(said)
         how = "" if thing == word else f"{word!r} is {thing!r}"
-        return Meaning(word, class_map.classes[index], index, model, how, is_exact=True)
+        return Meaning(word, class_map.classes[index], index, how, is_exact=True)
     found = class_map.classify(thing)
     if found.class_index is None:
         return None
@@ -356,17 +345,16 @@ def _look_up(word: str, thing: str, class_map: ClassMap, model: Asked) -> Meanin
     if found.category != name:
         steps.append(f"{found.category!r} is one of the class {name!r}")
     how = ", ".join(steps)
-    return Meaning(word, name, found.class_index, model, how, is_exact, is_mended=is_mended)
+    return Meaning(word, name, found.class_index, how, is_exact, is_mended=is_mended)
 
 
-def _spelled_alike(word: str, class_maps: Sequence[ClassMap]) -> list[str]:
-    """Return names with a class that are spelled similarly."""
-    names: dict[str, None] = {}
-    for class_map in class_maps:
-        for entry in class_map.entries.values():  # corrected names: published spellings have errors
-            if entry.class_index is not None:
-                names.setdefault(normalise_name(str(entry.category)))
-        names |= dict.fromkeys(map(normalise_name, class_map.classes))
+def _spelled_alike(word: str, class_map: ClassMap) -> list[str]:
+    """Return names of things and classes that are spelled similarly."""
+    names = dict.fromkeys(name for thing in list_things() for name in thing.names)
+    for entry in class_map.entries.values():  # corrected names: published spellings have errors
+        if entry.class_index is not None:
+            names.setdefault(normalise_name(str(entry.category)))
+    names |= dict.fromkeys(map(normalise_name, class_map.classes))
     return list(meant_names(normalise_name(word), names))
 
 
@@ -377,13 +365,13 @@ def _mended(word: str, known: Sequence[str]) -> list[str]:
     return list(islice(near, _OFFERED))
 
 
-def _refusal(word: str, kind: str | None, roles: Set[Role], near: Sequence[str]) -> str:
+def _refusal(word: str, kind: str | None, role: Role, near: Sequence[str]) -> str:
     if kind is not None:
         article = "an" if kind[0] in "aeiou" else "a"
         why = f"it is the word for {article} {kind}, and models look for things"
-    elif "structure" in roles:
+    elif role == "structure":
         why = "it is a part of the building, and models count objects"
-    elif "left-out" in roles:
+    elif role == "left-out":
         why = "class maps know the name, but no shipped model has a class for it"
     else:
         why = "no known thing has this English name"

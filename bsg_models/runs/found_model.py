@@ -26,8 +26,7 @@ from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.run_folder import BEST
 
 DEFAULT_MODEL = "universal"
-WIDE_MODEL = "universal-wide"  # answers for words for which the default model has no class
-WIDE_MAP = "hm3d-wide-v1"
+WIDE_MAP = "hm3d-wide-v1"  # which knows names of things that the default map leaves out
 SUFFIX = ".safetensors"
 HUB_WEIGHTS, HUB_CONFIG, HUB_CARD = "model.safetensors", "config.json", "README.md"
 Kind = Literal["run", "file", "hub folder", "shipped", "hub"]  # how a model was found
