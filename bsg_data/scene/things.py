@@ -64,7 +64,7 @@ class Thing:
         storage room, but in no storage room of a home. A narrow room has what is named there alone.
         """
         rooms = dict(self.rooms)
-        if label in rooms or label in _read_narrow():
+        if label in rooms or is_narrow(label):
             return rooms.get(label, 0.0)
         return rooms.get(known_label(label), 0.0)
 
@@ -129,6 +129,11 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
     listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
     return tuple(things), joined | listed
+
+
+def is_narrow(label: str) -> bool:
+    """Say whether rooms with a label hold only what the table of things names there: a lift."""
+    return label in _read_narrow()
 
 
 @cache

@@ -17,18 +17,19 @@ p_kt is by hand, too: classes have the presence of `hand-prior-v2`, other things
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.arrays import Bools, Floats
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.scene.room_label import known_label, normalise_room
 from bsg_data.scene.surroundings import area_of
-from bsg_data.scene.things import Thing, find_thing, list_things
+from bsg_data.scene.things import Thing, find_thing, is_narrow, list_things
+from bsg_data.scene.uses import move_thing
 from bsg_models.robot.words import find_everyday, find_wider
 
 _KINDS, _PRESENCE = "kinds-v1.csv", "hand-prior-v2.json"
@@ -41,12 +42,14 @@ _WRONG = 100.0  # labels that are right, for one that is wrong
 # many things were seen.
 _UNLIKE, _ALIKE_ENOUGH, _TELLING = 0.05, 0.3, 3
 _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
+# Other buildings surely have what people search for, with this share, in rooms that homes lack.
+_OURS, _ELSEWHERE = 0.15, 0.95
 _FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
 _RARE = 0.01  # rooms of a kind that a building has at least
 _HARDLY = 0.15  # kinds of rooms that are less alike have nothing in common
 _TAKEN = 0.5
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
-_MOST_HOME = 0.97  # P(home), before anything is known
+_MOST_HOME = 0.93  # P(home), before anything is known
 _AGAIN = 0.15  # of a kind of which a building has all, how many more rooms it has
 _NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
 _LACKING = 0.9  # P(no room is of a kind that every home has)
@@ -100,6 +103,14 @@ class KindTable:
             return np.asarray(self.shares[row])
         return _share([thing], self.kinds)[0]
 
+    def presence_of(self, thing: Thing) -> Floats:
+        """Return P(a room of each kind has a thing), `[K]`."""
+        row = self.row[thing.name]
+        if self.things[row] is thing:
+            return np.asarray(self.presence[:, row])
+        shares = self.shares_of(thing)[None]
+        return np.asarray(_be_present([thing], shares, self.numbers, self.kinds)[:, 0])
+
     @cached_property
     def parts(self) -> dict[str, tuple[Thing, ...]]:
         """Name of a thing → those that are such things: mugs of tableware."""
@@ -119,6 +130,7 @@ class KindTable:
         length = np.linalg.norm(self.shares, axis=0).clip(min=1e-9)
         alike: Floats = self.shares.T @ self.shares / np.outer(length, length)
         np.fill_diagonal(alike, 0.0)
+        alike[:, [is_narrow(kind) for kind in self.kinds]] = 0.0
         return np.asarray(np.where(alike < _HARDLY, 0.0, alike))
 
 
@@ -132,10 +144,8 @@ def read_kinds() -> KindTable:
     kinds = tuple(row[0] for row in rows)
     numbers = np.array([[float(x) for x in row[1:-1]] for row in rows]).T
     things = list_things()
-    homes = np.array([thing.home for thing in things])
     shares = _share(things, kinds)
-    each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
-    presence = (1 - (1 - homes[:, None].clip(max=_MOST)) ** each).T.clip(_LEAST, _MOST)
+    presence = _be_present(things, shares, numbers, kinds)
     said, is_class = _read_presence(kinds, things)
     presence = np.where(np.isnan(said), presence, said)
     return KindTable(
@@ -151,6 +161,24 @@ def read_kinds() -> KindTable:
         presence=presence,
         is_class=is_class,
     )
+
+
+def _be_present(
+    things: Sequence[Thing], shares: Floats, numbers: Floats, kinds: Sequence[str]
+) -> Floats:
+    """Return P(a room of a kind has a thing) from shares `[T, K]`, `[K, T]`."""
+    homes = np.array([[thing.home] for thing in things]).clip(max=_MOST)
+    named = [{kind for kind, _ in thing.rooms} for thing in things]
+    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] == 0)
+    others = be_elsewhere((shares * foreign).sum(axis=1, keepdims=True))
+    there = np.where(foreign, np.maximum(homes, others), homes)
+    each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
+    return np.asarray((1 - (1 - there) ** each).T.clip(_LEAST, _MOST))
+
+
+def be_elsewhere(shares: Floats) -> Floats:
+    """Return P(another building has a thing), of shares in kinds of rooms that homes lack."""
+    return np.asarray(_ELSEWHERE * (shares / _OURS).clip(max=1.0))
 
 
 def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Floats, Bools]:
@@ -247,7 +275,7 @@ class RoomKinds:
 
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
-    seen = [*list_seen(graph, table)]
+    seen, heard = _list_seen(graph), _list_heard(graph, table)
     told = np.array([_read_label(room, table) for room in graph.rooms]).reshape(
         len(graph.rooms), len(table.kinds)
     )
@@ -260,7 +288,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         dtype=bool,
     )
     logs = np.array(
-        [_weigh_things(room, seen[n], graph, table) for n, room in enumerate(graph.rooms)]
+        [_weigh_things(room, seen[n], heard, table) for n, room in enumerate(graph.rooms)]
     ).reshape(told.shape)
     logs += _SHAPE * _weigh_shapes(graph, table)
     # A label is nearly sure; what its probabilities leave is left to the things.
@@ -289,7 +317,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
 
 
 def _doubt_labels(
-    told: Floats, silent: Floats, seen: Sequence[Ints], table: KindTable
+    told: Floats, silent: Floats, seen: Sequence[Sequence[Thing]], table: KindTable
 ) -> dict[int, tuple[str, str]]:
     """Return the labels that things contradict, and the kind that these are of, by room number."""
     doubted = {}
@@ -321,19 +349,23 @@ def _missing(table: KindTable, building: Floats, times: Floats) -> Floats:
     return np.asarray(np.maximum(numbers - times, _AGAIN * numbers))
 
 
-def list_seen(graph: PartialGraph, table: KindTable) -> Iterator[Ints]:
-    """Yield the rows of the things that were seen in each room."""
-    rows: list[set[int]] = [set() for _ in range(1 + len(graph.rooms))]
+def _list_seen(graph: PartialGraph) -> list[tuple[Thing, ...]]:
+    """Return the kinds of things that were seen in each room."""
+    seen: list[dict[str, Thing]] = [{} for _ in range(1 + len(graph.rooms))]
     for obj in graph.objects:
-        thing = (
-            find_everyday(obj.raw_category)
-            or find_wider(obj.raw_category)[0]
-            or (find_everyday(obj.category) if obj.category else None)
-        )
-        if thing is not None and obj.is_evidence and (row := table.row.get(thing.name)) is not None:
-            rows[obj.room_index].add(row)
-    for one in rows[1:]:
-        yield np.array(sorted(one), dtype=np.int64)
+        thing = _read_thing(obj.raw_category) or (obj.category and _read_thing(obj.category))
+        if thing and obj.is_evidence:
+            seen[obj.room_index][thing.name] = thing
+    return [tuple(things.values()) for things in seen[1:]]
+
+
+@lru_cache(maxsize=2**16)  # the objects of a map are asked again and again
+def _read_thing(word: str) -> Thing | None:
+    """Return the everyday thing that a word names, in the rooms that its first words tell."""
+    if listed := find_everyday(word):
+        return listed
+    thing, told = find_wider(word)
+    return thing and move_thing(thing, told)
 
 
 def _read_label(room: KnownRoom, table: KindTable) -> Floats:
@@ -345,17 +377,25 @@ def _read_label(room: KnownRoom, table: KindTable) -> Floats:
     return row
 
 
-def _weigh_things(room: KnownRoom, seen: Ints, graph: PartialGraph, table: KindTable) -> Floats:
-    """Return the log likelihoods of what was seen in a room, and of what was not, `[K]`."""
+def _weigh_things(room: KnownRoom, seen: Sequence[Thing], heard: Bools, table: KindTable) -> Floats:
+    """Return the log likelihoods of what was seen in a room, and of what was not, `[K]`.
+
+    `heard` `[T]` has the things of which the robot would have taken notice.
+    """
     share = max(0.0, 1 - room.share.mean - room.share.sd)  # that was surely seen
-    absent = table.is_class.copy()
-    absent[seen] = False
-    if graph.detector is not None:
-        heard = {thing.name for word, _ in graph.detector if (thing := find_everyday(word))}
-        absent &= np.array([thing.name in heard for thing in table.things])
-    found = np.log(table.presence[:, seen]).sum(axis=1)
+    absent = heard.copy()
+    absent[[table.row[thing.name] for thing in seen]] = False
+    found = sum((np.log(table.presence_of(thing)) for thing in seen), np.zeros(len(table.kinds)))
     misses = np.log1p(-share * table.presence[:, absent]).sum(axis=1)
     return np.asarray(found / (1 + len(seen) / _ALIKE) + _UNSEEN * misses)
+
+
+def _list_heard(graph: PartialGraph, table: KindTable) -> Bools:
+    """Return the classes, or those that the robot's detector knows, `[T]`."""
+    if graph.detector is None:
+        return table.is_class
+    heard = {thing.name for word, _ in graph.detector if (thing := find_everyday(word))}
+    return table.is_class & np.array([thing.name in heard for thing in table.things])
 
 
 def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:

@@ -19,15 +19,13 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing
-from bsg_models.robot.kinds import KindTable, RoomKinds
+from bsg_models.robot.kinds import KindTable, RoomKinds, be_elsewhere
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
 _ANYWHERE = 0.03  # share of a thing that is in any room
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
-# Other buildings surely have what people search for, with this share, in rooms that homes lack.
-_OURS, _ELSEWHERE = 0.15, 0.95
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
 _NAMED = 0.7  # share of rooms that have the thing in their name, such as a bicycle store
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
@@ -82,7 +80,7 @@ def _expect(homes: Floats, shares: Floats, kinds: RoomKinds) -> Floats:
     numbers = kinds.table.numbers
     own = (numbers > 2 * numbers[0]) & (numbers > 0.2)
     ours = own.astype(float) @ shares.T  # [B, T]
-    elsewhere = np.maximum(homes, _ELSEWHERE * (ours / _OURS).clip(max=1.0))
+    elsewhere = np.maximum(homes, be_elsewhere(ours))
     elsewhere[0] = homes
     return np.asarray(kinds.building @ elsewhere)
 
