@@ -45,9 +45,10 @@ _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
 # Other buildings surely have what people search for, with this share, in rooms that homes lack.
 _OURS, _ELSEWHERE = 0.15, 0.95
 _FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
+_OFTEN = 0.1  # rooms of a kind that a building other than a home has, if people search there
 _RARE = 0.01  # rooms of a kind that a building has at least
 _HARDLY = 0.15  # kinds of rooms that are less alike have nothing in common
-_TAKEN = 0.5
+_TAKEN = 0.5  # how far a room of a kind that a building has is taken for another one
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
 _MOST_HOME = 0.93  # P(home), before anything is known
 _AGAIN = 0.15  # of a kind of which a building has all, how many more rooms it has
@@ -85,6 +86,18 @@ class KindTable:
     shares: Floats
     presence: Floats
     is_class: Bools
+
+    @cached_property
+    def usual(self) -> Bools:
+        """Kinds in which people search, if a building has them, `[B, K]`; others come on top."""
+        own = np.array([known_label(kind) == kind for kind in self.kinds])
+        return np.vstack([(self.numbers[0] > 0) & own, self.numbers[1:] >= _OFTEN])
+
+    @cached_property
+    def chances(self) -> Floats:
+        """P(a room of a building is of a kind), `[B, K]`."""
+        numbers = self.numbers.clip(min=_RARE)
+        return np.asarray(numbers / numbers.sum(axis=1, keepdims=True))
 
     @cached_property
     def row(self) -> dict[str, int]:
@@ -276,44 +289,53 @@ class RoomKinds:
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
     seen, heard = _list_seen(graph), _list_heard(graph, table)
-    told = np.array([_read_label(room, table) for room in graph.rooms]).reshape(
-        len(graph.rooms), len(table.kinds)
-    )
-    said = told.sum(axis=1)
-    known = np.array(
-        [
-            said[number] > 0 or len(seen[number]) > 0 or room.visited or area_of(room) is not None
-            for number, room in enumerate(graph.rooms)
-        ],
-        dtype=bool,
-    )
-    logs = np.array(
-        [_weigh_things(room, seen[n], heard, table) for n, room in enumerate(graph.rooms)]
-    ).reshape(told.shape)
-    logs += _SHAPE * _weigh_shapes(graph, table)
-    # A label is nearly sure; what its probabilities leave is left to the things.
-    label = (
-        told * (1 - 1 / _WRONG)
-        + (1 - told.sum(axis=1, keepdims=True) * (1 - 1 / _WRONG)) * _spread(table)
-    ) * len(table.kinds)
+    told, logs = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(2))
+    known = np.zeros(len(graph.rooms), dtype=bool)
+    shapes = _SHAPE * _weigh_shapes(graph, table)
+    for number, (room, things) in enumerate(zip(graph.rooms, seen, strict=True)):
+        told[number] = _read_label(room, table)
+        logs[number] = _weigh_seen(things, table)
+        if not told[number].any():  # what a room lacks is no reason to doubt its label
+            logs[number] += _weigh_unseen(room, things, heard, table) + shapes[number]
+        area = area_of(room)
+        known[number] = told[number].any() or bool(things) or room.visited or area is not None
     likely = np.exp(logs - logs.max(axis=1, keepdims=True, initial=-np.inf))
-    both = likely * label
+    both = likely * _trust_labels(told)
     building = _infer_building(graph, table, both[known])
-    numbers = table.numbers.clip(min=_RARE)
-    prior = building @ (numbers / numbers.sum(axis=1, keepdims=True))
+    prior = building @ table.chances
     rooms = _normalise(prior * both)
-    if len(rooms):
-        numbers = building @ table.numbers.clip(min=_RARE)
-        numbers *= max(1.0, known.sum() / numbers.sum())
-        others = rooms[known].sum(axis=0) - rooms * known[:, None]
-        taken = (np.maximum(numbers - others, _AGAIN * numbers) / numbers) ** _TAKEN
-        rooms = _normalise(prior * taken * both)
+    rooms = _normalise(prior * both * _leave_taken(table, building, rooms, known))
     silent = _normalise(prior * likely)
-    doubted = _doubt_labels(told, silent, seen, table)
     left = _missing(table, building, rooms[known].sum(axis=0))
     rooms[~known] = _normalise(left * likely[~known])
-    named = tuple(_list_named(room) for room in graph.rooms)
-    return RoomKinds(table, rooms, building, known, said == 0, doubted, named)
+    return RoomKinds(
+        table=table,
+        rooms=rooms,
+        building=building,
+        known=known,
+        by_things=~told.any(axis=1),
+        doubted=_doubt_labels(told, silent, seen, table),
+        named=tuple(_list_named(room) for room in graph.rooms),
+    )
+
+
+def _trust_labels(told: Floats) -> Floats:
+    """Return P(what is said of a room, if it is of a kind), `[R, K]`, up to a factor.
+
+    What the probabilities of labels leave is left to the things.
+    """
+    right = 1 - 1 / _WRONG
+    kinds = told.shape[1]
+    return np.asarray(kinds * right * told + 1 - right * told.sum(axis=1, keepdims=True))
+
+
+def _leave_taken(table: KindTable, building: Floats, rooms: Floats, known: Bools) -> Floats:
+    """Return how much less likely kinds are that other rooms are, `[R, K]`: one has one kitchen."""
+    numbers = building @ table.numbers.clip(min=_RARE)
+    numbers = numbers * max(1.0, known.sum() / numbers.sum())
+    others = rooms[known].sum(axis=0) - rooms * known[:, None]
+    left = np.maximum(numbers - others, _AGAIN * numbers) / numbers
+    return np.asarray(left**_TAKEN)
 
 
 def _doubt_labels(
@@ -334,10 +356,6 @@ def _list_named(room: KnownRoom) -> frozenset[str]:
     words = (normalise_room(name).split()[:-1] for name in (room.name, room.label or ""))
     things = (find_everyday(" ".join(some)) for some in words if some)
     return frozenset(thing.name for thing in things if thing)
-
-
-def _spread(table: KindTable) -> float:
-    return 1 / len(table.kinds)
 
 
 def _normalise(rows: Floats) -> Floats:
@@ -377,17 +395,22 @@ def _read_label(room: KnownRoom, table: KindTable) -> Floats:
     return row
 
 
-def _weigh_things(room: KnownRoom, seen: Sequence[Thing], heard: Bools, table: KindTable) -> Floats:
-    """Return the log likelihoods of what was seen in a room, and of what was not, `[K]`.
+def _weigh_seen(seen: Sequence[Thing], table: KindTable) -> Floats:
+    """Return the log likelihoods of what was seen in a room, `[K]`."""
+    found = sum((np.log(table.presence_of(thing)) for thing in seen), np.zeros(len(table.kinds)))
+    return np.asarray(found / (1 + len(seen) / _ALIKE))
+
+
+def _weigh_unseen(room: KnownRoom, seen: Sequence[Thing], heard: Bools, table: KindTable) -> Floats:
+    """Return the log likelihoods of what was not seen in a room, `[K]`.
 
     `heard` `[T]` has the things of which the robot would have taken notice.
     """
     share = max(0.0, 1 - room.share.mean - room.share.sd)  # that was surely seen
     absent = heard.copy()
     absent[[table.row[thing.name] for thing in seen]] = False
-    found = sum((np.log(table.presence_of(thing)) for thing in seen), np.zeros(len(table.kinds)))
     misses = np.log1p(-share * table.presence[:, absent]).sum(axis=1)
-    return np.asarray(found / (1 + len(seen) / _ALIKE) + _UNSEEN * misses)
+    return np.asarray(_UNSEEN * misses)
 
 
 def _list_heard(graph: PartialGraph, table: KindTable) -> Bools:
@@ -427,7 +450,6 @@ def _infer_building(graph: PartialGraph, table: KindTable, likely: Floats) -> Fl
     prior = np.array([_MOST_HOME, *[(1 - _MOST_HOME) / others] * others])
     if graph.building_kind is not None:  # of another kind
         prior[0] = 0.0
-    numbers = table.numbers.clip(min=_RARE)
-    logs = np.log(likely @ (numbers / numbers.sum(axis=1, keepdims=True)).T + 1e-300).sum(axis=0)
+    logs = np.log(likely @ table.chances.T + 1e-300).sum(axis=0)
     weights = prior * np.exp(logs - logs.max(initial=-np.inf)) if len(likely) else prior
     return np.asarray(weights / weights.sum())

@@ -27,7 +27,7 @@ _ANYWHERE = 0.03  # share of a thing that is in any room
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
-_NAMED = 0.7  # share of rooms that have the thing in their name, such as a bicycle store
+_NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
 
 
@@ -97,7 +97,7 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     there = times.clip(max=1.0)
     alike = table.alike * there * _pass(kinds)
     moves = alike / alike.sum(axis=1, keepdims=True).clip(min=_WHOLE)
-    may_be = kinds.building @ (table.numbers > 0)  # what other buildings have is nowhere here
+    may_be = kinds.building @ table.usual
     every = shares * there + (shares * (1 - there) * may_be) @ moves
     every /= every.sum(axis=1, keepdims=True).clip(min=_WHOLE)
     # Two bedrooms of a home share what bedrooms have; each classroom has its own.
@@ -111,7 +111,7 @@ def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     unknown, there = kinds.rooms[~kinds.known], kinds.rooms[kinds.known].sum(axis=0).clip(max=1.0)
     some = 1 - (1 - unknown).prod(axis=0)
     each = unknown * (some / unknown.sum(axis=0).clip(min=1e-9))
-    may_be = kinds.building @ (table.numbers > 0)
+    may_be = kinds.building @ table.usual
     return np.asarray((shares * (1 - there) * may_be) @ each.T)
 
 
