@@ -86,9 +86,9 @@ from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import (
     NO_KIND,
     RoomReader,
-    RoomType,
     Understood,
     check_own_label,
+    drop_origin,
     explain_rules,
     is_name,
     known_label,
@@ -662,7 +662,7 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
         "format": "bsg-partial-graph",
         "version": 1,
         **{name: getattr(graph, name) for name in _GRAPH_FACTS},
-        "building_kind": _plain(graph.building_kind),
+        "building_kind": drop_origin(graph.building_kind),
         "rooms": [_encode_room(room) for room in graph.rooms],
         "objects": [
             {
@@ -697,16 +697,9 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
     said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS) if name != "unread"}
     said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
-    said["room_type"] = _plain(room.room_type)
+    said["room_type"] = drop_origin(room.room_type)
     said |= {"unread": [*room.unread]} if room.unread else {}
     return {"id": room.name, **said}
-
-
-def _plain(said: RoomType | None) -> RoomType | None:
-    """Return labels without what they were read from."""
-    if isinstance(said, Mapping):
-        return {str(label): probability for label, probability in said.items()}
-    return None if said is None else str(said)
 
 
 def list_unmapped(graph: PartialGraph) -> dict[str, int]:

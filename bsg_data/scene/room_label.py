@@ -381,7 +381,7 @@ def is_name(text: str) -> bool:
 def is_understood(source: str, source_label: str) -> bool:
     """Say whether we know what a source calls a room, or it has no words to be understood.
 
-    >>> [is_understood("table", name) for name in ("Wohnzimmer", "kitchen 2", "other", "R7")]
+    >>> [is_understood("table", name) for name in ("Kajüte", "kitchen 2", "other", "R7")]
     [False, True, True, True]
     """
     known = read_room(source_label, source=source)
@@ -434,7 +434,7 @@ def read_room_type(
 ) -> ReadType:
     """Return the type of a room in common labels; probabilities of equal labels are summed.
 
-    What was read before is read again from what was said then.
+    What was read before is read again from what was said then; see `drop_origin`.
 
     >>> read_room_type("Hallway").labels, read_room_type({"hall": 0.5, "corridor": 0.25}).labels
     ('corridor', {'corridor': 0.75})
@@ -463,6 +463,13 @@ def read_room_type(
             found[label] = found.get(label, 0.0) + probability
     is_sure = list(found.values()) == [1.0]
     return ReadType(next(iter(found)) if is_sure else found or None, tuple(unread))
+
+
+def drop_origin(said: RoomType | None) -> RoomType | None:
+    """Return labels without what they were read from."""
+    if isinstance(said, Mapping):
+        return {str(label): probability for label, probability in said.items()}
+    return None if said is None else str(said)
 
 
 def list_labels(said: RoomType | None) -> tuple[str, ...]:
@@ -499,7 +506,7 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     Raises:
         RecipeError: as `check_room_type`.
     """
-    known, index = read_room_type(said).labels, _index_labels()
+    known, index = read_room_type(drop_origin(said)).labels, _index_labels()
     row = np.zeros(len(index))
     for label, probability in ({known: 1.0} if isinstance(known, str) else known or {}).items():
         if (read := known_label(label)) in index:

@@ -131,6 +131,8 @@ def test_unmapped_names_are_reported(run: Path, tmp_path: Path) -> None:
         (("dataset", "--split", "train", "--out", "x.json"), 2),
         (("dataset", "--find", "sink"), 2),
         (("dataset", "--labels", "mpcat40"), 2),
+        (("dataset", "--room-labels", "words.csv"), 2),
+        ((str(OFFICE), "--room-labels", "words.csv"), 1),
         ((str(OFFICE), "--mask", "rooms"), 2),
         ((".",), 2),
     ],
@@ -140,6 +142,15 @@ def test_what_cannot_be_done_is_refused(
 ) -> None:
     monkeypatch.chdir(dataset.parent)
     assert call(*words, "--model", run, code=code).stdout == ""
+
+
+def test_words_of_the_user_are_read(tmp_path: Path, run: Path) -> None:
+    (tmp_path / "words.csv").write_text("source_label,label\nKajüte,bedroom\n", "utf-8")
+    (tmp_path / "graph.json").write_text('{"Kajüte 1": []}', "utf-8")
+    asked = (tmp_path / "graph.json", "--model", run)
+    assert "'Kajüte 1': kind of room unknown" in call(*asked).stderr
+    taught = call(*asked, "--room-labels", tmp_path / "words.csv").stderr
+    assert "Kajüte 1: read as the kinds that their names say" in taught
 
 
 @pytest.mark.usefixtures("shipped")

@@ -55,6 +55,16 @@ FLAT: Map = {
     ],
     "more_rooms": 2,
 }
+UNREAD: Map = {
+    "scene_id": "unread",
+    "building_kind": "castle",
+    "rooms": [
+        {"id": "R1", "room_type": "zzz", "floor_in_view": 0.5},
+        {"id": "R2", "room_type": {"zzz": 0.5, "Küche": 0.5}, "visited": False},
+        {"id": "Kajüte", "visited": False},
+    ],
+    "room_labels": {"Kajüte": "bedroom"},
+}
 SEARCHED: Map = {"scene_id": "s", "rooms": [{"id": one, "hidden_share": 0} for one in "abc"]}
 
 
@@ -88,6 +98,7 @@ QUESTIONS = {
     "two robots": Question(
         FLAT, ["mug", "scissors"], None, {"robots": {"a": "hall", "b": "bedroom"}, "chance": 0.6}
     ),
+    "kinds that nobody can read": Question(UNREAD, ["milk", "bed"], "R1"),
     "rooms not found yet": Question({**SIMPLE, "more_rooms": True}, "toilet", "kitchen"),
     "nothing left": Question(SEARCHED, "lamp", "b"),
     "no rooms": Question({}, "lamp"),
@@ -174,6 +185,22 @@ def test_every_door_gives_the_same_answer(kind: str, service: Any) -> None:
         assert doors[door].pop("notes") == [*seen.notes]
     for door, told in doors.items():
         assert plain(told) == answer, door
+
+
+def test_what_nobody_can_read_counts_as_not_said_by_every_door(service: Any) -> None:
+    rooms = [{**UNREAD["rooms"][0]}, UNREAD["rooms"][1] | {"room_type": {"kitchen": 0.5}}]
+    rooms = [*rooms, UNREAD["rooms"][2] | {"room_type": "bedroom"}]
+    rooms[0].pop("room_type")
+    unsaid = Question({"scene_id": "unread", "rooms": rooms}, ["milk", "bed"], "R1")
+    asked = QUESTIONS["kinds that nobody can read"]
+    one, other = by_service(service, asked), by_service(service, unsaid)
+    told = open_graph(asked.said).notes
+    for door in one:
+        notes, _ = one[door].pop("notes"), other[door].pop("notes")
+        assert one[door] == other[door]
+        assert notes == [*told]
+    assert "'zzz': kind of room unknown; say `room_type`" in told
+    assert any(note.startswith("'castle': kind of building unknown") for note in told)
 
 
 HOUSE: Map = {

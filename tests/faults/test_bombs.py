@@ -73,7 +73,7 @@ CLASS_MAP = (
     "load_class_map",
     "load_class_map(str(path)).classify('chiar')",
 )
-WORDS = ("bsg_data.sources.room_words", "_read_room_words", "_read_room_words(path)")
+WORDS = ("bsg_data.sources.room_words", "read_room_words", "read_room_words(path)")
 CONFIG = ("bsg_models.zoo.config", "read_config", "read_config(path)")
 
 

@@ -213,7 +213,8 @@ def test_number_case_and_hyphens_of_a_room_do_not_matter(name: str) -> None:
     assert normalise_room(f" {name}_12") == normalise_room(f"{name}-7")
     label = label_of("table", name)
     assert label is None or known_label(label) in list_room_labels()
-    assert owner_of(name) is None or owner_of(name) == owner_of(name).casefold()  # type: ignore[union-attr]
+    owner = owner_of(name)
+    assert owner is None or owner == owner.casefold()
 
 
 @pytest.mark.parametrize(
