@@ -23,7 +23,7 @@ PATH = click.Path(path_type=Path)
 MOST_WORKERS = 1024  # each is a process; one machine has no use for more
 TERMS = (  # said where nobody named a model: who takes the default has not chosen its licence
     "universal: weights for non-commercial research (NOTICE); for any other use, name the model "
-    "behavior"
+    "open"
 )
 
 

@@ -71,7 +71,7 @@ def test_models_are_made_twice_with_the_same_bytes(
     ("words", "said"),
     [
         (("--only", "univresal"), "did you mean universal?"),
-        (("--only", "behavior"), "behavior needs --behavior"),
+        (("--only", "open"), "open needs --behavior"),
         (("--set", "mixture:model.typse=2"), "did you mean types?"),
     ],
 )

@@ -245,15 +245,45 @@ def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) ->
 @pytest.mark.parametrize("how", ["name", "copy"])
 def test_a_model_for_any_use_is_not_helped_by_one_for_research(how: str, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
-    shutil.copy(find_shipped("behavior"), tmp_path / "mine.safetensors")
+    shutil.copy(find_shipped("open"), tmp_path / "mine.safetensors")
     models = {
-        "name": "behavior",
+        "name": "open",
         "copy": tmp_path / "folder" / ".." / "mine.safetensors",
     }
     seen = open_graph(OFFICE, model=models[how])
     assert seen.asked("shoes") == "things-v1", "the table of things is free, too"
     with refuses(RecipeError, "thing-unknown", "sextant"):
         seen.where("sextant")
+
+
+@pytest.mark.parametrize(
+    ("thing", "first"),
+    [
+        ("microwave", "kitchen"),
+        ("washing machine", "laundry"),
+        ("bed", "bedroom"),
+        ("toilet", "bath"),
+        ("tv", "living room"),
+        ("towel", "bath"),
+    ],
+)
+def test_the_model_for_any_use_knows_the_rooms_of_a_home(thing: str, first: str) -> None:
+    names = ("hall", "kitchen", "laundry", "bath", "bedroom", "living room")
+    rooms = [{"id": name, "visited": False} for name in names]
+    seen = open_graph({"scene_id": "home", "rooms": rooms}, model="open")
+    assert seen.where(thing)[0].room == first
+    assert seen.anywhere(thing) > 0.7
+
+
+def test_the_model_for_any_use_infers_the_kind_of_a_room_from_its_things() -> None:
+    things = {
+        "R0": ["stove", "refrigerator"],
+        "R1": ["bed", "wardrobe"],
+        "R2": ["toilet", "shower"],
+    }
+    seen = open_graph({"R3": []} | things, model="open")
+    for thing, first in (("microwave", "R0"), ("pillow", "R1"), ("bathtub", "R2")):
+        assert seen.where(thing)[0].room == first
 
 
 def test_a_graph_is_a_file_or_a_document() -> None:
@@ -604,7 +634,7 @@ def test_a_look_for_one_thing_says_nothing_of_the_rest_of_its_class(part: str, w
 
 def test_a_look_that_a_model_has_no_word_for_is_a_note() -> None:
     said = {"scene_id": "x", "rooms": [{"id": "a"}], "looks": [{"room": "a", "thing": "sextant"}]}
-    seen = open_graph(said, model="behavior")
+    seen = open_graph(said, model="open")
     assert any("sextant" in note for note in seen.notes)
     assert 0 < seen.where("chair")[0].probability < 1
 

@@ -31,7 +31,7 @@ PUBLISHED: dict[str, str] = {
     "universal-wide": "5d3f46ad87e3658cac228bef00f56b1d44227d883476fb2535b8b2eec559d432",
     "mixture": "3318e3a09a7eca5fa9edca54724ead37db5f51e0ea7b51a96fa3f7e0a857db02",
     "ensemble": "8a6c0c228e678a96c760d6bbf617e92aeb5e84275c371888800b25e18d69862e",
-    "behavior": "812260cca7706a0087dd2065d6ed935f6bd20cd7b477c9a0dd5bd8f59acfcee2",
+    "open": "427c991592163f4f5efc558bad4e3f60d10424e99f16a2225e80df500c6626ff",
 }
 
 

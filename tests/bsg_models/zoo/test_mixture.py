@@ -9,10 +9,12 @@ import pytest
 from one_building import make_zoo_model, observe_building, surround_rooms
 from scipy import stats
 
+from bsg_data.scene.class_space import load_class_space
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.zoo import room_types
-from bsg_models.zoo.mixture import fit_habit, fit_labels
-from bsg_models.zoo.room_types import FittedTypes, fit_types
+from bsg_models.zoo.hand_prior import HandPrior, read_hand_prior
+from bsg_models.zoo.mixture import choose_labels, fit_habit, fit_labels
+from bsg_models.zoo.room_types import FittedTypes, fit_named_types, fit_types
 
 
 def two_types(*, temper: float = 1.0, building: bool = False, tilted: int = 0) -> Any:
@@ -201,3 +203,32 @@ def test_planted_types_are_found_in_chunks_bytes_and_samples_too(
     monkeypatch.setattr(room_types, "_CHUNK", 7)
     parts = fit_types(counts.astype(np.uint8), types=2, iterations=30, seed=0)
     np.testing.assert_allclose(parts.means, fitted.means, rtol=1e-7, atol=1e-9)
+
+
+def presence_of(fitted: FittedTypes) -> np.ndarray:
+    return np.asarray(1 - np.exp(fitted.tabulate(2)[..., 0]))
+
+
+def test_named_types_without_rooms_are_what_the_table_says() -> None:
+    table = read_hand_prior(load_class_space().classes)
+    labels, classes = table.presence.shape
+    nothing = np.zeros((1, classes), dtype=np.int64)
+    fitted = fit_named_types(nothing, np.zeros((1, labels)), table, tilted=2)
+    np.testing.assert_allclose(presence_of(fitted), table.presence, atol=0.01)
+    np.testing.assert_allclose(np.exp(fitted.log_types), table.usual)
+    assert fitted.expected[list_room_labels().index("kitchen")].max() < 1.5, "one stove, not ten"
+
+
+def test_named_types_weigh_rooms_against_fifty_of_the_table() -> None:
+    """All of fifty kitchens have a stove, and none a bed; the other kind stays as it was."""
+    table = HandPrior(usual=np.array([0.5, 0.5]), presence=np.array([[0.6, 0.1], [0.02, 0.8]]))
+    counts, labels = np.array([[1, 0]] * 50), np.array([[1.0, 0.0]] * 50)
+    found = presence_of(fit_named_types(counts, labels, table, tilted=2))
+    np.testing.assert_allclose(found, [[0.8, 0.05], [0.02, 0.8]], atol=0.01)
+
+
+def test_a_kind_that_homes_have_is_learned_in_homes() -> None:
+    """Corridors of a home and a school, and a classroom; a room of nobody's kind teaches none."""
+    labels = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
+    chosen = choose_labels(labels, np.array([True, False, False, True]))
+    np.testing.assert_array_equal(chosen, [[1, 0], [0, 0], [0, 1], [0, 0]])
