@@ -114,7 +114,7 @@ class KindTable:
         row = self.row.get(thing.name)
         if row is not None and self.things[row] is thing:
             return np.asarray(self.shares[row])
-        return _share([thing], self.kinds)[0]
+        return np.asarray(_share([thing], self.kinds)[0])
 
     def presence_of(self, thing: Thing) -> Floats:
         """Return P(a room of each kind has a thing), `[K]`."""
@@ -313,7 +313,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         rooms=rooms,
         building=building,
         known=known,
-        by_things=~told.any(axis=1),
+        by_things=np.asarray(~told.any(axis=1)),
         doubted=_doubt_labels(told, silent, seen, table),
         named=tuple(_list_named(room) for room in graph.rooms),
     )
@@ -418,7 +418,7 @@ def _list_heard(graph: PartialGraph, table: KindTable) -> Bools:
     if graph.detector is None:
         return table.is_class
     heard = {thing.name for word, _ in graph.detector if (thing := find_everyday(word))}
-    return table.is_class & np.array([thing.name in heard for thing in table.things])
+    return np.asarray(table.is_class & [thing.name in heard for thing in table.things])
 
 
 def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:
@@ -445,7 +445,8 @@ def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:
 def _infer_building(graph: PartialGraph, table: KindTable, likely: Floats) -> Floats:
     """Return P(kind of the building), `[B]`, from `likely` `[n, K]` of its known rooms."""
     if graph.building_kind in table.buildings:
-        return np.eye(len(table.buildings))[table.buildings.index(str(graph.building_kind))]
+        index = table.buildings.index(str(graph.building_kind))
+        return np.asarray(np.eye(len(table.buildings))[index])
     others = len(table.buildings) - 1
     prior = np.array([_MOST_HOME, *[(1 - _MOST_HOME) / others] * others])
     if graph.building_kind is not None:  # of another kind

@@ -78,8 +78,7 @@ def rate_things(things: Sequence[Thing], kinds: RoomKinds, graph: PartialGraph) 
 def _expect(homes: Floats, shares: Floats, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
     numbers = kinds.table.numbers
-    own = (numbers > 2 * numbers[0]) & (numbers > 0.2)
-    ours = own.astype(float) @ shares.T  # [B, T]
+    ours = ((numbers[0] == 0) & kinds.table.usual).astype(float) @ shares.T  # [B, T]
     elsewhere = np.maximum(homes, be_elsewhere(ours))
     elsewhere[0] = homes
     return np.asarray(kinds.building @ elsewhere)
