@@ -54,6 +54,7 @@ _MOST_HOME = 0.93  # P(home), before anything is known
 _AGAIN = 0.15  # of a kind of which a building has all, how many more rooms it has
 _NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
 _LACKING = 0.9  # P(no room is of a kind that every home has)
+_SAID = 0.01  # kinds that are less likely are not said
 SURE = 0.5  # a kind that is likelier than this is said
 
 
@@ -123,6 +124,11 @@ class KindTable:
             return np.asarray(self.presence[:, row])
         shares = self.shares_of(thing)[None]
         return np.asarray(_be_present([thing], shares, self.numbers, self.kinds)[:, 0])
+
+    @cached_property
+    def log_presence(self) -> Floats:
+        """Logarithms of the presence, `[K, T]`."""
+        return np.log(self.presence)
 
     @cached_property
     def parts(self) -> dict[str, tuple[Thing, ...]]:
@@ -252,13 +258,10 @@ class RoomKinds:
     named: tuple[frozenset[str], ...]
 
     def of(self, number: int) -> tuple[tuple[str, float], ...]:
-        """Return the kinds of a room, 0..R−1, the likeliest first; those below a percent are none.
-
-        Their probabilities are rounded to nothing.
-        """
+        """Return the kinds of a room, 0..R−1, the likeliest first, in whole percents."""
         row = self.rooms[number]
-        order = np.argsort(-row, kind="stable")
-        return tuple((self.table.kinds[k], float(row[k])) for k in order if row[k] >= 0.01)
+        likely = sorted(np.flatnonzero(row >= _SAID), key=lambda kind: -row[kind])
+        return tuple((self.table.kinds[kind], round(float(row[kind]), 2)) for kind in likely)
 
     @cached_property
     def at_home(self) -> float:
@@ -288,7 +291,7 @@ class RoomKinds:
 
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
-    seen, heard = _list_seen(graph), _list_heard(graph, table)
+    seen, misses = _list_seen(graph), _Misses(graph, table)
     told, logs = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(2))
     known = np.zeros(len(graph.rooms), dtype=bool)
     shapes = _SHAPE * _weigh_shapes(graph, table)
@@ -296,7 +299,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         told[number] = _read_label(room, table)
         logs[number] = _weigh_seen(things, table)
         if not told[number].any():  # what a room lacks is no reason to doubt its label
-            logs[number] += _weigh_unseen(room, things, heard, table) + shapes[number]
+            logs[number] += _weigh_unseen(room, things, misses) + shapes[number]
         area = area_of(room)
         known[number] = told[number].any() or bool(things) or room.visited or area is not None
     likely = np.exp(logs - logs.max(axis=1, keepdims=True, initial=-np.inf))
@@ -352,10 +355,14 @@ def _doubt_labels(
 
 
 def _list_named(room: KnownRoom) -> frozenset[str]:
-    """Return the things that stand before the last word of a room's name."""
-    words = (normalise_room(name).split()[:-1] for name in (room.name, room.label or ""))
-    things = (find_everyday(" ".join(some)) for some in words if some)
-    return frozenset(thing.name for thing in things if thing)
+    """Return the things that stand before the last word of a room's names."""
+    return _name_things(room.name) | _name_things(room.label or "")
+
+
+@lru_cache(maxsize=4096)
+def _name_things(name: str) -> frozenset[str]:
+    thing = find_everyday(" ".join(normalise_room(name).split()[:-1]))
+    return frozenset((thing.name,) if thing else ())
 
 
 def _normalise(rows: Floats) -> Floats:
@@ -397,20 +404,40 @@ def _read_label(room: KnownRoom, table: KindTable) -> Floats:
 
 def _weigh_seen(seen: Sequence[Thing], table: KindTable) -> Floats:
     """Return the log likelihoods of what was seen in a room, `[K]`."""
-    found = sum((np.log(table.presence_of(thing)) for thing in seen), np.zeros(len(table.kinds)))
+    rows = [table.row[thing.name] for thing in seen]
+    found = np.array(table.log_presence[:, rows].sum(axis=1))
+    for row, thing in zip(rows, seen, strict=True):
+        if table.things[row] is not thing:  # a word has moved it
+            found += np.log(table.presence_of(thing)) - table.log_presence[:, row]
     return np.asarray(found / (1 + len(seen) / _ALIKE))
 
 
-def _weigh_unseen(room: KnownRoom, seen: Sequence[Thing], heard: Bools, table: KindTable) -> Floats:
-    """Return the log likelihoods of what was not seen in a room, `[K]`.
-
-    `heard` `[T]` has the things of which the robot would have taken notice.
-    """
+def _weigh_unseen(room: KnownRoom, seen: Sequence[Thing], misses: _Misses) -> Floats:
+    """Return the log likelihoods of what was not seen in a room, `[K]`."""
     share = max(0.0, 1 - room.share.mean - room.share.sd)  # that was surely seen
-    absent = heard.copy()
-    absent[[table.row[thing.name] for thing in seen]] = False
-    misses = np.log1p(-share * table.presence[:, absent]).sum(axis=1)
-    return np.asarray(_UNSEEN * misses)
+    each, every = misses.at(share)
+    return np.asarray(_UNSEEN * (every - each[:, misses.columns(seen)].sum(axis=1)))
+
+
+class _Misses:
+    """What it tells not to see the things of which a robot takes notice; rooms share it."""
+
+    def __init__(self, graph: PartialGraph, table: KindTable) -> None:
+        rows = np.flatnonzero(_list_heard(graph, table))
+        self._presence = table.presence[:, rows]
+        self._column = {table.things[row].name: column for column, row in enumerate(rows)}
+        self._known: dict[float, tuple[Floats, Floats]] = {}
+
+    def at(self, share: float) -> tuple[Floats, Floats]:
+        """Return log P(not seen), if a share is seen, `[K, H]`, and the sum over things `[K]`."""
+        if share not in self._known:
+            each = np.log1p(-share * self._presence)
+            self._known[share] = each, each.sum(axis=1)
+        return self._known[share]
+
+    def columns(self, things: Sequence[Thing]) -> list[int]:
+        """Return the columns of things, of those that have one."""
+        return [self._column[thing.name] for thing in things if thing.name in self._column]
 
 
 def _list_heard(graph: PartialGraph, table: KindTable) -> Bools:

@@ -13,13 +13,15 @@ has none.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing
-from bsg_models.robot.kinds import KindTable, RoomKinds, be_elsewhere
+from bsg_models.robot.kinds import KindTable, RoomKinds, be_elsewhere, read_kinds
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
@@ -31,13 +33,49 @@ _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bic
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
 
 
-def list_parts(
-    classes: Sequence[str], table: KindTable
-) -> tuple[list[tuple[int, Thing]], list[tuple[int, Thing]]]:
-    """Return the things that classes are, and those that annotators overlook, with their classes.
+@dataclass(frozen=True, eq=False)
+class Things:
+    """T things, as rates need them: `shares` `[T, K]` of kinds of rooms, `homes` and `sights`."""
 
-    A class is at least as likely as a mug of its; what is in sight is no likelier than its class.
+    names: tuple[str, ...]
+    shares: Floats
+    homes: Floats
+    sights: Floats
+
+    @classmethod
+    def of(cls, things: Sequence[Thing], table: KindTable) -> Things:
+        """Take some rows of the table, or things like them."""
+        shares = [table.shares_of(thing) for thing in things]
+        return cls(
+            names=tuple(thing.name for thing in things),
+            shares=np.array(shares).reshape(len(things), len(table.kinds)),
+            homes=np.array([thing.home for thing in things]),
+            sights=np.array([thing.sight for thing in things]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ClassThings:
+    """What the table of things has of the classes of a model, with their columns.
+
+    Attributes:
+        own: the things that classes are.
+        own_columns: their classes.
+        parts: things that classes include, and that annotators overlook: a class is at least as
+            likely as a mug of its. What is in sight is no likelier than its class.
+        part_columns: their classes.
     """
+
+    own: Things
+    own_columns: Ints
+    parts: Things
+    part_columns: Ints
+
+
+@lru_cache(maxsize=8)  # models have few class spaces
+def find_things(classes: tuple[str, ...]) -> ClassThings:
+    """Return what the table of things has of classes."""
+    table = read_kinds()
     own = [(index, thing) for index, name in enumerate(classes) if (thing := find_thing(name))]
     parts = [
         (index, part)
@@ -45,42 +83,45 @@ def list_parts(
         for part in table.parts_of(thing)
         if part.sight < IN_SIGHT
     ]
-    return own, parts
+    return ClassThings(
+        Things.of([thing for _, thing in own], table),
+        np.array([index for index, _ in own], dtype=np.int64),
+        Things.of([part for _, part in parts], table),
+        np.array([index for index, _ in parts], dtype=np.int64),
+    )
 
 
-def rate_things(things: Sequence[Thing], kinds: RoomKinds, graph: PartialGraph) -> Floats:
+def rate_things(things: Things, kinds: RoomKinds, graph: PartialGraph) -> Floats:
     """Return the mean numbers of T unseen things at every node, `[T, 1 + R]`, the building first.
 
     Args:
-        things: rows of the table, or alike.
+        things: that may be there.
         kinds: of the R rooms.
         graph: what a robot has seen.
     """
-    table = kinds.table
-    shares = np.array([table.shares_of(thing) for thing in things]).reshape(-1, len(table.kinds))
-    homes = np.array([thing.home for thing in things])
-    rate = -np.log1p(-_expect(homes, shares, kinds).clip(max=_MOST_HOMES))
-    rates = np.zeros((len(things), 1 + len(graph.rooms)))
+    rate = -np.log1p(-_expect(things, kinds).clip(max=_MOST_HOMES))
+    rates = np.zeros((len(things.names), 1 + len(graph.rooms)))
     if not len(graph.rooms):
         rates[:, 0] = rate * graph.hidden_share
         return rates
-    shares *= _pass(kinds)
+    shares = things.shares * _pass(kinds)
     weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
-    for row, thing in zip(weights, things, strict=True):
-        if any(named := np.array([thing.name in names for names in kinds.named])):
-            row[:] = (1 - _NAMED) * row + _NAMED * named / named.sum()
+    for name in set().union(*kinds.named).intersection(things.names):
+        row = weights[things.names.index(name)]
+        named = np.array([name in names for names in kinds.named])
+        row[:] = (1 - _NAMED) * row + _NAMED * named / named.sum()
     rates[:, 1:] = rate[:, None] * weights * _hide(things, graph)
     rates[:, 0] = rates[:, 1:].sum(axis=1)
     return rates
 
 
-def _expect(homes: Floats, shares: Floats, kinds: RoomKinds) -> Floats:
+def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
     numbers = kinds.table.numbers
-    ours = ((numbers[0] == 0) & kinds.table.usual).astype(float) @ shares.T  # [B, T]
-    elsewhere = np.maximum(homes, be_elsewhere(ours))
-    elsewhere[0] = homes
+    ours = ((numbers[0] == 0) & kinds.table.usual).astype(float) @ things.shares.T  # [B, T]
+    elsewhere = np.maximum(things.homes, be_elsewhere(ours))
+    elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)
 
 
@@ -114,9 +155,9 @@ def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     return np.asarray((shares * (1 - there) * may_be) @ each.T)
 
 
-def _hide(things: Sequence[Thing], graph: PartialGraph) -> Floats:
+def _hide(things: Things, graph: PartialGraph) -> Floats:
     """Return P(a thing was not seen, if it is in a room), `[T, R]`."""
-    sight = np.array([thing.sight for thing in things])[:, None]
+    sight = things.sights[:, None]
     hidden = np.array([room.hidden_share for room in graph.rooms])
     large = 1 + (sight > _LARGE)
     return np.asarray(np.where(hidden > 0, 1 - sight * (1 - hidden**large), 0.0))

@@ -38,7 +38,7 @@ from bsg_models.robot.thing_belief import (
     lift,
 )
 from bsg_models.robot.unknown_rooms import expect_beside
-from bsg_models.robot.usual_places import IN_SIGHT, OF_HOMES, list_parts, rate_things
+from bsg_models.robot.usual_places import IN_SIGHT, OF_HOMES, Things, find_things, rate_things
 from bsg_models.robot.words import Asked, Meaning
 
 _SURELY = 1 - 1e-9
@@ -127,15 +127,14 @@ class WeighedGraph:
         if asked not in self._lifted:
             graph, belief = self.believe(asked)
             classes, kinds = self._words.class_map(asked).classes, self.kinds
-            own, parts = list_parts(classes, kinds.table)
-            homes = -np.expm1(-rate_things([thing for _, thing in own], kinds, graph)[:, 0])
-            wanted, weight = np.zeros(len(classes)), np.zeros(len(classes))
+            found = find_things(classes)
+            wanted, weight = np.zeros((2, len(classes)))
+            wanted[found.own_columns] = -np.expm1(-rate_things(found.own, kinds, graph)[:, 0])
             is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
-            columns = [column for column, _ in own]
-            wanted[columns], weight[columns] = homes, OF_HOMES * is_new[columns]
+            weight[found.own_columns] = OF_HOMES * is_new[found.own_columns]
             least = np.zeros(belief.inputs.shape)
-            rates = rate_things([thing for _, thing in parts], kinds, graph)
-            np.maximum.at(least.T, [column for column, _ in parts], -np.expm1(-rates))
+            rates = rate_things(found.parts, kinds, graph)
+            np.maximum.at(least.T, found.part_columns, -np.expm1(-rates))
             hidden = lift(belief.hidden_counts, wanted, weight=weight, least=least)
             self._lifted[asked] = replace(belief, hidden_counts=hidden)
         return self._lifted[asked]
@@ -172,7 +171,7 @@ class WeighedGraph:
         found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
         if meaning.thing is not None:
             parts = () if meaning.kind else read_kinds().parts_of(meaning.thing)
-            things = [meaning.thing, *parts]
+            things = Things.of([meaning.thing, *parts], self.kinds.table)
             rates = rate_things(things, self.kinds, graph).max(axis=0)
             is_narrower = meaning.class_name not in (None, *meaning.thing.names)
             if is_narrower and meaning.thing.sight >= IN_SIGHT:
