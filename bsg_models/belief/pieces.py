@@ -71,7 +71,7 @@ _FURNISHED_LIKE: Mapping[str, str] = {
 }
 
 
-_Labels = tuple[tuple[str, float], ...]  # of a room, with their probabilities
+Labels = tuple[tuple[str, float], ...]  # of a room, with their probabilities
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +171,7 @@ def furnish(
     classes: tuple[str, ...],
     unseen: Floats,
     tidy: float = TIDY,
+    kinds: Labels | None = None,
 ) -> Furniture | None:
     """Return where in a room a thing may be; None if it stands by itself, as a wardrobe does.
 
@@ -181,11 +182,12 @@ def furnish(
         classes: C names.
         unseen: `[C]` P(the room has an unseen object of each class).
         tidy: share of things that lie where they belong, 0 to 1.
+        kinds: that the room may be of, with their probabilities; None for its own type.
     """
     kept = find_keeping(thing)
     if kept is not None and not kept.weights:
         return None
-    said = _list_labels(room)
+    said = _list_labels(room) if kinds is None else kinds
     times = Counter(seen.kinds)
     each = {k: _rate(k, thing, said, tidy, room.hidden_share) / n for k, n in times.items()}
     more = [
@@ -198,7 +200,7 @@ def furnish(
 
 
 @lru_cache(maxsize=4096)  # rooms of a kind are furnished alike
-def _rate(kind: Receptacle, thing: str, room: _Labels, tidy: float, hidden: float) -> float:
+def _rate(kind: Receptacle, thing: str, room: Labels, tidy: float, hidden: float) -> float:
     """Return the rate of all pieces of a kind together: of that people were asked."""
     rates, kept = _weigh_pieces(room, tidy)[[*kind.like]], find_keeping(thing)
     if kept is not None:
@@ -215,18 +217,18 @@ def _shares(tidy: float) -> Floats:
     return np.asarray(tidy * said.belongs + (1 - tidy) * said.untidy)
 
 
-def _list_labels(room: KnownRoom) -> _Labels:
+def _list_labels(room: KnownRoom) -> Labels:
     said = room.room_type
     return ((said, 1.0),) if isinstance(said, str) else tuple((said or {}).items())
 
 
 @lru_cache(maxsize=64)
-def _weigh_pieces(room: _Labels, tidy: float) -> Floats:
+def _weigh_pieces(room: Labels, tidy: float) -> Floats:
     """Return the shares of people for each listed piece in a room of these labels."""
     return np.asarray(_weigh_labels(room) @ _shares(tidy))
 
 
-def _weigh_labels(room: _Labels) -> Floats:
+def _weigh_labels(room: Labels) -> Floats:
     """Return P(the kinds of rooms that people were asked about), `[K]`; all alike if unknown."""
     labels = read_shares().rooms
     weights = np.zeros(len(labels))
@@ -242,7 +244,7 @@ def _weigh_labels(room: _Labels) -> Floats:
 
 @lru_cache(maxsize=1024)
 def _furniture_of(
-    classes: tuple[str, ...], thing: str, room: _Labels, tidy: float
+    classes: tuple[str, ...], thing: str, room: Labels, tidy: float
 ) -> tuple[tuple[int, Receptacle, float], ...]:
     """Return the classes that are furniture, by their numbers, with their rates if not seen yet."""
     found = ((row, find_receptacle(name)) for row, name in enumerate(classes))

@@ -257,11 +257,18 @@ class RoomKinds:
     doubted: dict[int, tuple[str, str]]
     named: tuple[frozenset[str], ...]
 
+    @cached_property
+    def _said(self) -> dict[int, tuple[tuple[str, float], ...]]:
+        return {}
+
     def of(self, number: int) -> tuple[tuple[str, float], ...]:
         """Return the kinds of a room, 0..R−1, the likeliest first, in whole percents."""
-        row = self.rooms[number]
-        likely = sorted(np.flatnonzero(row >= _SAID), key=lambda kind: -row[kind])
-        return tuple((self.table.kinds[kind], round(float(row[kind]), 2)) for kind in likely)
+        if number not in self._said:
+            row = self.rooms[number]
+            likely = sorted(np.flatnonzero(row >= _SAID), key=lambda kind: -row[kind])
+            kinds = [(self.table.kinds[kind], round(float(row[kind]), 2)) for kind in likely]
+            self._said[number] = tuple(kinds)
+        return self._said[number]
 
     @cached_property
     def at_home(self) -> float:

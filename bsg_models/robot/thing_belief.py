@@ -130,20 +130,15 @@ def lift(
         weight: `[C]` of `wanted`, 0 to 1.
         least: `[N, C]` P(at least one) of what each class includes.
     """
-    there = hidden.presence
-    rooms, whole = there[1:], there[0].clip(there[1:].max(axis=0, initial=0.0))
-    odds = _log_odds(1 - whole)
-    mixed = odds + weight * (_log_odds(1 - wanted) - odds)
-    scale = untilt(rooms, whole.clip(max=rooms.sum(axis=0)))
-    log_none = np.log((1 - scale * rooms).clip(min=_LEAST))
-    every = log_none.sum(axis=0)
-    tilt = mixed - _log_odds(np.exp(every))
-    tilted = _log_odds(np.exp(log_none)) + tilt_rooms(tilt, every, log_none)
-    wanted = np.vstack([mixed, np.where(rooms > 0, tilted, _log_odds(1 - rooms))])
-    wanted = np.minimum(wanted, _log_odds(1 - least))
-    if len(rooms):
-        wanted[0] = np.minimum(wanted[0], wanted[1:].min(axis=0))
-    return hidden.with_none_likelier(np.where(there > 0, wanted - _log_odds(1 - there), 0.0))
+    none = _log_odds(1 - hidden.presence)
+    tilt = np.zeros(none.shape)
+    tilt[0] = weight * (_log_odds(1 - wanted) - none[0])
+    alone = np.log((1 - hidden.presence[1:]).clip(min=_LEAST))
+    tilt[1:] = tilt_rooms(tilt[0], alone.sum(axis=0), alone)
+    after = np.minimum(none + tilt, _log_odds(1 - least))
+    if len(after) > 1:
+        after[0] = np.minimum(after[0], after[1:].min(axis=0))
+    return hidden.with_none_likelier(np.where(hidden.presence > 0, after - none, 0.0))
 
 
 def _look(

@@ -223,14 +223,15 @@ class WeighedGraph:
 
     def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
         """Return where in a room a thing may be; None if it stands by itself."""
-        belief = self.expect(Asked.OWN)
+        belief = self.believe(Asked.OWN)[1]
         return furnish(
             meaning.kept_as,
-            replace(self.whole.rooms[node - 1], room_type=dict(self.kinds.of(node - 1))),
+            self.whole.rooms[node - 1],
             self.pieces_of(node),
             classes=self._words.own.classes,
             unseen=belief.presence[node],
             tidy=tidy,
+            kinds=self.kinds.of(node - 1),
         )
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
