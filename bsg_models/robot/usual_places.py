@@ -29,7 +29,9 @@ _ANYWHERE = 0.03  # share of a thing that is in any room
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
+_NOBODY: frozenset[str] = frozenset()
 _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
+_THEIRS = 10.0  # how much more of a thing is in a room of its owner than in others of the kind
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
 
 
@@ -56,20 +58,18 @@ class Things:
 
 @dataclass(frozen=True, eq=False)
 class ClassThings:
-    """What the table of things has of the classes of a model, with their columns.
+    """What the table of things has of the classes of a model.
 
     Attributes:
-        own: the things that classes are.
-        own_columns: their classes.
-        parts: things that classes include, and that annotators overlook: a class is at least as
-            likely as a mug of its. What is in sight is no likelier than its class.
-        part_columns: their classes.
+        things: those that are classes, then those of theirs that annotators overlook. A class is at
+            least as likely as a mug of its; what is in sight is no likelier than its class.
+        own: classes of the first ones.
+        whole: classes of the others.
     """
 
-    own: Things
-    own_columns: Ints
-    parts: Things
-    part_columns: Ints
+    things: Things
+    own: Ints
+    whole: Ints
 
 
 @lru_cache(maxsize=8)  # models have few class spaces
@@ -83,21 +83,21 @@ def find_things(classes: tuple[str, ...]) -> ClassThings:
         for part in table.parts_of(thing)
         if part.sight < IN_SIGHT
     ]
-    return ClassThings(
-        Things.of([thing for _, thing in own], table),
-        np.array([index for index, _ in own], dtype=np.int64),
-        Things.of([part for _, part in parts], table),
-        np.array([index for index, _ in parts], dtype=np.int64),
-    )
+    columns = np.array([index for index, _ in (*own, *parts)], dtype=np.int64)
+    things = Things.of([thing for _, thing in (*own, *parts)], table)
+    return ClassThings(things, columns[: len(own)], columns[len(own) :])
 
 
-def rate_things(things: Things, kinds: RoomKinds, graph: PartialGraph) -> Floats:
+def rate_things(
+    things: Things, kinds: RoomKinds, graph: PartialGraph, *, owners: frozenset[str] = _NOBODY
+) -> Floats:
     """Return the mean numbers of T unseen things at every node, `[T, 1 + R]`, the building first.
 
     Args:
         things: that may be there.
         kinds: of the R rooms.
         graph: what a robot has seen.
+        owners: whose they are, if somebody says.
     """
     rate = -np.log1p(-_expect(things, kinds).clip(max=_MOST_HOMES))
     rates = np.zeros((len(things.names), 1 + len(graph.rooms)))
@@ -107,10 +107,14 @@ def rate_things(things: Things, kinds: RoomKinds, graph: PartialGraph) -> Floats
     shares = things.shares * _pass(kinds)
     weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
-    for name in set().union(*kinds.named).intersection(things.names):
-        row = weights[things.names.index(name)]
-        named = np.array([name in names for names in kinds.named])
-        row[:] = (1 - _NAMED) * row + _NAMED * named / named.sum()
+    for row, name in zip(weights, things.names, strict=True):
+        if named := [room for room, names in enumerate(kinds.named) if name in names]:
+            row *= 1 - _NAMED
+            row[named] += _NAMED / len(named)
+    if theirs := [room for room, people in enumerate(kinds.owners) if people & owners]:
+        total = weights.sum(axis=1, keepdims=True)
+        weights[:, theirs] *= _THEIRS
+        weights *= total / weights.sum(axis=1, keepdims=True)
     rates[:, 1:] = rate[:, None] * weights * _hide(things, graph)
     rates[:, 0] = rates[:, 1:].sum(axis=1)
     return rates
