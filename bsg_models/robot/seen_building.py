@@ -444,7 +444,8 @@ class SeenBuilding(ToldBuilding):
         It has as many blind nodes as are expected. `believe` also makes those of the paper's Table
         II: `believe(seen.graph, seen.expectation(), mode="unseen", model=seen.model)`.
         """
-        return believe(self.graph, self._now.expectation(), model=self.model)
+        kinds = [self._now.kinds.of(number) for number in range(len(self.graph.rooms))]
+        return believe(self.graph, self._now.expectation(), model=self.model, kinds=kinds)
 
     @alone
     def expectation(self) -> Expectation:
