@@ -45,7 +45,7 @@ _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
 # Other buildings surely have what people search for, with this share, in rooms that homes lack.
 _OURS, _ELSEWHERE = 0.15, 0.95
 _FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
-_OFTEN = 0.1  # rooms of a kind that a building other than a home has, if people search there
+OFTEN = 0.1  # rooms of a kind that a building other than a home has, if people search there
 _RARE = 0.01  # rooms of a kind that a building has at least
 _HARDLY = 0.15  # kinds of rooms that are less alike have nothing in common
 _TAKEN = 0.5  # how far a room of a kind that a building has is taken for another one
@@ -93,7 +93,7 @@ class KindTable:
     def usual(self) -> Bools:
         """Kinds in which people search, if a building has them, `[B, K]`; others come on top."""
         own = np.array([known_label(kind) == kind for kind in self.kinds])
-        return np.vstack([(self.numbers[0] > 0) & own, self.numbers[1:] >= _OFTEN])
+        return np.vstack([(self.numbers[0] > 0) & own, self.numbers[1:] >= OFTEN])
 
     @cached_property
     def chances(self) -> Floats:
@@ -189,7 +189,7 @@ def _be_present(
     """Return P(a room of a kind has a thing) from shares `[T, K]`, `[K, T]`."""
     homes = np.array([[thing.home] for thing in things]).clip(max=_MOST)
     named = [{kind for kind, _ in thing.rooms} for thing in things]
-    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] == 0)
+    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] < OFTEN)
     others = be_elsewhere((shares * foreign).sum(axis=1, keepdims=True))
     there = np.where(foreign, np.maximum(homes, others), homes)
     each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there

@@ -21,7 +21,7 @@ import numpy as np
 from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing
-from bsg_models.robot.kinds import KindTable, RoomKinds, be_elsewhere, read_kinds
+from bsg_models.robot.kinds import OFTEN, KindTable, RoomKinds, be_elsewhere, read_kinds
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
@@ -37,9 +37,16 @@ _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen s
 
 @dataclass(frozen=True, eq=False)
 class Things:
-    """T things, as rates need them: `shares` `[T, K]` of kinds of rooms, `homes` and `sights`."""
+    """T things, as rates need them.
 
-    names: tuple[str, ...]
+    Attributes:
+        names: of each, and of what it is one of.
+        shares: `[T, K]` P(a search begins in rooms of a kind).
+        homes: `[T]` P(a home has one).
+        sights: `[T]` share that is in sight.
+    """
+
+    names: tuple[frozenset[str | None], ...]
     shares: Floats
     homes: Floats
     sights: Floats
@@ -49,7 +56,7 @@ class Things:
         """Take some rows of the table, or things like them."""
         shares = [table.shares_of(thing) for thing in things]
         return cls(
-            names=tuple(thing.name for thing in things),
+            names=tuple(frozenset((thing.name, thing.wider)) for thing in things),
             shares=np.array(shares).reshape(len(things), len(table.kinds)),
             homes=np.array([thing.home for thing in things]),
             sights=np.array([thing.sight for thing in things]),
@@ -107,8 +114,8 @@ def rate_things(
     shares = things.shares * _pass(kinds)
     weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
-    for row, name in zip(weights, things.names, strict=True):
-        if named := [room for room, names in enumerate(kinds.named) if name in names]:
+    for row, names in zip(weights, things.names, strict=True):
+        if named := [room for room, told in enumerate(kinds.named) if told & names]:
             row *= 1 - _NAMED
             row[named] += _NAMED / len(named)
     if theirs := [room for room, people in enumerate(kinds.owners) if people & owners]:
@@ -123,7 +130,7 @@ def rate_things(
 def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
     numbers = kinds.table.numbers
-    ours = ((numbers[0] == 0) & kinds.table.usual).astype(float) @ things.shares.T  # [B, T]
+    ours = ((numbers[0] < OFTEN) & kinds.table.usual).astype(float) @ things.shares.T  # [B, T]
     elsewhere = np.maximum(things.homes, be_elsewhere(ours))
     elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)
