@@ -20,8 +20,9 @@ import numpy as np
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.scene.things import Thing, find_thing
-from bsg_models.robot.kinds import OFTEN, KindTable, RoomKinds, be_elsewhere, read_kinds
+from bsg_data.scene.things import Thing, find_thing, list_narrower
+from bsg_models.robot.kind_table import KindTable, be_elsewhere, read_kinds
+from bsg_models.robot.kinds import RoomKinds
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
@@ -87,7 +88,7 @@ def find_things(classes: tuple[str, ...]) -> ClassThings:
     parts = [
         (index, part)
         for index, thing in own
-        for part in table.parts_of(thing)
+        for part in list_narrower(thing)
         if part.sight < IN_SIGHT
     ]
     columns = np.array([index for index, _ in (*own, *parts)], dtype=np.int64)
@@ -112,7 +113,8 @@ def rate_things(
         rates[:, 0] = rate * graph.hidden_share
         return rates
     shares = things.shares * _pass(kinds)
-    weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
+    anywhere = _ANYWHERE / (kinds.known.sum() or len(graph.rooms))
+    weights = anywhere + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
     for row, names in zip(weights, things.names, strict=True):
         if named := [room for room, told in enumerate(kinds.named) if told & names]:
@@ -129,8 +131,8 @@ def rate_things(
 
 def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
-    numbers = kinds.table.numbers
-    ours = ((numbers[0] < OFTEN) & kinds.table.usual).astype(float) @ things.shares.T  # [B, T]
+    table = kinds.table
+    ours = (table.is_foreign & table.usual).astype(float) @ things.shares.T  # [B, T]
     elsewhere = np.maximum(things.homes, be_elsewhere(ours))
     elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)
