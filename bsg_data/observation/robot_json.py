@@ -96,6 +96,7 @@ from bsg_data.scene.room_label import (
     list_labels,
     name_nearest,
     normalise_room,
+    owner_of,
     read_room_type,
 )
 from bsg_data.scene.surroundings import (
@@ -767,7 +768,8 @@ def note_rooms(rooms: Sequence[KnownRoom]) -> Iterator[str]:
     if rules:
         made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
         yield f"kinds of rooms read by a rule: {_list(made)}"
-    silent = (room.label or room.name for room in rooms if room.room_type is None)
+    unsaid = (room.label or room.name for room in rooms if room.room_type is None)
+    silent = (name for name in unsaid if owner_of(name) is None)  # somebody's room is a bedroom
     unread = dict.fromkeys(word for room in rooms for word in room.unread)
     if dark := [*(unread | dict.fromkeys(filter(is_name, silent)))]:
         near = _list(dark, lambda name: f"{name[:SHOWN]!r}{name_nearest(name)}")

@@ -7,7 +7,7 @@ adds one for each of the likeliest classes of which the room shows none.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal, get_args
@@ -20,7 +20,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.observation.partial_graph import PartialGraph, SeenObject
 from bsg_data.spelling import show_value
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.pieces import SeenPieces, find_pieces, furnish
+from bsg_models.belief.pieces import Labels, SeenPieces, find_pieces, furnish
 
 Mode = Literal["complete", "unseen"]
 LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
@@ -79,6 +79,7 @@ def believe(
     mode: Mode = "complete",
     top: int = 3,
     model: str = "",
+    kinds: Sequence[Labels] = (),
 ) -> BeliefGraph:
     """Return the belief graph of a partial graph.
 
@@ -88,6 +89,7 @@ def believe(
         mode: `complete` or `unseen`.
         top: number of classes per room that get a blind node under `unseen`.
         model: name to put into the result.
+        kinds: `[R]` that rooms may be of, with their probabilities; none for their own types.
 
     Raises:
         RecipeError: if the expectation does not belong to this graph, or there is no such mode.
@@ -115,7 +117,7 @@ def believe(
             np.bincount(row, minlength=hidden.shape[1]) for row in rank_unseen(expectation, top)[1:]
         ]
     )
-    pieces = _find_pieces(graph, presence)
+    pieces = _find_pieces(graph, presence, kinds)
     blind = [
         BlindNode(
             room, int(c), float(hidden[room, c]), float(presence[room, c]), pieces(room, int(c))
@@ -127,7 +129,9 @@ def believe(
     return BeliefGraph(graph, expectation.expected, presence, tuple(blind), mode, model)
 
 
-def _find_pieces(graph: PartialGraph, presence: Floats) -> Callable[[int, int], str | None]:
+def _find_pieces(
+    graph: PartialGraph, presence: Floats, kinds: Sequence[Labels]
+) -> Callable[[int, int], str | None]:
     """Return room, class → the piece where such a thing is likelier than at any not seen yet."""
     classes = graph.class_space.classes
     objects: dict[int, list[SeenObject]] = {}
@@ -146,6 +150,7 @@ def _find_pieces(graph: PartialGraph, presence: Floats) -> Callable[[int, int], 
             seen(room),
             classes=classes,
             unseen=presence[room],
+            kinds=kinds[room - 1] if kinds else None,
         )
         if known is None or not known.pieces:
             return None

@@ -107,11 +107,12 @@ class Dictionary:
         thing, more = (listed, ()) if listed else find_wider(word)
         if thing is None:
             return read(word)
-        others = [one for one in more if one not in list_owners(word)]
+        owners = list_owners(word)
+        others = [one for one in more if one not in owners]
         uses = [one for one in others if find_use(one)]
         # Of the wide classes, which few annotators noted, the table knows more.
         taught = {*(own.classes if is_own else load_class_map().classes)} - {*self.own.untaught}
-        for name in () if uses else own.classes:
+        for name in () if uses or owners else own.classes:
             if counts(name, thing) and name in taught:
                 how = explain_everyday(thing, word, class_name=name)
                 return replace(read(name), word=word, how=how)

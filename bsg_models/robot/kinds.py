@@ -26,7 +26,7 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.room_label import known_label, normalise_room
+from bsg_data.scene.room_label import known_label, normalise_room, owner_of
 from bsg_data.scene.surroundings import area_of
 from bsg_data.scene.things import Thing, find_thing, is_narrow, list_things
 from bsg_data.scene.uses import move_thing
@@ -45,13 +45,14 @@ _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
 # Other buildings surely have what people search for, with this share, in rooms that homes lack.
 _OURS, _ELSEWHERE = 0.15, 0.95
 _FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
-_OFTEN = 0.1  # rooms of a kind that a building other than a home has, if people search there
+OFTEN = 0.1  # rooms of a kind that a building other than a home has, if people search there
 _RARE = 0.01  # rooms of a kind that a building has at least
 _HARDLY = 0.15  # kinds of rooms that are less alike have nothing in common
 _TAKEN = 0.5  # how far a room of a kind that a building has is taken for another one
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
 _MOST_HOME = 0.93  # P(home), before anything is known
 _AGAIN = 0.15  # of a kind of which a building has all, how many more rooms it has
+_OF_ONE = (("bedroom", 0.55), ("child's bedroom", 0.4))  # a room that is called somebody's
 _NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
 _LACKING = 0.9  # P(no room is of a kind that every home has)
 _SAID = 0.01  # kinds that are less likely are not said
@@ -92,7 +93,7 @@ class KindTable:
     def usual(self) -> Bools:
         """Kinds in which people search, if a building has them, `[B, K]`; others come on top."""
         own = np.array([known_label(kind) == kind for kind in self.kinds])
-        return np.vstack([(self.numbers[0] > 0) & own, self.numbers[1:] >= _OFTEN])
+        return np.vstack([(self.numbers[0] > 0) & own, self.numbers[1:] >= OFTEN])
 
     @cached_property
     def chances(self) -> Floats:
@@ -188,7 +189,7 @@ def _be_present(
     """Return P(a room of a kind has a thing) from shares `[T, K]`, `[K, T]`."""
     homes = np.array([[thing.home] for thing in things]).clip(max=_MOST)
     named = [{kind for kind, _ in thing.rooms} for thing in things]
-    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] == 0)
+    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] < OFTEN)
     others = be_elsewhere((shares * foreign).sum(axis=1, keepdims=True))
     there = np.where(foreign, np.maximum(homes, others), homes)
     each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
@@ -246,7 +247,8 @@ class RoomKinds:
         known: `[R]` whether anything is known of the room.
         by_things: `[R]` whether nobody says its kind.
         doubted: label and the kind of its things, if they contradict it, by room number.
-        named: `[R]` things that the name of a room has: the bicycles of a bicycle store.
+        named: `[R]` the things that the name of a room has: the bicycle of a bicycle store.
+        owners: `[R]` whose a room is, by its name.
     """
 
     table: KindTable
@@ -256,6 +258,7 @@ class RoomKinds:
     by_things: Bools
     doubted: dict[int, tuple[str, str]]
     named: tuple[frozenset[str], ...]
+    owners: tuple[frozenset[str], ...]
 
     @cached_property
     def _said(self) -> dict[int, tuple[tuple[str, float], ...]]:
@@ -292,23 +295,36 @@ class RoomKinds:
             np.concatenate([flags, np.zeros(more, dtype=bool)])
             for flags in (self.known, self.by_things)
         )
-        named = (*self.named, *[frozenset[str]()] * more)
-        return replace(self, rooms=rooms, known=known, by_things=by_things, named=named)
+        nobody = (frozenset[str](),) * more
+        return replace(
+            self,
+            rooms=rooms,
+            known=known,
+            by_things=by_things,
+            named=self.named + nobody,
+            owners=self.owners + nobody,
+        )
 
 
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
     seen, misses = _list_seen(graph), _Misses(graph, table)
-    told, logs = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(2))
-    known = np.zeros(len(graph.rooms), dtype=bool)
-    shapes = _SHAPE * _weigh_shapes(graph, table)
+    told, found, unseen = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(3))
+    owners = tuple(map(_name_owners, graph.rooms))
+    entered = np.zeros(len(graph.rooms), dtype=bool)
     for number, (room, things) in enumerate(zip(graph.rooms, seen, strict=True)):
-        told[number] = _read_label(room, table)
-        logs[number] = _weigh_seen(things, table)
-        if not told[number].any():  # what a room lacks is no reason to doubt its label
-            logs[number] += _weigh_unseen(room, things, misses) + shapes[number]
-        area = area_of(room)
-        known[number] = told[number].any() or bool(things) or room.visited or area is not None
+        if room.room_type is not None or owners[number]:
+            told[number] = _read_label(room, table)
+        if things:
+            found[number] = _weigh_seen(things, table)
+        if room.visited or things:
+            unseen[number] = _weigh_unseen(room, things, misses)
+        entered[number] = bool(things) or room.visited or area_of(room) is not None
+    is_told = np.asarray(told.any(axis=1))
+    known = entered | is_told
+    # What a room lacks is no reason to doubt its label.
+    shapes = _SHAPE * _weigh_shapes(graph, table)
+    logs = found + np.where(is_told[:, None], 0.0, unseen + shapes)
     likely = np.exp(logs - logs.max(axis=1, keepdims=True, initial=-np.inf))
     both = likely * _trust_labels(told)
     building = _infer_building(graph, table, both[known])
@@ -323,9 +339,10 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         rooms=rooms,
         building=building,
         known=known,
-        by_things=np.asarray(~told.any(axis=1)),
+        by_things=~is_told,
         doubted=_doubt_labels(told, silent, seen, table),
-        named=tuple(_list_named(room) for room in graph.rooms),
+        named=tuple(map(_name_things, graph.rooms)),
+        owners=owners,
     )
 
 
@@ -361,15 +378,24 @@ def _doubt_labels(
     return doubted
 
 
-def _list_named(room: KnownRoom) -> frozenset[str]:
+def _name_things(room: KnownRoom) -> frozenset[str]:
     """Return the things that stand before the last word of a room's names."""
-    return _name_things(room.name) | _name_things(room.label or "")
+    found = (_name_thing(name) for name in (room.name, room.label) if name)
+    return frozenset(thing.name for thing in found if thing)
 
 
 @lru_cache(maxsize=4096)
-def _name_things(name: str) -> frozenset[str]:
-    thing = find_everyday(" ".join(normalise_room(name).split()[:-1]))
-    return frozenset((thing.name,) if thing else ())
+def _name_thing(name: str) -> Thing | None:
+    return find_everyday(" ".join(normalise_room(name).split()[:-1]))
+
+
+def _name_owners(room: KnownRoom) -> frozenset[str]:
+    """Return whose a room is, by its names."""
+    found = (_name_owner(name) for name in (room.name, room.label) if name)
+    return frozenset(filter(None, found))
+
+
+_name_owner = lru_cache(maxsize=4096)(owner_of)
 
 
 def _normalise(rows: Floats) -> Floats:
@@ -402,8 +428,8 @@ def _read_thing(word: str) -> Thing | None:
 
 def _read_label(room: KnownRoom, table: KindTable) -> Floats:
     """Return what is said of the kind of a room, `[K]`; sums to 1 or less."""
-    said, row = room.room_type, np.zeros(len(table.kinds))
-    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said or {})).items():
+    said, row = room.room_type or dict(_OF_ONE), np.zeros(len(table.kinds))
+    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said)).items():
         if (column := table.column.get(label)) is not None:
             row[column] += likely
     return row

@@ -106,8 +106,8 @@ class SeenBuilding(ToldBuilding):
 
     Reports change this object: `saw`, `gone`, `looked`, `entered`, `searched`, `discovered`,
     `describe` and `more_rooms`. Questions do not: `where`, `anywhere`, `expected`, `kinds`,
-    `next_room`, `next_rooms`, `explain` and `belief`. The state is one immutable `PartialGraph`. Keep `graph`,
-    or a `copy`, to ask what-if questions.
+    `next_room`, `next_rooms`, `explain` and `belief`. The state is one immutable `PartialGraph`.
+    Keep `graph`, or a `copy`, to ask what-if questions.
 
     A thing is any word. A room is its id, or its label if no other room has it. A word that means
     no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
@@ -444,7 +444,8 @@ class SeenBuilding(ToldBuilding):
         It has as many blind nodes as are expected. `believe` also makes those of the paper's Table
         II: `believe(seen.graph, seen.expectation(), mode="unseen", model=seen.model)`.
         """
-        return believe(self.graph, self._now.expectation(), model=self.model)
+        kinds = [self._now.kinds.of(number) for number in range(len(self.graph.rooms))]
+        return believe(self.graph, self._now.expectation(), model=self.model, kinds=kinds)
 
     @alone
     def expectation(self) -> Expectation:

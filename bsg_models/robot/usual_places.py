@@ -21,7 +21,7 @@ import numpy as np
 from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing
-from bsg_models.robot.kinds import KindTable, RoomKinds, be_elsewhere, read_kinds
+from bsg_models.robot.kinds import OFTEN, KindTable, RoomKinds, be_elsewhere, read_kinds
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
@@ -29,15 +29,24 @@ _ANYWHERE = 0.03  # share of a thing that is in any room
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
+_NOBODY: frozenset[str] = frozenset()
 _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
+_THEIRS = 10.0  # how much more of a thing is in a room of its owner than in others of the kind
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
 
 
 @dataclass(frozen=True, eq=False)
 class Things:
-    """T things, as rates need them: `shares` `[T, K]` of kinds of rooms, `homes` and `sights`."""
+    """T things, as rates need them.
 
-    names: tuple[str, ...]
+    Attributes:
+        names: of each, and of what it is one of.
+        shares: `[T, K]` P(a search begins in rooms of a kind).
+        homes: `[T]` P(a home has one).
+        sights: `[T]` share that is in sight.
+    """
+
+    names: tuple[frozenset[str | None], ...]
     shares: Floats
     homes: Floats
     sights: Floats
@@ -47,7 +56,7 @@ class Things:
         """Take some rows of the table, or things like them."""
         shares = [table.shares_of(thing) for thing in things]
         return cls(
-            names=tuple(thing.name for thing in things),
+            names=tuple(frozenset((thing.name, thing.wider)) for thing in things),
             shares=np.array(shares).reshape(len(things), len(table.kinds)),
             homes=np.array([thing.home for thing in things]),
             sights=np.array([thing.sight for thing in things]),
@@ -56,20 +65,18 @@ class Things:
 
 @dataclass(frozen=True, eq=False)
 class ClassThings:
-    """What the table of things has of the classes of a model, with their columns.
+    """What the table of things has of the classes of a model.
 
     Attributes:
-        own: the things that classes are.
-        own_columns: their classes.
-        parts: things that classes include, and that annotators overlook: a class is at least as
-            likely as a mug of its. What is in sight is no likelier than its class.
-        part_columns: their classes.
+        things: those that are classes, then those of theirs that annotators overlook. A class is at
+            least as likely as a mug of its; what is in sight is no likelier than its class.
+        own: classes of the first ones.
+        whole: classes of the others.
     """
 
-    own: Things
-    own_columns: Ints
-    parts: Things
-    part_columns: Ints
+    things: Things
+    own: Ints
+    whole: Ints
 
 
 @lru_cache(maxsize=8)  # models have few class spaces
@@ -83,21 +90,21 @@ def find_things(classes: tuple[str, ...]) -> ClassThings:
         for part in table.parts_of(thing)
         if part.sight < IN_SIGHT
     ]
-    return ClassThings(
-        Things.of([thing for _, thing in own], table),
-        np.array([index for index, _ in own], dtype=np.int64),
-        Things.of([part for _, part in parts], table),
-        np.array([index for index, _ in parts], dtype=np.int64),
-    )
+    columns = np.array([index for index, _ in (*own, *parts)], dtype=np.int64)
+    things = Things.of([thing for _, thing in (*own, *parts)], table)
+    return ClassThings(things, columns[: len(own)], columns[len(own) :])
 
 
-def rate_things(things: Things, kinds: RoomKinds, graph: PartialGraph) -> Floats:
+def rate_things(
+    things: Things, kinds: RoomKinds, graph: PartialGraph, *, owners: frozenset[str] = _NOBODY
+) -> Floats:
     """Return the mean numbers of T unseen things at every node, `[T, 1 + R]`, the building first.
 
     Args:
         things: that may be there.
         kinds: of the R rooms.
         graph: what a robot has seen.
+        owners: whose they are, if somebody says.
     """
     rate = -np.log1p(-_expect(things, kinds).clip(max=_MOST_HOMES))
     rates = np.zeros((len(things.names), 1 + len(graph.rooms)))
@@ -107,10 +114,14 @@ def rate_things(things: Things, kinds: RoomKinds, graph: PartialGraph) -> Floats
     shares = things.shares * _pass(kinds)
     weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
-    for name in set().union(*kinds.named).intersection(things.names):
-        row = weights[things.names.index(name)]
-        named = np.array([name in names for names in kinds.named])
-        row[:] = (1 - _NAMED) * row + _NAMED * named / named.sum()
+    for row, names in zip(weights, things.names, strict=True):
+        if named := [room for room, told in enumerate(kinds.named) if told & names]:
+            row *= 1 - _NAMED
+            row[named] += _NAMED / len(named)
+    if theirs := [room for room, people in enumerate(kinds.owners) if people & owners]:
+        total = weights.sum(axis=1, keepdims=True)
+        weights[:, theirs] *= _THEIRS
+        weights *= total / weights.sum(axis=1, keepdims=True)
     rates[:, 1:] = rate[:, None] * weights * _hide(things, graph)
     rates[:, 0] = rates[:, 1:].sum(axis=1)
     return rates
@@ -119,7 +130,7 @@ def rate_things(things: Things, kinds: RoomKinds, graph: PartialGraph) -> Floats
 def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
     numbers = kinds.table.numbers
-    ours = ((numbers[0] == 0) & kinds.table.usual).astype(float) @ things.shares.T  # [B, T]
+    ours = ((numbers[0] < OFTEN) & kinds.table.usual).astype(float) @ things.shares.T  # [B, T]
     elsewhere = np.maximum(things.homes, be_elsewhere(ours))
     elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)

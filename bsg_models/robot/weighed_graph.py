@@ -11,6 +11,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation import reports
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
+from bsg_data.scene.things import Thing
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
@@ -26,7 +27,7 @@ from bsg_models.robot.missed_looks import (
     sum_looks,
     sum_pieces,
 )
-from bsg_models.robot.nouns import Noun, read_nouns
+from bsg_models.robot.nouns import read_nouns
 from bsg_models.robot.thing_belief import (
     SHARE_OF_KIND,
     ThingBelief,
@@ -128,13 +129,13 @@ class WeighedGraph:
             graph, belief = self.believe(asked)
             classes, kinds = self._words.class_map(asked).classes, self.kinds
             found = find_things(classes)
-            wanted, weight = np.zeros((2, len(classes)))
-            wanted[found.own_columns] = -np.expm1(-rate_things(found.own, kinds, graph)[:, 0])
+            rates = -np.expm1(-rate_things(found.things, kinds, graph))
+            own, parts = rates[: len(found.own)], rates[len(found.own) :]
             is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
-            weight[found.own_columns] = OF_HOMES * is_new[found.own_columns]
+            wanted, weight = np.zeros((2, len(classes)))
+            wanted[found.own], weight[found.own] = own[:, 0], OF_HOMES * is_new[found.own]
             least = np.zeros(belief.inputs.shape)
-            rates = rate_things(found.parts, kinds, graph)
-            np.maximum.at(least.T, found.part_columns, -np.expm1(-rates))
+            np.maximum.at(least.T, found.whole, parts)
             hidden = lift(belief.hidden_counts, wanted, weight=weight, least=least)
             self._lifted[asked] = replace(belief, hidden_counts=hidden)
         return self._lifted[asked]
@@ -166,41 +167,48 @@ class WeighedGraph:
         return found
 
     def _look_up(self, meaning: Meaning) -> ThingBelief:
-        graph = self.whole
-        is_sought = self._words.names(meaning)
-        found = [obj for obj in graph.objects if is_sought(obj.raw_category)]
-        if meaning.thing is not None:
-            parts = () if meaning.kind else read_kinds().parts_of(meaning.thing)
-            things = Things.of([meaning.thing, *parts], self.kinds.table)
-            rates = rate_things(things, self.kinds, graph).max(axis=0)
-            is_narrower = meaning.class_name not in (None, *meaning.thing.names)
-            if is_narrower and meaning.thing.sight >= IN_SIGHT:
-                most = self.expect(Asked.OWN).presence[:, meaning.class_index]
-                rates = np.minimum(rates, -np.log1p(-most.clip(max=_SURELY)))
-            hidden, none = believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
-        elif meaning.class_index is not None:
-            hidden, none = believe_class(self.expect(Asked.OWN), meaning.class_index)
-            if meaning.noun is not None:
-                hidden, none = believe_kind(hidden, self._judge(meaning.noun)[0])
-            else:
-                found = [
-                    obj
-                    for obj in graph.objects
-                    if obj.class_index == meaning.class_index
-                    or (obj.class_index is None and is_sought(obj.raw_category))
-                ]
-        else:
-            hidden, none = self._judge(meaning.noun)
+        hidden, none = self._expect_hidden(meaning)
         seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
-        for obj in found:
+        for obj in self._list_found(meaning):
             seen[obj.room_index].append(obj)
-        searched = np.array([True, *(room.hidden_share == 0 for room in graph.rooms)])
+        searched = np.array([True, *(room.hidden_share == 0 for room in self.whole.rooms)])
         held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched)
         return held.after(1 - self._overlook(meaning))
 
-    def _judge(self, noun: Noun | None) -> tuple[CountDistribution, float]:
-        assert noun is not None  # a meaning has a thing, a class or a noun
-        return believe_noun(noun, self.believe(self._words.judge)[1], read_nouns())
+    def _list_found(self, meaning: Meaning) -> list[SeenObject]:
+        """Return the objects that are such things."""
+        objects, is_sought = self.whole.objects, self._words.names(meaning)
+        if not meaning.is_class:
+            return [obj for obj in objects if is_sought(obj.raw_category)]
+        return [
+            obj
+            for obj in objects
+            if obj.class_index == meaning.class_index
+            or (obj.class_index is None and is_sought(obj.raw_category))
+        ]
+
+    def _expect_hidden(self, meaning: Meaning) -> tuple[CountDistribution, float]:
+        """Return the hidden counts of a thing, and P(the building hides none)."""
+        if meaning.thing is not None:
+            rates = self._rate(meaning, meaning.thing)
+            return believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
+        judged = counted = None
+        if meaning.noun is not None:
+            judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
+        if meaning.class_index is not None:
+            counted = believe_class(self.expect(Asked.OWN), meaning.class_index)
+        both = [one for one in (counted, judged) if one is not None]
+        return believe_kind(both[0][0], both[1][0]) if len(both) > 1 else both[0]
+
+    def _rate(self, meaning: Meaning, thing: Thing) -> Floats:
+        """Return the mean numbers of an everyday thing at every node, `[N]`."""
+        parts = () if meaning.kind else self.kinds.table.parts_of(thing)
+        things = Things.of([thing, *parts], self.kinds.table)
+        rates = rate_things(things, self.kinds, self.whole, owners=meaning.owners).max(axis=0)
+        if meaning.class_name in (None, *thing.names) or thing.sight < IN_SIGHT:
+            return np.asarray(rates)
+        most = self.expect(Asked.OWN).presence[:, meaning.class_index]
+        return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:
         """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""

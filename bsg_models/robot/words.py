@@ -92,6 +92,11 @@ class Meaning:
         return _name_only(self.word)
 
     @property
+    def owners(self) -> frozenset[str]:
+        """Whose it is, by its name."""
+        return list_owners(self.word)
+
+    @property
     def kept_as(self) -> str:
         """The first of its names of which it is known on which furniture such things are."""
         alike = self.is_exact or self.is_mended

@@ -119,7 +119,12 @@ def report_beliefs(
         for asked in _ask_all(request, predictor, wanted):
             graph, expectation = asked.graph, asked.expectation
             belief = believe(
-                graph, expectation, mode=request.mode, top=request.top, model=predictor.name
+                graph,
+                expectation,
+                mode=request.mode,
+                top=request.top,
+                model=predictor.name,
+                kinds=[tuple((k.name, k.probability) for k in one) for one in asked.kinds],
             )
             if number < MOST_HELD:
                 kinds = tuple(_say_kind(one) for one in asked.kinds)
