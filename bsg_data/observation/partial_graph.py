@@ -43,7 +43,7 @@ from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings
 from bsg_data.scene.things import classify_seen
 from bsg_data.spelling import show_value
 
-GLIMPSED_SHARE = 0.84  # of a room seen only from outside: the middle value of the mask `explore`
+MOST_HIDDEN = 0.99  # of a room that shows something, though all of it is said to be hidden
 EVIDENCE_SCORE = 0.5  # models read objects that are there with at least this probability
 MOST_MORE_ROOMS = 100
 _MOST_ID = 10**20  # of an id that is a number: any of 64 bits
@@ -215,6 +215,8 @@ class Look:
 class PartialGraph:
     """What a robot has seen of one building.
 
+    A node that shows something hides less than all: a share of 1 becomes `MOST_HIDDEN` there.
+
     Attributes:
         scene_id: id of the building.
         class_space: class space of the objects' classes.
@@ -252,6 +254,21 @@ class PartialGraph:
     stays: float | None = None
     room_labels: tuple[tuple[str, str | None], ...] = ()
     unread: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Let no node that shows something hide all."""
+        hidden = {number for number, room in enumerate(self.rooms, 1) if room.hidden_share == 1}
+        if self.hidden_share == 1 and any(obj.is_evidence for obj in self.objects):
+            object.__setattr__(self, "hidden_share", MOST_HIDDEN)
+        if not hidden:
+            return
+        shown = {o.room_index for o in self.objects if o.room_index in hidden and o.is_evidence}
+        if shown:
+            rooms = tuple(
+                replace(room, hidden_share=MOST_HIDDEN) if number in shown else room
+                for number, room in enumerate(self.rooms, 1)
+            )
+            object.__setattr__(self, "rooms", rooms)
 
     def share_with(self, shares: Sequence[float]) -> float:
         """Return the hidden share of the building if its rooms have these shares, `[R]`.

@@ -10,7 +10,6 @@ from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_LOOKS, MAX_ROBOT_SOUGHT
 from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.partial_graph import (
-    GLIMPSED_SHARE,
     KnownRoom,
     Look,
     PartialGraph,
@@ -34,22 +33,25 @@ def hide_of_room(
         hidden_share_sd=share.sd,
         visited=room.visited if visited is None else visited,
     )
-    building = graph.share_with([room.hidden_share for room in rooms])
-    return replace(graph, rooms=tuple(rooms), hidden_share=building)
+    return follow_rooms(graph, replace(graph, rooms=tuple(rooms)))
+
+
+def follow_rooms(before: PartialGraph, after: PartialGraph) -> PartialGraph:
+    """Return a later graph whose building hides more or less as its rooms do."""
+    if before.rooms == after.rooms:
+        return after
+    return replace(after, hidden_share=before.share_with([one.hidden_share for one in after.rooms]))
 
 
 def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
     """Return the partial graph after the robot has seen one object.
 
-    A known object of this name moves to the new place. A room of which nothing was seen becomes
-    glimpsed. The hidden share of any other room stays the same, because one object does not say how
-    much more the robot looked at.
+    A known object of this name moves to the new place. The hidden share of its room stays the same,
+    because one object does not say how much more the robot looked at; but a room that shows
+    something does not hide all.
     """
     others = tuple(obj for obj in graph.objects if obj.name != seen.name)
-    graph = replace(graph, objects=(*others, seen))
-    if not seen.room_index or graph.rooms[seen.room_index - 1].hidden_share < 1:
-        return graph
-    return hide_of_room(graph, seen.room_index, ShareBelief(GLIMPSED_SHARE))
+    return follow_rooms(graph, replace(graph, objects=(*others, seen)))
 
 
 def enter(

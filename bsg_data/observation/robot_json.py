@@ -18,7 +18,7 @@
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
 gives its class. By default the hidden share is 1 for a room that was not visited, and vague
-(`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
+(`VAGUE`) for a visited one; a room that hides all was not visited. Units are metres and square metres, Z up. `seconds_inside`,
 `floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
 docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 
@@ -112,7 +112,6 @@ from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
 _MOST_WORDS = 5  # named in a note
-_MOST_HIDDEN = 0.99  # of a room that shows something, though all of it is said to be hidden
 _ENTRIES = {
     "rooms": "room",
     "objects": "object",
@@ -160,6 +159,7 @@ class RobotGraphError(SourceError):
 class _Room(KnownRoom):
     """A room as a robot says it: its hidden share, or how it looked at the room."""
 
+    visited: Annotated[bool | None, Field(strict=True)] = None  # type: ignore[assignment]
     hidden_share: StrictFraction | None = None  # type: ignore[assignment]
     seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
     floor_in_view: StrictFraction | None = None
@@ -176,12 +176,14 @@ def _know(room: _Room) -> KnownRoom:
         raise RecipeError(
             f"has hidden_share and {twice[0]}, which serves to estimate it; leave out one of them"
         )
+    visited = room.hidden_share != 1 if room.visited is None else room.visited
     if room.hidden_share is None:
-        share = estimate_hidden_share(visited=room.visited, floor_area=area_of(room), **looks)
+        share = estimate_hidden_share(visited=visited, floor_area=area_of(room), **looks)
     else:
         share = ShareBelief(room.hidden_share, room.hidden_share_sd)
     facts = {name: getattr(room, name) for name in _ROOM_FIELDS}
-    return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
+    known = {"visited": visited, "hidden_share": share.mean, "hidden_share_sd": share.sd}
+    return KnownRoom(**facts | known)
 
 
 _SaidRoom = Annotated[
@@ -499,22 +501,11 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
         facts = (obj.id, room, obj.category, *found, obj.position, score)
         objects.append(SeenObject(*facts, on=obj.on))
     looks = tuple(_read_look(one, index, room_of) for one in document.looks)
-    shown = {obj.room_index for obj in objects if obj.is_evidence}
-    rooms = tuple(
-        replace(room, hidden_share=_MOST_HIDDEN)
-        if room.hidden_share == 1 and number in shown
-        else room
-        for number, room in enumerate(rooms, start=1)
-    )
     share = document.hidden_share
-    if share is None:
-        share = float(np.mean([room.hidden_share for room in rooms])) if rooms else VAGUE.mean
-    if share == 1 and shown:
-        share = _MOST_HIDDEN
-    return PartialGraph(
+    graph = PartialGraph(
         scene_id=document.scene_id,
         class_space=by.space if isinstance(by, ClassMap) else by,
-        hidden_share=share,
+        hidden_share=VAGUE.mean if share is None else share,
         rooms=rooms,
         objects=tuple(objects),
         adjacency=tuple(sorted({_connect(ends, index) for ends in document.adjacency})),
@@ -532,6 +523,10 @@ def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
             for word, stated in document.detector.items()
         ),
     )
+    if share is None and rooms:
+        mean = float(np.mean([room.hidden_share for room in graph.rooms]))
+        graph = replace(graph, hidden_share=mean)
+    return graph
 
 
 def _read_look(said: _Look, index: Mapping[str, int], room_of: Mapping[str, str | None]) -> Look:

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from bsg_data.errors import RecipeError
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.reports import hide_of_room
+from bsg_data.observation.reports import follow_rooms
 from bsg_data.scene.class_map import (
     ClassMap,
     Role,
@@ -435,9 +435,9 @@ def set_hidden_shares(
         return replace(graph, hidden_share=ShareBelief(every).mean)
     shares = {} if every is None else dict.fromkeys(range(1, len(graph.rooms) + 1), every)
     shares |= {find_room(graph, name): share for name, share in rooms.items()}
+    known = list(graph.rooms)
     for index, said in shares.items():
-        share, known = ShareBelief(said), list(graph.rooms)
-        visited = share.mean < 1 and (share.mean == 0 or known[index - 1].visited)
-        known[index - 1] = replace(known[index - 1], visited=visited)
-        graph = hide_of_room(replace(graph, rooms=tuple(known)), index, share)
-    return graph
+        share, room = ShareBelief(said).mean, known[index - 1]
+        visited = share < 1 and (share == 0 or room.visited)
+        known[index - 1] = replace(room, hidden_share=share, hidden_share_sd=0.0, visited=visited)
+    return follow_rooms(graph, replace(graph, rooms=tuple(known)))

@@ -65,7 +65,11 @@ UNREAD: Map = {
     ],
     "room_labels": {"Kajüte": "bedroom"},
 }
-SEARCHED: Map = {"scene_id": "s", "rooms": [{"id": one, "hidden_share": 0} for one in "abc"]}
+SEARCHED: Map = {
+    "scene_id": "s",
+    "rooms": [{"id": one, "hidden_share": 0} for one in "abc"],
+    "more_rooms": 0,
+}
 
 
 @dataclass(frozen=True)
@@ -201,6 +205,27 @@ def test_what_nobody_can_read_counts_as_not_said_by_every_door(service: Any) -> 
         assert notes == [*told]
     assert "'zzz': kind of room unknown; say `room_type`" in told
     assert any(note.startswith("'castle': kind of building unknown") for note in told)
+
+
+@pytest.mark.parametrize("said", [FLAT, UNREAD, {"R0": ["stove", "fridge"], "R1": []}])
+def test_every_door_names_the_kinds_of_rooms(said: Map, service: Any) -> None:
+    seen = open_graph(said)
+    kinds = {room: [*map(asdict, seen.kinds(room))] for room in seen.rooms}
+    assert all(kinds.values())
+    robot = Robot(open_graph(said))
+    ros = {room: robot.answer("expected", {"room": room})["kinds"] for room in seen.rooms}
+    assert ros == kinds
+    doors = ask_service(service, {"map": said}, path="/expect", tool="expect_things")
+    for door, told in doors.items():
+        found = {room["room"]: room["kinds"] for room in told["rooms"]}
+        assert found.keys() == kinds.keys(), door
+        for room, listed in found.items():
+            assert listed == [pytest.approx(one, abs=1e-6) for one in kinds[room]], (door, room)
+    done = CliRunner().invoke(belief, ["-", "--json"], input=json.dumps(said))
+    rounded = {room["room"]: room["kinds"] for room in json.loads(done.stdout)}
+    for room in seen.graph.rooms:
+        listed = {one["name"]: round(one["probability"], 4) for one in kinds[room.name]}
+        assert rounded[room.label or room.name] == listed
 
 
 HOUSE: Map = {

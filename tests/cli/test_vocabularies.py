@@ -116,7 +116,7 @@ def by_detector(folder: Path) -> Classes:
 def by_question(folder: Path) -> Classes:
     def understand(word: str) -> str | None:
         try:
-            return find_meaning(word, [MAP]).class_name
+            return find_meaning(word, MAP).class_name
         except RecipeError:
             return None
 

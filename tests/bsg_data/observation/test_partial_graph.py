@@ -20,7 +20,7 @@ from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.masked_graph import list_withheld, mask_scene
 from bsg_data.observation.masks import MASKS, sample_view
 from bsg_data.observation.partial_graph import (
-    GLIMPSED_SHARE,
+    MOST_HIDDEN,
     KnownRoom,
     Look,
     PartialGraph,
@@ -37,7 +37,7 @@ from bsg_data.observation.reports import (
     see_object,
 )
 from bsg_data.observation.view import sample_hidden
-from bsg_data.recipes import Exploration, MaskRecipe
+from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import load_class_space
 
 CLASS_SPACE = load_class_space()
@@ -126,12 +126,17 @@ def test_the_share_of_a_building_moves_with_its_rooms() -> None:
     assert known.share_with([1.0, 0.0]) == 0.5
 
 
-def test_a_room_in_which_something_was_seen_was_glimpsed_at_least() -> None:
+def test_a_room_that_shows_something_does_not_hide_all() -> None:
     graph = see_object(GRAPH, seen("sink", 2, "sink"))
-    assert (graph.rooms[1].hidden_share, graph.rooms[1].visited) == (GLIMPSED_SHARE, False)
-    assert graph.hidden_share == pytest.approx(0.5 * (0.5 + GLIMPSED_SHARE) / 1.5)
-    low, high = Exploration().glimpsed_share
-    assert pytest.approx((low + high) / 2) == GLIMPSED_SHARE, "as models are trained"
+    assert (graph.rooms[1].hidden_share, graph.rooms[1].visited) == (MOST_HIDDEN, False)
+    assert graph.hidden_share == pytest.approx(0.5 * (0.5 + MOST_HIDDEN) / 1.5)
+    rooms = tuple(replace(room, hidden_share=1.0) for room in GRAPH.rooms)
+    all_hidden = replace(GRAPH, hidden_share=1.0, rooms=rooms)
+    assert [room.hidden_share for room in all_hidden.rooms] == [MOST_HIDDEN, 1.0]
+    assert all_hidden.hidden_share == MOST_HIDDEN
+    assert enter(GRAPH, 1, hidden_share=ShareBelief(1.0)).rooms[0].hidden_share == MOST_HIDDEN
+    doubted = see_object(GRAPH, replace(seen("sink", 2, "sink"), score=0.1))
+    assert doubted.rooms == GRAPH.rooms, "it is hardly there"
 
 
 @pytest.mark.parametrize(
@@ -142,7 +147,8 @@ def test_entering_a_room_tells_what_it_hides(
     before: float, said: float | None, after: float
 ) -> None:
     room = KnownRoom("a", before, visited=before < 1)
-    graph = replace(GRAPH, rooms=(room, GRAPH.rooms[1]), hidden_share=(before + 1) / 2)
+    rooms = (room, GRAPH.rooms[1])
+    graph = replace(GRAPH, rooms=rooms, objects=(), hidden_share=(before + 1) / 2)
     graph = enter(graph, 1, hidden_share=None if said is None else ShareBelief(said))
     assert graph.rooms[0].visited
     assert graph.rooms[0].hidden_share == after
