@@ -29,6 +29,7 @@ OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
 _ANYWHERE = 0.03  # share of a thing that is in any room
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
+_NEAR = 0.05  # share of a thing that a room has beside its own, when it takes those of another
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
 _NOBODY: frozenset[str] = frozenset()
 _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
@@ -149,9 +150,10 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     times = rooms.sum(axis=0)
     there = times.clip(max=1.0)
     alike = table.alike * there * _pass(kinds)
-    moves = alike / alike.sum(axis=1, keepdims=True).clip(min=_WHOLE)
     may_be = kinds.building @ table.usual
-    every = shares * there + (shares * (1 - there) * may_be) @ moves
+    moved = shares * (1 - there) * may_be * (alike.sum(axis=1) / _WHOLE).clip(max=1.0)
+    near = shares + _NEAR  # a missing closet's broom goes where brooms are, its shirts elsewhere
+    every = shares * there + (moved / (near @ alike.T).clip(min=1e-9)) @ alike * near
     every /= every.sum(axis=1, keepdims=True).clip(min=_WHOLE)
     # Two bedrooms of a home share what bedrooms have; each classroom has its own.
     among = np.where(table.numbers[0] > 0, times, there).clip(min=1e-9)
