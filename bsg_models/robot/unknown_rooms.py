@@ -44,10 +44,11 @@ def expect_apart(
         return Apart(every, (1 + np.arange(len(known)),), (1 - every.presence[0],))
     alone = model(keep_rooms(graph, nodes[0] - 1))
     order = np.argsort(np.concatenate([[0], *nodes]), kind="stable")
-    both = join([alone, every.take(nodes[1])]).take(order)
+    rooms = alone.take(np.arange(1, 1 + len(nodes[0])))
+    both = join([every.take(np.zeros(1, dtype=np.int64)), rooms, every.take(nodes[1])]).take(order)
     none = 1 - alone.presence[0], (1 - every.presence[nodes[1]]).prod(axis=0)
     factor = np.zeros(both.inputs.shape)
-    factor[0] = _log_odds(none[0] * none[1]) - _log_odds(none[0])
+    factor[0] = _log_odds(none[0] * none[1]) - _log_odds(1 - every.presence[0])
     hidden = both.hidden_counts.with_none_likelier(factor)
     return Apart(replace(both, inputs=every.inputs, hidden_counts=hidden), nodes, none)
 

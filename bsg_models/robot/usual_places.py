@@ -26,7 +26,7 @@ from bsg_models.robot.kinds import RoomKinds
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
-_ANYWHERE = 0.03  # share of a thing that is in any room
+_ANYWHERE = 0.004  # share of a thing that is in a room of any kind
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 _NEAR = 0.05  # share of a thing that a room has beside its own, when it takes those of another
@@ -114,8 +114,7 @@ def rate_things(
         rates[:, 0] = rate * graph.hidden_share
         return rates
     shares = things.shares * _pass(kinds)
-    anywhere = _ANYWHERE / (kinds.known.sum() or len(graph.rooms))
-    weights = anywhere + _spread_known(shares, kinds)
+    weights = _ANYWHERE + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
     for row, names in zip(weights, things.names, strict=True):
         if named := [room for room, told in enumerate(kinds.named) if told & names]:
