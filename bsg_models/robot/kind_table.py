@@ -28,7 +28,7 @@ _OURS, _ELSEWHERE = 0.15, 0.95
 _FOREIGN = 0.4  # of the things of the nearest kind, in a kind of which the table says nothing
 _OFTEN = 0.1  # rooms of a kind that a building has, if people search there
 _RARE = 0.01  # rooms of any kind that a building may have
-_HARDLY = 0.24  # kinds of rooms that are less alike have nothing in common
+_HARDLY = 0.2  # kinds of rooms that are less alike have nothing in common
 
 
 @dataclass(frozen=True, eq=False)
