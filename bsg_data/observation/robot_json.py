@@ -18,9 +18,10 @@
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
 gives its class. By default the hidden share is 1 for a room that was not visited, and vague
-(`VAGUE`) for a visited one; a room that hides all was not visited. Units are metres and square metres, Z up. `seconds_inside`,
-`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
-docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
+(`VAGUE`) for a visited one; a room that hides all was not visited. Units are metres and square
+metres, Z up. `seconds_inside`, `floor_in_view` and `walls_in_view` can replace a hidden share,
+which is then estimated. docs/belief.md describes the format. A room's fields are those of
+`KnownRoom`.
 
 The simplest map is read, too: room → the things that were seen there.
 

@@ -31,7 +31,6 @@ _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 _NEAR = 0.05  # share of a thing that a room has beside its own, when it takes those of another
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
-_NOBODY: frozenset[str] = frozenset()
 _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
 _THEIRS = 10.0  # how much more of a thing is in a room of its owner than in others of the kind
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
@@ -98,7 +97,7 @@ def find_things(classes: tuple[str, ...]) -> ClassThings:
 
 
 def rate_things(
-    things: Things, kinds: RoomKinds, graph: PartialGraph, *, owners: frozenset[str] = _NOBODY
+    things: Things, kinds: RoomKinds, graph: PartialGraph, *, owner: str | None = None
 ) -> Floats:
     """Return the mean numbers of T unseen things at every node, `[T, 1 + R]`, the building first.
 
@@ -106,7 +105,7 @@ def rate_things(
         things: that may be there.
         kinds: of the R rooms.
         graph: what a robot has seen.
-        owners: whose they are, if somebody says.
+        owner: whose they are, if somebody says.
     """
     rate = -np.log1p(-_expect(things, kinds).clip(max=_MOST_HOMES))
     rates = np.zeros((len(things.names), 1 + len(graph.rooms)))
@@ -120,7 +119,7 @@ def rate_things(
         if named := [room for room, told in enumerate(kinds.named) if told & names]:
             row *= 1 - _NAMED
             row[named] += _NAMED / len(named)
-    if theirs := [room for room, people in enumerate(kinds.owners) if people & owners]:
+    if theirs := [room for room, one in enumerate(kinds.owners) if one and one == owner]:
         total = weights.sum(axis=1, keepdims=True)
         weights[:, theirs] *= _THEIRS
         weights *= total / weights.sum(axis=1, keepdims=True)
