@@ -152,7 +152,7 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     moved = shares * (1 - there) * may_be * (alike.sum(axis=1) / _WHOLE).clip(max=1.0)
     near = shares + _NEAR  # a missing closet's broom goes where brooms are, its shirts elsewhere
     every = shares * there + (moved / (near @ alike.T).clip(min=1e-9)) @ alike * near
-    every /= every.sum(axis=1, keepdims=True).clip(min=_WHOLE)
+    every /= (every @ may_be)[:, None].clip(min=_WHOLE)  # a child's bedroom has toys on top
     # Two bedrooms of a home share what bedrooms have; each classroom has its own.
     among = np.where(table.numbers[0] > 0, times, there).clip(min=1e-9)
     return np.asarray((every / among) @ rooms.T)
