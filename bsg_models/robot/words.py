@@ -420,8 +420,8 @@ def set_hidden_shares(
 ) -> PartialGraph:
     """Return a graph with the given hidden shares; the building's share follows from its rooms'.
 
-    A share of 1 marks a room that shows nothing as not entered, and 0 as searched. In between, the
-    visits stay as the graph has them.
+    A share of 1 marks the room as not entered, and 0 as searched. In between, the visits stay as
+    the graph has them.
 
     Args:
         graph: with shares of its own.
@@ -437,12 +437,7 @@ def set_hidden_shares(
     shares |= {find_room(graph, name): share for name, share in rooms.items()}
     known = list(graph.rooms)
     for index, said in shares.items():
-        share = ShareBelief(said).mean
-        known[index - 1] = replace(known[index - 1], hidden_share=share, hidden_share_sd=0.0)
-    after = replace(graph, rooms=tuple(known))
-    known = list(after.rooms)  # in which no room that shows something hides all
-    for index in shares:
-        room = known[index - 1]
-        visited = room.hidden_share < 1 and (room.hidden_share == 0 or room.visited)
-        known[index - 1] = replace(room, visited=visited)
-    return follow_rooms(graph, replace(after, rooms=tuple(known)))
+        share, room = ShareBelief(said).mean, known[index - 1]
+        visited = share < 1 and (share == 0 or room.visited)
+        known[index - 1] = replace(room, hidden_share=share, hidden_share_sd=0.0, visited=visited)
+    return follow_rooms(graph, replace(graph, rooms=tuple(known)))
