@@ -74,6 +74,20 @@ def list_things() -> tuple[Thing, ...]:
     return _read_things()[0]
 
 
+def list_narrower(thing: Thing) -> tuple[Thing, ...]:
+    """Return the things of which each is also such a thing: mugs of tableware."""
+    return tuple([part for name in thing.names for part in _group_narrower().get(name, ())])
+
+
+@cache
+def _group_narrower() -> Mapping[str, list[Thing]]:
+    found: dict[str, list[Thing]] = {}
+    for thing in list_things():
+        if thing.wider is not None and thing.wider not in thing.names:
+            found.setdefault(thing.wider, []).append(thing)
+    return found
+
+
 @lru_cache(maxsize=64)
 def find_thing(word: str) -> Thing | None:
     """Return the thing that a word names, in the singular or plural; None for other words.

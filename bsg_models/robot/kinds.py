@@ -16,224 +16,34 @@ p_kt is by hand, too: classes have the presence of `hand-prior-v2`, other things
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
-from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.room_label import known_label, normalise_room, owner_of
+from bsg_data.scene.room_label import normalise_room, owner_of
 from bsg_data.scene.surroundings import area_of
-from bsg_data.scene.things import Thing, find_thing, is_narrow, list_things
+from bsg_data.scene.things import Thing
 from bsg_data.scene.uses import move_thing
+from bsg_models.robot.kind_table import KindTable
 from bsg_models.robot.words import find_everyday, find_wider
 
-_KINDS, _PRESENCE = "kinds-v1.csv", "hand-prior-v2.json"
-_FACTS = ("floor_area", "spread", "neighbours", "passage")
-_HOME = "home"
 _UNSEEN = 0.65  # weight of what was not seen
 _ALIKE = 8.0  # things of a room, beyond which more of them say less
-_WRONG = 100.0  # labels that are right, for one that is wrong
-# A label is doubted if its kind has less of the likelihood than this, another kind more, and so
-# many things were seen.
-_UNLIKE, _ALIKE_ENOUGH, _TELLING = 0.05, 0.3, 3
-_LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
-# Other buildings surely have what people search for, with this share, in rooms that homes lack.
-_OURS, _ELSEWHERE = 0.15, 0.95
-_FOREIGN = 0.4  # of the things of the nearest kind of a home, in a kind that homes lack
-OFTEN = 0.1  # rooms of a kind that a building other than a home has, if people search there
-_RARE = 0.01  # rooms of a kind that a building has at least
-_HARDLY = 0.15  # kinds of rooms that are less alike have nothing in common
-_TAKEN = 0.5  # how far a room of a kind that a building has is taken for another one
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
-_MOST_HOME = 0.93  # P(home), before anything is known
-_AGAIN = 0.15  # of a kind of which a building has all, how many more rooms it has
-_OF_ONE = (("bedroom", 0.55), ("child's bedroom", 0.4))  # a room that is called somebody's
+_WRONG = 100.0  # labels that are right, for one that is wrong
+_UNLIKE = 0.05  # a label is doubted if its things are less likely to be of its kind
+_HOME = 0.93  # P(home), before anything is known
+_RARE = 0.01  # rooms of any kind that a building may have
+_AGAIN = 0.4  # of a kind of which a building has all, how many more rooms it has
+_OF_ONE = {"bedroom": 0.55, "child's bedroom": 0.4}  # a room that is called somebody's
 _NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
 _LACKING = 0.9  # P(no room is of a kind that every home has)
 _SAID = 0.01  # kinds that are less likely are not said
-SURE = 0.5  # a kind that is likelier than this is said
-
-
-@dataclass(frozen=True, eq=False)
-class KindTable:
-    """What is known of K kinds of rooms, B kinds of buildings and T everyday things.
-
-    Attributes:
-        kinds: labels of rooms.
-        buildings: the home is the first.
-        numbers: `[B, K]` expected number of rooms.
-        floor_area: `[K]` median, square metres.
-        spread: `[K]` standard deviation of its logarithm.
-        neighbours: `[K]` expected number of rooms beside it.
-        passages: `[K]` whether people only pass through, such as a lift.
-        things: the rows of the table of things.
-        shares: `[T, K]` P(a search for it begins in rooms of this kind).
-        presence: `[K, T]` p, P(a room of this kind has one).
-        is_class: `[T]` things of which everybody who looks takes notice.
-    """
-
-    kinds: tuple[str, ...]
-    buildings: tuple[str, ...]
-    numbers: Floats
-    floor_area: Floats
-    spread: Floats
-    neighbours: Floats
-    passages: Bools
-    things: tuple[Thing, ...]
-    shares: Floats
-    presence: Floats
-    is_class: Bools
-
-    @cached_property
-    def usual(self) -> Bools:
-        """Kinds in which people search, if a building has them, `[B, K]`; others come on top."""
-        own = np.array([known_label(kind) == kind for kind in self.kinds])
-        return np.vstack([(self.numbers[0] > 0) & own, self.numbers[1:] >= OFTEN])
-
-    @cached_property
-    def chances(self) -> Floats:
-        """P(a room of a building is of a kind), `[B, K]`."""
-        numbers = self.numbers.clip(min=_RARE)
-        return np.asarray(numbers / numbers.sum(axis=1, keepdims=True))
-
-    @cached_property
-    def row(self) -> dict[str, int]:
-        """Name of a thing → its row."""
-        return {thing.name: number for number, thing in enumerate(self.things)}
-
-    @cached_property
-    def column(self) -> dict[str, int]:
-        """Kind → its column."""
-        return {kind: number for number, kind in enumerate(self.kinds)}
-
-    def shares_of(self, thing: Thing) -> Floats:
-        """Return P(a search for a thing begins in rooms of each kind), `[K]`."""
-        row = self.row.get(thing.name)
-        if row is not None and self.things[row] is thing:
-            return np.asarray(self.shares[row])
-        return np.asarray(_share([thing], self.kinds)[0])
-
-    def presence_of(self, thing: Thing) -> Floats:
-        """Return P(a room of each kind has a thing), `[K]`."""
-        row = self.row[thing.name]
-        if self.things[row] is thing:
-            return np.asarray(self.presence[:, row])
-        shares = self.shares_of(thing)[None]
-        return np.asarray(_be_present([thing], shares, self.numbers, self.kinds)[:, 0])
-
-    @cached_property
-    def log_presence(self) -> Floats:
-        """Logarithms of the presence, `[K, T]`."""
-        return np.log(self.presence)
-
-    @cached_property
-    def parts(self) -> dict[str, tuple[Thing, ...]]:
-        """Name of a thing → those that are such things: mugs of tableware."""
-        found: dict[str, list[Thing]] = {}
-        for thing in self.things:
-            if thing.wider is not None and thing.wider not in thing.names:
-                found.setdefault(thing.wider, []).append(thing)
-        return {name: tuple(parts) for name, parts in found.items()}
-
-    def parts_of(self, thing: Thing) -> tuple[Thing, ...]:
-        """Return the things of which each is also such a thing."""
-        return tuple([part for name in thing.names for part in self.parts.get(name, ())])
-
-    @cached_property
-    def alike(self) -> Floats:
-        """How far people search in one kind of room for what is in another, `[K, K]`, 0 to 1."""
-        length = np.linalg.norm(self.shares, axis=0).clip(min=1e-9)
-        alike: Floats = self.shares.T @ self.shares / np.outer(length, length)
-        np.fill_diagonal(alike, 0.0)
-        alike[:, [is_narrow(kind) for kind in self.kinds]] = 0.0
-        return np.asarray(np.where(alike < _HARDLY, 0.0, alike))
-
-
-@cache
-def read_kinds() -> KindTable:
-    """Read the tables."""
-    data = read_published(_KINDS)
-    header = tuple(data.partition(b"\n")[0].decode().split(","))
-    rows = [row for _, row in read_rows(_KINDS, data, header)]
-    buildings = header[1 : -len(_FACTS)]
-    kinds = tuple(row[0] for row in rows)
-    numbers = np.array([[float(x) for x in row[1:-1]] for row in rows]).T
-    things = list_things()
-    shares = _share(things, kinds)
-    presence = _be_present(things, shares, numbers, kinds)
-    said, is_class = _read_presence(kinds, things)
-    presence = np.where(np.isnan(said), presence, said)
-    return KindTable(
-        kinds=kinds,
-        buildings=buildings,
-        numbers=numbers[: len(buildings)],
-        floor_area=numbers[-3],
-        spread=numbers[-2],
-        neighbours=numbers[-1],
-        passages=np.array([row[-1] == "yes" for row in rows]),
-        things=things,
-        shares=shares,
-        presence=presence,
-        is_class=is_class,
-    )
-
-
-def _be_present(
-    things: Sequence[Thing], shares: Floats, numbers: Floats, kinds: Sequence[str]
-) -> Floats:
-    """Return P(a room of a kind has a thing) from shares `[T, K]`, `[K, T]`."""
-    homes = np.array([[thing.home] for thing in things]).clip(max=_MOST)
-    named = [{kind for kind, _ in thing.rooms} for thing in things]
-    foreign = np.array([[kind in one for kind in kinds] for one in named]) & (numbers[0] < OFTEN)
-    others = be_elsewhere((shares * foreign).sum(axis=1, keepdims=True))
-    there = np.where(foreign, np.maximum(homes, others), homes)
-    each = shares / numbers[0].clip(min=1.0)  # the rooms of a kind share what is there
-    return np.asarray((1 - (1 - there) ** each).T.clip(_LEAST, _MOST))
-
-
-def be_elsewhere(shares: Floats) -> Floats:
-    """Return P(another building has a thing), of shares in kinds of rooms that homes lack."""
-    return np.asarray(_ELSEWHERE * (shares / _OURS).clip(max=1.0))
-
-
-def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Floats, Bools]:
-    """Return P(a room has a class) by hand, `[K, T]`, NaN for other things; which are classes."""
-    tables = json.loads(read_published(_PRESENCE))["room_types"]
-    row = {thing.name: number for number, thing in enumerate(things)}
-    names = {name for table in tables.values() for name in table["presence"]}
-    columns = {name: row[thing.name] for name in sorted(names) if (thing := find_thing(name))}
-    said, is_class = np.full((len(kinds), len(things)), np.nan), np.zeros(len(things), dtype=bool)
-    is_class[[*columns.values()]] = True
-    for number, kind in enumerate(kinds):
-        table = tables.get(kind, tables.get(known_label(kind)))
-        if table is not None:
-            for name, column in columns.items():
-                likely = table["presence"].get(name, 0.0)
-                said[number, column] = np.clip(
-                    np.nanmax([likely, said[number, column], _LEAST]), _LEAST, _MOST
-                )
-    return said, is_class
-
-
-def _share(things: Sequence[Thing], kinds: Sequence[str]) -> Floats:
-    """Return the shares of kinds `[T, K]`; those of kinds that homes have sum to 1."""
-    shares = np.zeros((len(things), len(kinds)))
-    column = {kind: number for number, kind in enumerate(kinds)}
-    others = [(number, kind) for number, kind in enumerate(kinds) if known_label(kind) != kind]
-    for row, thing in zip(shares, things, strict=True):
-        said = dict(thing.rooms)
-        for kind, share in said.items():
-            if kind in column:
-                row[column[kind]] = share
-        for number, kind in others:
-            if kind not in said:
-                row[number] = _FOREIGN * thing.probability_in(kind)
-    return shares
+SURE = 0.5  # a kind that is likelier than this is said alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,17 +71,16 @@ class RoomKinds:
     owners: tuple[frozenset[str], ...]
 
     @cached_property
-    def _said(self) -> dict[int, tuple[tuple[str, float], ...]]:
-        return {}
-
-    def of(self, number: int) -> tuple[tuple[str, float], ...]:
-        """Return the kinds of a room, 0..R−1, the likeliest first, in whole percents."""
-        if number not in self._said:
-            row = self.rooms[number]
-            likely = sorted(np.flatnonzero(row >= _SAID), key=lambda kind: -row[kind])
-            kinds = [(self.table.kinds[kind], round(float(row[kind]), 2)) for kind in likely]
-            self._said[number] = tuple(kinds)
-        return self._said[number]
+    def said(self) -> tuple[tuple[tuple[str, float], ...], ...]:
+        """The kinds of each room, the likeliest first, in whole percents."""
+        names = self.table.kinds
+        return tuple(
+            tuple(
+                (names[kind], round(float(row[kind]), 2))
+                for kind in sorted(np.flatnonzero(row >= _SAID), key=lambda kind: -row[kind])
+            )
+            for row in self.rooms
+        )
 
     @cached_property
     def at_home(self) -> float:
@@ -340,7 +149,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         building=building,
         known=known,
         by_things=~is_told,
-        doubted=_doubt_labels(told, silent, seen, table),
+        doubted=_doubt_labels(told, silent, table),
         named=tuple(map(_name_things, graph.rooms)),
         owners=owners,
     )
@@ -361,19 +170,15 @@ def _leave_taken(table: KindTable, building: Floats, rooms: Floats, known: Bools
     numbers = building @ table.numbers.clip(min=_RARE)
     numbers = numbers * max(1.0, known.sum() / numbers.sum())
     others = rooms[known].sum(axis=0) - rooms * known[:, None]
-    left = np.maximum(numbers - others, _AGAIN * numbers) / numbers
-    return np.asarray(left**_TAKEN)
+    return np.asarray(np.maximum(numbers - others, _AGAIN * numbers) / numbers)
 
 
-def _doubt_labels(
-    told: Floats, silent: Floats, seen: Sequence[Sequence[Thing]], table: KindTable
-) -> dict[int, tuple[str, str]]:
+def _doubt_labels(told: Floats, silent: Floats, table: KindTable) -> dict[int, tuple[str, str]]:
     """Return the labels that things contradict, and the kind that these are of, by room number."""
     doubted = {}
     for number, (row, things) in enumerate(zip(told, silent, strict=True)):
         label, kind = int(row.argmax()), int(things.argmax())
-        is_other = things[label] < _UNLIKE < _ALIKE_ENOUGH < things[kind]
-        if row[label] > SURE and is_other and len(seen[number]) >= _TELLING:
+        if row[label] > SURE and things[label] < _UNLIKE and things[kind] > SURE:
             doubted[number] = table.kinds[label], table.kinds[kind]
     return doubted
 
@@ -428,7 +233,7 @@ def _read_thing(word: str) -> Thing | None:
 
 def _read_label(room: KnownRoom, table: KindTable) -> Floats:
     """Return what is said of the kind of a room, `[K]`; sums to 1 or less."""
-    said, row = room.room_type or dict(_OF_ONE), np.zeros(len(table.kinds))
+    said, row = room.room_type or _OF_ONE, np.zeros(len(table.kinds))
     for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said)).items():
         if (column := table.column.get(label)) is not None:
             row[column] += likely
@@ -508,7 +313,7 @@ def _infer_building(graph: PartialGraph, table: KindTable, likely: Floats) -> Fl
         index = table.buildings.index(str(graph.building_kind))
         return np.asarray(np.eye(len(table.buildings))[index])
     others = len(table.buildings) - 1
-    prior = np.array([_MOST_HOME, *[(1 - _MOST_HOME) / others] * others])
+    prior = np.array([_HOME, *[(1 - _HOME) / others] * others])
     if graph.building_kind is not None:  # of another kind
         prior[0] = 0.0
     logs = np.log(likely @ table.chances.T + 1e-300).sum(axis=0)

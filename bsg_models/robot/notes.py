@@ -66,7 +66,7 @@ def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
     """Yield which kinds of rooms were inferred, and which labels their things contradict."""
     names, read = [], []
     for number, room in enumerate(graph.rooms):
-        first, *_ = kinds.of(number)
+        first, *_ = kinds.said[number]
         if kinds.by_things[number] and kinds.known[number] and first[1] > SURE:
             names.append(room.label or room.name)
             read.append(first[0])
@@ -76,7 +76,7 @@ def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
             "wrong"
         )
     for number, (label, kind) in kinds.doubted.items():
-        room, (taken, _) = graph.rooms[number], kinds.of(number)[0]
+        room, (taken, _) = graph.rooms[number], kinds.said[number][0]
         yield (
             f"{room.label or room.name}: called {label}, but its things are those of: {kind}; "
             f"taken for: {taken}"

@@ -225,7 +225,7 @@ class SeenBuilding(ToldBuilding):
         They follow from its label and name, from what was seen in it, and from the other rooms.
         Those below one percent are left out.
         """
-        found = self._now.kinds.of(find_room(self.graph, room) - 1)
+        found = self._now.kinds.said[find_room(self.graph, room) - 1]
         return tuple(RoomKind(kind, likely) for kind, likely in found)
 
     @alone
@@ -444,7 +444,7 @@ class SeenBuilding(ToldBuilding):
         It has as many blind nodes as are expected. `believe` also makes those of the paper's Table
         II: `believe(seen.graph, seen.expectation(), mode="unseen", model=seen.model)`.
         """
-        kinds = [self._now.kinds.of(number) for number in range(len(self.graph.rooms))]
+        kinds = [self._now.kinds.said[number] for number in range(len(self.graph.rooms))]
         return believe(self.graph, self._now.expectation(), model=self.model, kinds=kinds)
 
     @alone

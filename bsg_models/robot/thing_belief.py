@@ -14,6 +14,7 @@ from bsg_data.observation.partial_graph import SeenObject
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.robot.nouns import Noun, NounTable
+from bsg_models.robot.unknown_rooms import Apart
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
@@ -116,29 +117,31 @@ def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution
     return after.with_none_likelier(factor)
 
 
-def lift(
-    hidden: CountDistribution, wanted: Floats, *, weight: Floats, least: Floats
-) -> CountDistribution:
+def lift(belief: Apart, rates: Floats, *, weight: Floats, least: Floats) -> CountDistribution:
     """Return hidden counts on the scale of what a person would find.
 
-    The log odds of the building are mixed with those that are wanted, and its rooms are tilted to
-    them (`bsg_models.zoo.building_tilt`). Then no node is less likely than `least`.
+    The log odds of a group of rooms are mixed with those by the rates of homes, and its rooms are
+    tilted to them (`bsg_models.zoo.building_tilt`). Then no node is less likely than `least`.
 
     Args:
-        hidden: of N nodes and C classes, the building first.
-        wanted: `[C]` P(at least one) of the building.
-        weight: `[C]` of `wanted`, 0 to 1.
+        belief: of N nodes and C classes.
+        rates: `[N, C]` mean numbers by the table of things.
+        weight: `[C]` of them, 0 to 1.
         least: `[N, C]` P(at least one) of what each class includes.
     """
-    none = _log_odds(1 - hidden.presence)
-    tilt = np.zeros(none.shape)
-    tilt[0] = weight * (_log_odds(1 - wanted) - none[0])
-    alone = np.log((1 - hidden.presence[1:]).clip(min=_LEAST))
-    tilt[1:] = tilt_rooms(tilt[0], alone.sum(axis=0), alone)
-    after = np.minimum(none + tilt, _log_odds(1 - least))
-    if len(after) > 1:
-        after[0] = np.minimum(after[0], after[1:].min(axis=0))
-    return hidden.with_none_likelier(np.where(hidden.presence > 0, after - none, 0.0))
+    hidden = belief.every.hidden_counts
+    odds = _log_odds(1 - hidden.presence)
+    tilts, whole = np.zeros(odds.shape), np.ones(odds.shape[1])
+    for nodes, none in zip(belief.nodes, belief.none, strict=True):
+        homes = np.exp(-(rates[nodes] if len(nodes) else rates).sum(axis=0))
+        tilt = weight * (_log_odds(homes) - _log_odds(none))
+        alone = np.log((1 - hidden.presence[nodes]).clip(min=_LEAST))
+        tilts[nodes] = tilt_rooms(tilt, alone.sum(axis=0), alone)
+        whole *= 1 / (1 + np.exp(-_log_odds(none) - tilt))
+    after = np.vstack([_log_odds(whole), (odds + tilts)[1:]])
+    after = np.minimum(after, _log_odds(1 - least))
+    after[0] = after.min(axis=0)
+    return hidden.with_none_likelier(np.where(hidden.presence > 0, after - odds, 0.0))
 
 
 def _look(

@@ -8,40 +8,54 @@ others, beside them. The building has what either have.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Ints
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.expectation import Expectation, join
 
 _LEAST = 1e-9
 
 
-def expect_beside(
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """What a model believes of the known rooms of a building, and of the others beside them.
+
+    Attributes:
+        every: of all nodes, `[1 + R, C]`, the building first.
+        nodes: of each of the groups of rooms, one or two.
+        none: `[C]` P(a group hides none), of each.
+    """
+
+    every: Expectation
+    nodes: tuple[Ints, ...]
+    none: tuple[Floats, ...]
+
+
+def expect_apart(
     graph: PartialGraph, known: Bools, model: Callable[[PartialGraph], Expectation]
-) -> Expectation:
+) -> Apart:
     """Return what a model believes of a graph of R rooms; `known` `[R]` are those it is told of."""
     every = model(graph)
+    nodes = 1 + np.flatnonzero(known), 1 + np.flatnonzero(~known)
     if known.all() or not known.any():
-        return every
-    rows = np.flatnonzero(known)
-    alone = model(keep_rooms(graph, rows))
-    order = np.empty(1 + len(known), dtype=np.int64)
-    order[[0, *(1 + rows)]] = np.arange(1 + len(rows))
-    unknown = 1 + np.flatnonzero(~known)
-    order[unknown] = 1 + len(rows) + np.arange(len(unknown))
-    both = join([alone, every.take(unknown)]).take(order)
-    none = 1 - both.presence
-    whole = 1 - none[0] * (1 - every.presence[unknown]).prod(axis=0)
-    wanted = np.maximum(whole, both.presence[1:].max(axis=0)).clip(_LEAST, 1 - _LEAST)
-    before = both.presence[0].clip(_LEAST, 1 - _LEAST)
+        return Apart(every, (1 + np.arange(len(known)),), (1 - every.presence[0],))
+    alone = model(keep_rooms(graph, nodes[0] - 1))
+    order = np.argsort(np.concatenate([[0], *nodes]), kind="stable")
+    rooms = alone.take(np.arange(1, 1 + len(nodes[0])))
+    both = join([every.take(np.zeros(1, dtype=np.int64)), rooms, every.take(nodes[1])]).take(order)
+    none = 1 - alone.presence[0], (1 - every.presence[nodes[1]]).prod(axis=0)
     factor = np.zeros(both.inputs.shape)
-    factor[0] = np.log(1 - wanted) - np.log(wanted) - np.log(1 - before) + np.log(before)
-    return replace(
-        both, inputs=every.inputs, hidden_counts=both.hidden_counts.with_none_likelier(factor)
-    )
+    factor[0] = _log_odds(none[0] * none[1]) - _log_odds(1 - every.presence[0])
+    hidden = both.hidden_counts.with_none_likelier(factor)
+    return Apart(replace(both, inputs=every.inputs, hidden_counts=hidden), nodes, none)
+
+
+def _log_odds(probability: Floats) -> Floats:
+    certain = probability.clip(_LEAST, 1 - _LEAST)
+    return np.asarray(np.log(certain) - np.log1p(-certain))
 
 
 def keep_rooms(graph: PartialGraph, rows: Ints) -> PartialGraph:

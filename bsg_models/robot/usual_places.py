@@ -20,14 +20,16 @@ import numpy as np
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.scene.things import Thing, find_thing
-from bsg_models.robot.kinds import OFTEN, KindTable, RoomKinds, be_elsewhere, read_kinds
+from bsg_data.scene.things import Thing, find_thing, list_narrower
+from bsg_models.robot.kind_table import KindTable, be_elsewhere, read_kinds
+from bsg_models.robot.kinds import RoomKinds
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
-_ANYWHERE = 0.03  # share of a thing that is in any room
+_ANYWHERE = 0.004  # share of a thing that is in a room of any kind
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
+_NEAR = 0.05  # share of a thing that a room has beside its own, when it takes those of another
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
 _NOBODY: frozenset[str] = frozenset()
 _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
@@ -87,7 +89,7 @@ def find_things(classes: tuple[str, ...]) -> ClassThings:
     parts = [
         (index, part)
         for index, thing in own
-        for part in table.parts_of(thing)
+        for part in list_narrower(thing)
         if part.sight < IN_SIGHT
     ]
     columns = np.array([index for index, _ in (*own, *parts)], dtype=np.int64)
@@ -112,7 +114,7 @@ def rate_things(
         rates[:, 0] = rate * graph.hidden_share
         return rates
     shares = things.shares * _pass(kinds)
-    weights = _ANYWHERE / len(graph.rooms) + _spread_known(shares, kinds)
+    weights = _ANYWHERE + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
     for row, names in zip(weights, things.names, strict=True):
         if named := [room for room, told in enumerate(kinds.named) if told & names]:
@@ -129,8 +131,8 @@ def rate_things(
 
 def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
-    numbers = kinds.table.numbers
-    ours = ((numbers[0] < OFTEN) & kinds.table.usual).astype(float) @ things.shares.T  # [B, T]
+    table = kinds.table
+    ours = (table.is_foreign & table.usual).astype(float) @ things.shares.T  # [B, T]
     elsewhere = np.maximum(things.homes, be_elsewhere(ours))
     elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)
@@ -147,9 +149,10 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     times = rooms.sum(axis=0)
     there = times.clip(max=1.0)
     alike = table.alike * there * _pass(kinds)
-    moves = alike / alike.sum(axis=1, keepdims=True).clip(min=_WHOLE)
     may_be = kinds.building @ table.usual
-    every = shares * there + (shares * (1 - there) * may_be) @ moves
+    moved = shares * (1 - there) * may_be * (alike.sum(axis=1) / _WHOLE).clip(max=1.0)
+    near = shares + _NEAR  # a missing closet's broom goes where brooms are, its shirts elsewhere
+    every = shares * there + (moved / (near @ alike.T).clip(min=1e-9)) @ alike * near
     every /= every.sum(axis=1, keepdims=True).clip(min=_WHOLE)
     # Two bedrooms of a home share what bedrooms have; each classroom has its own.
     among = np.where(table.numbers[0] > 0, times, there).clip(min=1e-9)

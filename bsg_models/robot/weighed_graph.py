@@ -11,14 +11,15 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation import reports
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
-from bsg_data.scene.things import Thing
+from bsg_data.scene.things import Thing, list_narrower
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
 from bsg_models.robot.answers import NOT_SEEN, Piece
 from bsg_models.robot.destinations import Spot, is_there, leave_rest, list_spots
 from bsg_models.robot.dictionary import Dictionary
-from bsg_models.robot.kinds import RoomKinds, infer_kinds, read_kinds
+from bsg_models.robot.kind_table import read_kinds
+from bsg_models.robot.kinds import RoomKinds, infer_kinds
 from bsg_models.robot.missed_looks import (
     Looked,
     MissedLook,
@@ -38,7 +39,7 @@ from bsg_models.robot.thing_belief import (
     believe_rates,
     lift,
 )
-from bsg_models.robot.unknown_rooms import expect_beside
+from bsg_models.robot.unknown_rooms import Apart, expect_apart
 from bsg_models.robot.usual_places import IN_SIGHT, OF_HOMES, Things, find_things, rate_things
 from bsg_models.robot.words import Asked, Meaning
 
@@ -88,12 +89,12 @@ class WeighedGraph:
             if one.is_evidence
         ]
         self._evidence = replace(left, looks=(), objects=()), Counter(seen)
-        self._expectations: dict[Asked, Expectation] = {}
-        self._lifted: dict[Asked, Expectation] = {}
+        self._asked: dict[Asked, Apart] = {}
+        self._found: Expectation | None = None
         self._pieces: dict[int, SeenPieces] = {}
         self.kinds: RoomKinds
         if before is not None and before._evidence == self._evidence:
-            self._expectations, self._lifted = before._expectations, before._lifted
+            self._asked, self._found = before._asked, before._found
             self.kinds = before.kinds
         else:
             found = infer_kinds(left, read_kinds())
@@ -118,31 +119,36 @@ class WeighedGraph:
         if asked not in self._read:
             self._read[asked] = reclassify(self.whole, self._words.class_map(asked))
         graph = self._read[asked]
-        if asked not in self._expectations:
-            model = self._words.model(asked)
-            self._expectations[asked] = expect_beside(graph, self.kinds.known, model)
-        return graph, self._expectations[asked]
+        return graph, self._ask(asked).every
 
-    def expect(self, asked: Asked) -> Expectation:
-        """Return what a person would find, by a model and the table of everyday things."""
-        if asked not in self._lifted:
-            graph, belief = self.believe(asked)
-            classes, kinds = self._words.class_map(asked).classes, self.kinds
-            found = find_things(classes)
-            rates = -np.expm1(-rate_things(found.things, kinds, graph))
-            own, parts = rates[: len(found.own)], rates[len(found.own) :]
+    def _ask(self, asked: Asked) -> Apart:
+        """Return what a model believes, of known rooms and of the others."""
+        if asked not in self._asked:
+            model, graph = self._words.model(asked), self._read[asked]
+            self._asked[asked] = expect_apart(graph, self.kinds.known, model)
+        return self._asked[asked]
+
+    @property
+    def found(self) -> Expectation:
+        """What a person would find, by the building's model and the table of everyday things."""
+        if self._found is None:
+            graph, belief = self.believe(Asked.OWN)
+            classes = find_things(self._words.own.classes)
+            rates = rate_things(classes.things, self.kinds, graph)
+            own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
+            least, homes = np.zeros((2, *belief.inputs.shape))
+            homes[:, classes.own] = own.T
+            np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
+            weight = np.zeros(homes.shape[1])
             is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
-            wanted, weight = np.zeros((2, len(classes)))
-            wanted[found.own], weight[found.own] = own[:, 0], OF_HOMES * is_new[found.own]
-            least = np.zeros(belief.inputs.shape)
-            np.maximum.at(least.T, found.whole, parts)
-            hidden = lift(belief.hidden_counts, wanted, weight=weight, least=least)
-            self._lifted[asked] = replace(belief, hidden_counts=hidden)
-        return self._lifted[asked]
+            weight[classes.own] = OF_HOMES * is_new[classes.own]
+            hidden = lift(self._ask(Asked.OWN), homes, weight=weight, least=least)
+            self._found = replace(belief, hidden_counts=hidden)
+        return self._found
 
     def expectation(self) -> Expectation:
         """Return what is believed of the nodes that the robot said, by the building's model."""
-        belief, rooms = self.expect(Asked.OWN), np.arange(1 + len(self.said.rooms))
+        belief, rooms = self.found, np.arange(1 + len(self.said.rooms))
         chances = np.zeros(belief.inputs.shape)
         words = {one.meaning.word: one.meaning for one in self.looks}.values()
         own = {m.class_index: m for m in words if m.is_class}
@@ -196,18 +202,18 @@ class WeighedGraph:
         if meaning.noun is not None:
             judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
         if meaning.class_index is not None:
-            counted = believe_class(self.expect(Asked.OWN), meaning.class_index)
+            counted = believe_class(self.found, meaning.class_index)
         both = [one for one in (counted, judged) if one is not None]
         return believe_kind(both[0][0], both[1][0]) if len(both) > 1 else both[0]
 
     def _rate(self, meaning: Meaning, thing: Thing) -> Floats:
         """Return the mean numbers of an everyday thing at every node, `[N]`."""
-        parts = () if meaning.kind else self.kinds.table.parts_of(thing)
+        parts = () if meaning.kind else list_narrower(thing)
         things = Things.of([thing, *parts], self.kinds.table)
         rates = rate_things(things, self.kinds, self.whole, owners=meaning.owners).max(axis=0)
         if meaning.class_name in (None, *thing.names) or thing.sight < IN_SIGHT:
             return np.asarray(rates)
-        most = self.expect(Asked.OWN).presence[:, meaning.class_index]
+        most = self.found.presence[:, meaning.class_index]
         return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:
@@ -239,7 +245,7 @@ class WeighedGraph:
             classes=self._words.own.classes,
             unseen=belief.presence[node],
             tidy=tidy,
-            kinds=self.kinds.of(node - 1),
+            kinds=self.kinds.said[node - 1],
         )
 
     def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:

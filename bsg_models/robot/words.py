@@ -48,6 +48,8 @@ _LISTED = 8  # rooms listed in an error
 _LABELS = 3  # kinds of rooms in a note
 # Who has a thing tells it from others, and makes it no other kind of thing.
 _OWNER = re.compile(r"(\w+)(?:['’]s|(?<=s)['’])\s")
+# `chair, garden` and `chair (garden)`
+_KIND_BEHIND = re.compile(r"(?P<thing>[^\W\d][^,(\[/|]*?)\s*[,(\[]\s*(?P<kind>[\w'’ -]+)")
 _NONE: Mapping[str, float] = MappingProxyType({})
 
 
@@ -145,10 +147,19 @@ def find_meaning(
 
 @lru_cache(maxsize=_REMEMBERED)
 def _name_only(word: str) -> str:
-    """Return the name of a thing without its place and marks: a book on the table is a book."""
+    """Return the name of a thing without its place and marks: a book on the table is a book.
+
+    A list has the thing first: a `chair, garden` is a garden chair.
+    """
     bare, parts = word.strip(MARKS), list_parts(word)
     if bare in parts or len(word) > LONGEST or _is_listed(bare):
         return bare
+    if found := _KIND_BEHIND.fullmatch(bare):
+        thing, kind = found["thing"], found["kind"].strip(MARKS)
+        turned, straight = f"{kind} {thing}", f"{thing} {kind}"
+        is_use = any(find_use(one, by_thing=False) for one in kind.split())
+        if list_parts(straight) == (straight,) and (is_use or _is_listed(turned)):
+            return turned
     counted = (one for one in parts if load_class_map().classify(one).class_index is not None)
     listed = (one for known in (find_thing, _is_listed) for one in parts if known(one))
     return next(chain(counted, listed), parts[0])

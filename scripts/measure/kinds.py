@@ -25,7 +25,8 @@ from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.things import classify_seen
 from bsg_models import Predictor, SeenBuilding
-from bsg_models.robot.kinds import infer_kinds, read_kinds
+from bsg_models.robot.kind_table import read_kinds
+from bsg_models.robot.kinds import infer_kinds
 
 _FEWEST_THINGS = {"HM3D": 1, "Matterport3D": 3}  # of a room that is asked about
 _NOTED = {"HM3D": 1.0, "Matterport3D": 0.63}  # share of the things of the rooms
