@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from bsg_data.observation.robot_json import parse_robot_graph
-from bsg_models.robot.kinds import infer_kinds, read_kinds
+from bsg_models.robot.kind_table import read_kinds
+from bsg_models.robot.kinds import infer_kinds
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.predictor import Predictor
