@@ -18,10 +18,9 @@
 
 `id`s are text, unique among the rooms and among the objects. A category is any name; the class map
 gives its class. By default the hidden share is 1 for a room that was not visited, and vague
-(`VAGUE`) for a visited one; a room that hides all was not visited. Units are metres and square
-metres, Z up. `seconds_inside`, `floor_in_view` and `walls_in_view` can replace a hidden share,
-which is then estimated. docs/belief.md describes the format. A room's fields are those of
-`KnownRoom`.
+(`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
+`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
+docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 
 The simplest map is read, too: room → the things that were seen there.
 
@@ -160,7 +159,6 @@ class RobotGraphError(SourceError):
 class _Room(KnownRoom):
     """A room as a robot says it: its hidden share, or how it looked at the room."""
 
-    visited: Annotated[bool | None, Field(strict=True)] = None  # type: ignore[assignment]
     hidden_share: StrictFraction | None = None  # type: ignore[assignment]
     seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
     floor_in_view: StrictFraction | None = None
@@ -177,14 +175,12 @@ def _know(room: _Room) -> KnownRoom:
         raise RecipeError(
             f"has hidden_share and {twice[0]}, which serves to estimate it; leave out one of them"
         )
-    visited = room.hidden_share != 1 if room.visited is None else room.visited
     if room.hidden_share is None:
-        share = estimate_hidden_share(visited=visited, floor_area=area_of(room), **looks)
+        share = estimate_hidden_share(visited=room.visited, floor_area=area_of(room), **looks)
     else:
         share = ShareBelief(room.hidden_share, room.hidden_share_sd)
     facts = {name: getattr(room, name) for name in _ROOM_FIELDS}
-    known = {"visited": visited, "hidden_share": share.mean, "hidden_share_sd": share.sd}
-    return KnownRoom(**facts | known)
+    return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
 
 
 _SaidRoom = Annotated[

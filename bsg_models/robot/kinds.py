@@ -34,7 +34,7 @@ from bsg_models.robot.words import find_everyday, find_wider
 _UNSEEN = 0.65  # weight of what was not seen
 _ALIKE = 8.0  # things of a room, beyond which more of them say less
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
-_WRONG = 100.0  # labels that are right, for one that is wrong
+_WRONG = 300.0  # labels that are right, for one that is wrong
 _UNLIKE = 0.05  # a label is doubted if its things are less likely to be of its kind
 _HOME = 0.93  # P(home), before anything is known
 _RARE = 0.01  # rooms of any kind that a building may have
@@ -134,8 +134,9 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     shapes = _SHAPE * _weigh_shapes(graph, table)
     logs = found + np.where(is_told[:, None], 0.0, unseen + shapes)
     likely = np.exp(logs - logs.max(axis=1, keepdims=True, initial=-np.inf))
-    both = likely * _trust_labels(told)
-    building = _infer_building(graph, table, both[known])
+    usual = _expect_building(graph, table)
+    both = likely * _trust_labels(told, usual @ table.chances)
+    building = _infer_building(usual, table, both[known])
     prior = building @ table.chances
     rooms = _normalise(prior * both)
     rooms = _normalise(prior * both * _leave_taken(table, building, rooms, known))
@@ -154,14 +155,14 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     )
 
 
-def _trust_labels(told: Floats) -> Floats:
+def _trust_labels(told: Floats, usual: Floats) -> Floats:
     """Return P(what is said of a room, if it is of a kind), `[R, K]`, up to a factor.
 
-    What the probabilities of labels leave is left to the things.
+    Who says .6 kitchen means just that, if no thing tells more; so it is divided by how `usual`
+    kitchens are, `[K]`. What the probabilities of labels leave is as usual.
     """
     right = 1 - 1 / _WRONG
-    kinds = told.shape[1]
-    return np.asarray(kinds * right * told + 1 - right * told.sum(axis=1, keepdims=True))
+    return np.asarray(right * told / usual + 1 - right * told.sum(axis=1, keepdims=True))
 
 
 def _leave_taken(table: KindTable, building: Floats, rooms: Floats, known: Bools) -> Floats:
@@ -302,8 +303,8 @@ def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:
     return logs
 
 
-def _infer_building(graph: PartialGraph, table: KindTable, likely: Floats) -> Floats:
-    """Return P(kind of the building), `[B]`, from `likely` `[n, K]` of its known rooms."""
+def _expect_building(graph: PartialGraph, table: KindTable) -> Floats:
+    """Return P(kind of the building), `[B]`, before anything is known of its rooms."""
     if graph.building_kind in table.buildings:
         index = table.buildings.index(str(graph.building_kind))
         return np.asarray(np.eye(len(table.buildings))[index])
@@ -311,6 +312,11 @@ def _infer_building(graph: PartialGraph, table: KindTable, likely: Floats) -> Fl
     prior = np.array([_HOME, *[(1 - _HOME) / others] * others])
     if graph.building_kind is not None:  # of another kind
         prior[0] = 0.0
+    return np.asarray(prior / prior.sum())
+
+
+def _infer_building(usual: Floats, table: KindTable, likely: Floats) -> Floats:
+    """Return P(kind of the building), `[B]`, from `likely` `[n, K]` of its known rooms."""
     logs = np.log(likely @ table.chances.T + 1e-300).sum(axis=0)
-    weights = prior * np.exp(logs - logs.max(initial=-np.inf)) if len(likely) else prior
+    weights = usual * np.exp(logs - logs.max(initial=-np.inf)) if len(likely) else usual
     return np.asarray(weights / weights.sum())

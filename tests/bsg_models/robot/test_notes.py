@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 
 from bsg_data.observation.robot_json import parse_robot_graph
+from bsg_models.robot.kind_table import read_kinds
+from bsg_models.robot.kinds import infer_kinds
 from bsg_models.robot.notes import note_graph
 from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.predictor import Predictor
@@ -30,7 +32,7 @@ def notes_on(
         **facts,
     }
     graph = parse_robot_graph(said, path=Path("x"), class_map=predictor.class_map)
-    return tuple(note_graph(graph, predictor))
+    return tuple(note_graph(graph, predictor, infer_kinds(graph, read_kinds())))
 
 
 def test_a_graph_that_says_all_has_no_note(universal: Predictor) -> None:
@@ -86,14 +88,45 @@ def test_python_gets_the_notes_of_what_came_later() -> None:
     seen = open_graph({"scene_id": "home", "rooms": rooms, "more_rooms": 0})
     assert seen.notes == ()
     seen.saw("a", "coat rack")
-    assert ["coat rack" in note for note in seen.notes] == [True]
+    kind, thing = seen.notes
+    assert kind.startswith("a: read as ")
+    assert "coat rack" in thing
 
 
 def test_a_graph_of_few_rooms_is_taken_as_whole_and_says_so() -> None:
-    (note,) = open_graph({"hall": ["mirror"], "kitchen": []}).notes[:1]
-    assert note.startswith("hall, kitchen: taken as the whole building")
+    (note,) = open_graph({"office": ["desk"], "meeting room": []}).notes[:1]
+    assert note.startswith("office, meeting room: taken as the whole building")
     assert not any("whole" in n for n in open_graph({"hall": [], "more_rooms": True}).notes)
-    assert not any("whole" in n for n in open_graph({"a": [], "b": [], "c": []}).notes)
+    assert not any("whole" in n for n in open_graph({"office": [], "b": [], "c": []}).notes)
+
+
+def test_a_home_without_a_kitchen_a_bathroom_or_a_bedroom_is_not_whole_and_says_so() -> None:
+    def notes(*rooms: str, **facts: Any) -> list[str]:
+        seen = open_graph({room: [] for room in rooms} | facts)
+        return [note for note in seen.notes if "not found yet" in note]
+
+    (note,) = notes("hall", "kitchen")
+    assert "more rooms are expected, not found yet: a home has a kitchen" in note
+    assert "`more_rooms: 0` says that the map is whole" in note
+    assert notes("hall", "kitchen", more_rooms=0) == []
+    assert notes("kitchen", "bathroom", "bedroom") == []
+    assert len(notes("kitchen", "bathroom", "hall", "office")) == 1
+
+
+def test_kinds_that_were_read_by_things_are_one_note_a_map() -> None:
+    home = {"R0": ["stove", "fridge"], "R1": ["bed", "wardrobe"], "bath": ["toilet"], "R3": []}
+    (note,) = (note for note in open_graph(home).notes if "read as" in note)
+    assert note.startswith("R0, R1: read as kitchen, bedroom, by what was seen; say `room_type`")
+    named = {"kitchen": home["R0"], "bedroom": home["R1"], "bath": [], "R3": []}
+    assert not any("read as" in note for note in open_graph(named).notes)
+
+
+def test_a_name_that_its_things_contradict_is_remarked() -> None:
+    wrong = ["bed", "toilet", "shower"]
+    (note,) = (note for note in open_graph({"kitchen": wrong}).notes if "called" in note)
+    assert note.startswith("kitchen: called kitchen, but its things are those of: bathroom")
+    for things in (["stove", "sink", "bed"], ["bed", "toilet"], ["sink", "lamp", "chair"], []):
+        assert not any("called" in note for note in open_graph({"kitchen": things}).notes)
 
 
 def test_rooms_that_are_found_are_understood_as_those_of_a_map() -> None:

@@ -35,8 +35,7 @@ def seen() -> SeenBuilding:
 
 
 def test_answers_are_those_of_the_arrays(seen: SeenBuilding) -> None:
-    graph = read_robot_graph(OFFICE)
-    belief, sink = FAST(graph), FAST.classes.index("sink")
+    belief, sink = seen.expectation(), FAST.classes.index("sink")
     for place in seen.where("sink"):
         node = 1 + seen.rooms.index(str(place.room))
         assert place.probability == pytest.approx(belief.presence[node, sink], abs=1e-12)
@@ -45,7 +44,18 @@ def test_answers_are_those_of_the_arrays(seen: SeenBuilding) -> None:
     hall = {one.name: one for one in seen.expected("kitchen")}
     assert hall["sink"].probability == belief.presence[2, sink]
     assert hall["chair"].seen == 2
-    assert seen.belief() == believe(graph, belief, model="mixture")
+    assert seen.belief() == believe(seen.graph, belief, model="mixture")
+
+
+def test_answers_say_what_a_person_would_find_and_models_what_annotators_noted() -> None:
+    """Few annotators of a home wrote down its bags; nearly every home has one."""
+    rooms = {"kitchen": [], "hall": [], "bedroom": [], "bathroom": [], "living room": []}
+    home = open_graph(rooms, model=FAST)
+    bag, sink = FAST.classes.index("bag"), FAST.classes.index("sink")
+    noted, found = FAST(home.graph).presence, home.expectation().presence
+    assert noted[0, bag] + 0.03 < found[0, bag] == pytest.approx(home.anywhere("bag"))
+    assert found[0, sink] == pytest.approx(noted[0, sink], abs=0.03)
+    assert found[1:, sink].argmax() == noted[1:, sink].argmax()
 
 
 def test_what_was_seen_is_certain(seen: SeenBuilding) -> None:
@@ -223,18 +233,13 @@ def test_a_walk_through_a_building(seen: SeenBuilding) -> None:
     assert before == read_robot_graph(OFFICE), "a graph that was kept does not change"
 
 
-def test_a_word_beyond_the_model_is_asked_of_the_wide_one(seen: SeenBuilding) -> None:
-    """If it is no everyday thing of the table, nor a kind of one."""
-    wide = Predictor("universal-wide")
-    graph = reclassify(seen.graph, load_class_map("hm3d-wide-v1"))
-    word = "pitchfork"
-    column = wide.classes.index(str(seen.understand(word).class_name))
-    presence = wide(graph).presence[:, column]
-    assert seen.asked(word) == "universal-wide"
-    for place in seen.where(word):
-        assert place.probability == presence[1 + seen.rooms.index(str(place.room))]
-    assert seen.asked("sink") == "mixture"
-    assert seen.asked("shoes") == "things-v1"
+def test_a_word_beyond_the_model_is_asked_of_the_table_of_things(seen: SeenBuilding) -> None:
+    """And of no other model: one home, one scale."""
+    wide = load_class_map("hm3d-wide-v1").classes
+    asked = {name: seen.asked(name) for name in wide}
+    assert {*asked.values()} == {"mixture", "things-v1"}
+    assert {name for name, by in asked.items() if by == "mixture"} <= {*FAST.classes}
+    assert seen.asked("shoes") == seen.asked("pitchfork") == "things-v1"
     assert seen.next_room(["sink", "shoes"], here="waiting-room") in seen.rooms
     with refuses(RecipeError, "thing-unknown", "wall"):
         seen.where("wall")
@@ -299,7 +304,7 @@ def test_a_thing_that_no_model_counts_is_judged_and_found(
     seen: SeenBuilding, thing: str, by: str
 ) -> None:
     meaning = seen.understand(thing)
-    assert meaning.class_name in (None, "food"), "of the wide model, which does not answer"
+    assert meaning.class_name is None
     assert (meaning.thing is None) == (by == "mixture")
     places = seen.where(thing)
     assert places[0].room == "kitchen" == seen.next_room(thing)
@@ -437,7 +442,7 @@ def test_looks_lower_a_room_and_raise_it_never(seen: SeenBuilding) -> None:
     seen.looked("kitchen", "sink", chance=0.5)
     twice = of("kitchen", "sink")
     assert 0 < twice < once < before
-    assert of("meeting-room", "sink") == pytest.approx(elsewhere, rel=0.02)
+    assert 0 <= of("meeting-room", "sink") - elsewhere < 0.001
     assert max(of(room, "sink") for room in seen.rooms) <= seen.anywhere("sink") < anywhere
     assert of("kitchen", "stove") == next(
         p.probability

@@ -137,7 +137,9 @@ def test_shares_of_all_rooms_and_of_single_ones(office: PartialGraph) -> None:
     graph = set_hidden_shares(office, every=0.4, rooms={"kitchen": 0, "C: meeting room": 1})
     shares = {room.name: (room.hidden_share, room.visited) for room in graph.rooms}
     assert shares["kitchen"] == (0, True)
-    assert shares["meeting-room"] == (1, False)
+    assert shares["meeting-room"] == (0.99, False), "it shows something"
+    empty = set_hidden_shares(replace(office, objects=()), rooms={"meeting-room": 1}).rooms[-1]
+    assert (empty.hidden_share, empty.visited) == (1, False)
     assert shares["waiting-room"] == (0.4, True)
     assert all(room.hidden_share_sd == 0 for room in graph.rooms)
     bare = replace(office, rooms=(), objects=(), adjacency=())
