@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from folds import READS
 from results import ResultsTable, write_figures
 
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
@@ -145,12 +146,12 @@ def report_kinds(homes: Sequence[Home]) -> ResultsTable:
     return ResultsTable("kinds", header, rows, reading, tested_on="chosen")
 
 
-def find_first(homes: Sequence[Home], model: str, *, told: bool) -> list[bool]:
+def find_first(homes: Sequence[Home], predictor: Predictor, *, told: bool) -> list[bool]:
     """Return whether the first room that is named for a class has one, of each home that has one.
 
     A robot has seen all things that were noted, but those of the class.
     """
-    predictor, right = Predictor(Path(model) if "/" in model else model), []
+    right = []
     for home in homes:
         kinds = home.kinds if told else [None] * len(home.kinds)
         rooms = [replace(r, room_type=k) for r, k in zip(home.graph.rooms, kinds, strict=True)]
@@ -170,10 +171,12 @@ def report_first(homes: Sequence[Home], models: Sequence[str]) -> ResultsTable:
     rows = []
     for model in models:
         print(f"asks {model}", file=sys.stderr, flush=True)
-        told, untold = (find_first(homes, model, told=one) for one in (True, False))
-        rows.append([f"`{Path(model).name}`", f"{np.mean(told):.3f}", f"{np.mean(untold):.3f}"])
+        predictor = Predictor(Path(model) if "/" in model else model)
+        right = [np.mean(find_first(homes, predictor, told=one)) for one in (True, False)]
+        reads = "yes" if predictor.reads_labels else "–"
+        rows.append([f"`{Path(model).name}`", reads, *(f"{one:.3f}" for one in right)])
     reading = f"Twelve classes: {', '.join(_ASKED)}. What was noted of each was not seen."
-    header = ("model", "labels told ↑", "no labels told ↑")
+    header = ("model", READS, "labels told ↑", "no labels told ↑")
     return ResultsTable("first room", header, rows, reading, tested_on="chosen")
 
 
