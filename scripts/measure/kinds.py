@@ -138,9 +138,10 @@ def report_kinds(homes: Sequence[Home]) -> ResultsTable:
             rng = np.random.default_rng(0)
             some = [thin(home, share, rng) for home in homes if home.source == source]
             rows.append([source, f"{share:.0%}", *judge(some)])
+    noted, fewest = _NOTED["Matterport3D"], _FEWEST_THINGS["Matterport3D"]
     reading = (
-        f"Rooms of HM3D with a thing or more, and of Matterport3D, where {_NOTED['Matterport3D']:.0%}"
-        f" of the things were noted, with {_FEWEST_THINGS['Matterport3D']} or more."
+        f"Rooms of HM3D with a thing or more, and of Matterport3D, where {noted:.0%} of the things "
+        f"were noted, with {fewest} or more."
     )
     header = ("homes", "things seen", "rooms", "likeliest kind right", "log loss")
     return ResultsTable("kinds", header, rows, reading, tested_on="chosen")
