@@ -3,8 +3,9 @@
     bsg-data build --hm3d PATH --no-meshes --room-layouts PATH --out hm3d
     python scripts/measure/kinds.py --hm3d hm3d --mp3d PATH --out docs/results/figures.json
 
-People labelled rooms of 50 homes of HM3D's train split, and those of Matterport3D. The tables that
-are read were written by hand; no room taught them anything.
+The folder of `--mp3d` has rooms.csv (scene, room, room_label) and objects.csv (scene, room,
+category). People labelled rooms of 50 homes of HM3D's train split, and those of Matterport3D. The
+tables that are read were written by hand; no room taught them anything.
 """
 
 from __future__ import annotations
