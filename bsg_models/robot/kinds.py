@@ -265,6 +265,12 @@ class RoomKinds:
         """P(the building is a home)."""
         return float(self.building[0])
 
+    @cached_property
+    def strange(self) -> Floats:
+        """P(a room is of a kind that models of classes read as another), `[R]`: an attic, a lobby."""
+        own = [known_label(kind) == kind for kind in self.table.kinds]
+        return np.asarray(1 - self.rooms[:, own].sum(axis=1)).clip(min=0.0)
+
     @property
     def lacks(self) -> bool:
         """Whether a home surely has rooms that are not among these: a kitchen, a bath, a bed."""

@@ -35,17 +35,9 @@ _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen s
 def list_parts(
     classes: Sequence[str], table: KindTable
 ) -> tuple[list[tuple[int, Thing]], list[tuple[int, Thing]]]:
-    """Return the things that classes are, and those that annotators overlook, with their classes.
-
-    A class is at least as likely as a mug of its; what is in sight is no likelier than its class.
-    """
+    """Return the things that classes are, and those that are such things, with their classes."""
     own = [(index, thing) for index, name in enumerate(classes) if (thing := find_thing(name))]
-    parts = [
-        (index, part)
-        for index, thing in own
-        for part in table.parts_of(thing)
-        if part.sight < IN_SIGHT
-    ]
+    parts = [(index, part) for index, thing in own for part in table.parts_of(thing)]
     return own, parts
 
 

@@ -135,6 +135,9 @@ class WeighedGraph:
             wanted[columns], weight[columns] = homes, OF_HOMES * is_new[columns]
             least = np.zeros(belief.inputs.shape)
             rates = rate_things([thing for _, thing in parts], kinds, graph)
+            noted = np.array([thing.sight >= IN_SIGHT for _, thing in parts], dtype=bool)
+            rates[noted, 1:] *= kinds.strange  # elsewhere models know what annotators noted
+            rates[noted, 0] = rates[noted, 1:].sum(axis=1)
             np.maximum.at(least.T, [column for column, _ in parts], -np.expm1(-rates))
             hidden = lift(belief.hidden_counts, wanted, weight=weight, least=least)
             self._lifted[asked] = replace(belief, hidden_counts=hidden)
