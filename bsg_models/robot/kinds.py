@@ -87,6 +87,11 @@ class RoomKinds:
         """P(the building is a home)."""
         return float(self.building[0])
 
+    @cached_property
+    def strange(self) -> Floats:
+        """P(a room is of a kind that models read as another one), `[R]`: an attic, a patio."""
+        return np.asarray(1 - self.rooms[:, self.table.is_known].sum(axis=1)).clip(min=0.0)
+
     @property
     def lacks(self) -> bool:
         """Whether a home surely has rooms that are not among these: a kitchen, a bath, a bed."""

@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing, list_narrower
 from bsg_models.robot.kind_table import KindTable, be_elsewhere, read_kinds
@@ -69,8 +69,9 @@ class ClassThings:
     """What the table of things has of the classes of a model.
 
     Attributes:
-        things: those that are classes, then those of theirs that annotators overlook. A class is at
-            least as likely as a mug of its; what is in sight is no likelier than its class.
+        things: those that are classes, then those that are such things. A class is at least as
+            likely as a mug of its, which annotators overlook; of what is in sight, models know more
+            than the table, but in rooms of a kind that they do not know.
         own: classes of the first ones.
         whole: classes of the others.
     """
@@ -79,18 +80,18 @@ class ClassThings:
     own: Ints
     whole: Ints
 
+    @property
+    def in_sight(self) -> Bools:
+        """Which of the others annotators note."""
+        return np.asarray(self.things.sights[len(self.own) :] >= IN_SIGHT)
+
 
 @lru_cache(maxsize=8)  # models have few class spaces
 def find_things(classes: tuple[str, ...]) -> ClassThings:
     """Return what the table of things has of classes."""
     table = read_kinds()
     own = [(index, thing) for index, name in enumerate(classes) if (thing := find_thing(name))]
-    parts = [
-        (index, part)
-        for index, thing in own
-        for part in list_narrower(thing)
-        if part.sight < IN_SIGHT
-    ]
+    parts = [(index, part) for index, thing in own for part in list_narrower(thing)]
     columns = np.array([index for index, _ in (*own, *parts)], dtype=np.int64)
     things = Things.of([thing for _, thing in (*own, *parts)], table)
     return ClassThings(things, columns[: len(own)], columns[len(own) :])

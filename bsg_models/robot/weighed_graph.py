@@ -138,6 +138,8 @@ class WeighedGraph:
             own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
             least, homes = np.zeros((2, *belief.inputs.shape))
             homes[:, classes.own] = own.T
+            parts[classes.in_sight, 1:] *= self.kinds.strange
+            parts[:, 0] = parts[:, 1:].sum(axis=1) if len(graph.rooms) else parts[:, 0]
             np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
             weight = np.zeros(homes.shape[1])
             is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
