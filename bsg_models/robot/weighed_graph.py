@@ -197,17 +197,19 @@ class WeighedGraph:
 
     def _expect_hidden(self, meaning: Meaning) -> tuple[CountDistribution, float]:
         """Return the hidden counts of a thing, and P(the building hides none)."""
-        thing = meaning.thing
-        if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
-            thing = thing or find_thing(meaning.class_name or "")
-        if thing is not None:
-            rates = self._rate(meaning, thing)
+        if meaning.thing is not None:
+            rates = self._rate(meaning, meaning.thing)
             return believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
         judged = counted = None
         if meaning.noun is not None:
             judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
         if meaning.class_index is not None:
             counted = believe_class(self.found, meaning.class_index)
+            if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
+                theirs = find_thing(str(meaning.class_name))
+                if theirs is not None:
+                    hidden, none = believe_rates(self._rate(meaning, theirs))
+                    counted = hidden, max(none, counted[1])
         both = [one for one in (counted, judged) if one is not None]
         return believe_kind(both[0][0], both[1][0]) if len(both) > 1 else both[0]
 

@@ -49,7 +49,6 @@ def test_a_graph_that_says_all_has_no_note(universal: Predictor) -> None:
         ({"room_type": "staff kitchen"}, (), {}, "'staff kitchen' is kitchen (head noun)"),
         ({"label": "cooking spot"}, (), {}, "'cooking spot': kind of room unknown"),
         ({}, (), {"building_kind": "castle"}, "'castle': kind of building unknown"),
-        ({"room_type": "patient room"}, (), {}, "'patient room' as bedroom"),
         ({}, (), {"building_kind": "hospital"}, "`hospital`"),
         ({"room_type": "Kajüte 3b"}, (), {}, "'Kajüte 3b': kind of room unknown"),
         ({}, ("zzqx thing",), {}, "'zzqx thing'"),
