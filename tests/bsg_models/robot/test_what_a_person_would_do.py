@@ -687,6 +687,39 @@ def test_the_first_word_has_a_vote(thing: str, rooms: set[str], not_first: set[s
     assert max(places[one] for one in rooms) > 1.2 * max([places[one] for one in not_first] or [0])
 
 
+INVENTORY = {
+    one: []
+    for one in [
+        *("living room", "dining room", "kitchen", "bedroom", "child's bedroom", "office"),
+        *("bathroom", "laundry room", "garage", "basement", "attic", "patio"),
+    ]
+}
+
+
+@pytest.mark.parametrize(
+    ("thing", "room"),
+    [
+        ("Umbrella, patio", "patio"),
+        ("BBQ/grill", "patio"),
+        ("Glider", "patio"),
+        ("Swing set", "patio"),
+        ("Suitcases", "attic"),
+        ("Christmas decorations", "attic"),
+        ("Furnace filters", "basement"),
+        ("Cabinet, medicine", "bathroom"),
+        ("Chest, cedar", "bedroom"),
+        ("Chest, toy", "child's bedroom"),
+        ("Chair, occasional", "living room"),
+        ("Tea cart", "dining room"),
+        ("Table, drafting", "office"),
+        ("Hedge clippers", "garage"),
+    ],
+)
+def test_a_list_of_a_removal_firm_is_read(thing: str, room: str) -> None:
+    places = open_graph(INVENTORY).where(thing)
+    assert places[0].room == room, places
+
+
 def test_a_kind_that_a_word_names_is_one_of_its_class_and_no_other_kind() -> None:
     seen = open_graph({"garage": ["tool cabinet"], "office": ["office cabinet"], "hall": []})
     sought = {
@@ -711,6 +744,10 @@ def test_a_kind_that_a_word_names_is_one_of_its_class_and_no_other_kind() -> Non
         ("shampoo, towel", "shampoo"),
         ("Cabinet/shelf", "cabinet"),
         ("patio table near the pool", "patio table"),
+        ("chair, garden", "garden chair"),
+        ("Table, coffee", "coffee table"),
+        ("chair (dining)", "dining chair"),
+        ("mug, in the kitchen", "mug"),
     ],
 )
 def test_an_owner_a_place_and_a_remark_change_nothing(said: str, thing: str) -> None:
