@@ -625,7 +625,7 @@ def test_a_room_where_a_look_missed_comes_back_before_rooms_that_are_far_less_li
     seen = open_graph(rooms)
     seen.looked("kitchen", "mug")
     plan = seen.explain("mug", here="hall")
-    assert [step.room for step in plan][:2] == ["living room", "kitchen"]
+    assert {step.room for step in plan[:2]} == {"living room", "kitchen"}
     assert len({step.room for step in plan}) == len(rooms)
     sent = seen.next_rooms({"a": "hall", "b": "bath"}, "mug")
     assert {*sent.values()} == {"kitchen", "living room"}
