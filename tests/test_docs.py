@@ -111,6 +111,16 @@ def test_the_ten_lines_run_and_print_what_they_say(
     assert capsys.readouterr().out.splitlines() == re.findall(r"# → (.*)", block)
 
 
+def test_the_map_without_names_of_the_readme_is_answered() -> None:
+    text = (REPOSITORY / "README.md").read_text("utf-8")
+    ((said, words, room),) = re.findall(
+        r"^echo '(.*)' \| bsg-belief (.*?)  # go first to (.*)$", text, re.MULTILINE
+    )
+    done = CliRunner().invoke(COMMANDS["bsg-belief"], shlex.split(words), input=said)
+    assert done.exit_code == 0, done.output
+    assert f"\ngo first to {room}\n" in done.stdout
+
+
 def test_the_first_door_leads_from_annotations_to_a_trained_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

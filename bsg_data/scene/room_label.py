@@ -69,7 +69,7 @@ _NO_HEADS = re.compile(
     "|salon|shop|store|suite|surgery"
 )
 _HOUSE_NUMBER = re.compile(r"\s*\d{3,4}\s*")  # of a room of a hotel
-_POSSESSOR = re.compile(r"\b([^\W\d_]{2,})['’´`]s\b")
+_POSSESSOR = re.compile(r"\b([^\W\d_]{2,})['’´`](?:s\b|(?<=s['’´`])(?=\s))")
 _OWNED = ("bedroom", "child's bedroom", "office")
 _AFTER_KIND = re.compile(r"[\W\d_]*([A-Z][^\W\d_]{2,})[\W_]*")  # Emma, in "Bedroom - Emma"
 # People and animals of any name, of whom more than one may own a thing.
@@ -345,6 +345,7 @@ def read_building_kind(word: str) -> str | None:
     return next(filter(None, (rows.get((_KIND, end)) for end in ends)), None)
 
 
+@lru_cache(maxsize=2**16)  # the rooms and objects of a map are asked again and again
 def owner_of(name: str) -> str | None:
     """Return who owns a thing or a room by its name, in small letters; None if nobody is named.
 

@@ -8,6 +8,7 @@ from functools import cached_property, partial
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
+from bsg_data.scene.room_label import owner_of
 from bsg_data.scene.uses import find_use, move_thing
 from bsg_models.robot.nouns import NounTable, may_be_one, read_nouns
 from bsg_models.robot.words import (
@@ -18,7 +19,6 @@ from bsg_models.robot.words import (
     find_everyday,
     find_meaning,
     find_wider,
-    list_owners,
     require_word,
     tell_apart,
 )
@@ -107,12 +107,12 @@ class Dictionary:
         thing, more = (listed, ()) if listed else find_wider(word)
         if thing is None:
             return read(word)
-        owners = list_owners(word)
-        others = [one for one in more if one not in owners]
+        owner = owner_of(word)
+        others = [one for one in more if one != owner]
         uses = [one for one in others if find_use(one)]
         # Of the wide classes, which few annotators noted, the table knows more.
         taught = {*(own.classes if is_own else load_class_map().classes)} - {*self.own.untaught}
-        for name in () if uses or owners else own.classes:
+        for name in () if uses else own.classes:
             if counts(name, thing) and name in taught:
                 how = explain_everyday(thing, word, class_name=name)
                 return replace(read(name), word=word, how=how)

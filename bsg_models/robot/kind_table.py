@@ -69,8 +69,12 @@ class KindTable:
     @cached_property
     def usual(self) -> Bools:
         """Kinds in which people search, if a building has them, `[B, K]`; others come on top."""
-        own = np.array([known_label(kind) == kind for kind in self.kinds])
-        return np.vstack([(self.numbers[0] > 0) & own, self.numbers[1:] >= _OFTEN])
+        return np.vstack([(self.numbers[0] > 0) & self.is_known, self.numbers[1:] >= _OFTEN])
+
+    @cached_property
+    def is_known(self) -> Bools:
+        """Kinds that models read as themselves, `[K]`."""
+        return np.array([known_label(kind) == kind for kind in self.kinds])
 
     @cached_property
     def chances(self) -> Floats:

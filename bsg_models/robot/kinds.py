@@ -68,7 +68,7 @@ class RoomKinds:
     by_things: Bools
     doubted: dict[int, tuple[str, str]]
     named: tuple[frozenset[str], ...]
-    owners: tuple[frozenset[str], ...]
+    owners: tuple[str | None, ...]
 
     @cached_property
     def said(self) -> tuple[tuple[tuple[str, float], ...], ...]:
@@ -87,6 +87,11 @@ class RoomKinds:
         """P(the building is a home)."""
         return float(self.building[0])
 
+    @cached_property
+    def strange(self) -> Floats:
+        """P(a room is of a kind that models read as another one), `[R]`: an attic, a patio."""
+        return np.asarray(1 - self.rooms[:, self.table.is_known].sum(axis=1)).clip(min=0.0)
+
     @property
     def lacks(self) -> bool:
         """Whether a home surely has rooms that are not among these: a kitchen, a bath, a bed."""
@@ -104,14 +109,13 @@ class RoomKinds:
             np.concatenate([flags, np.zeros(more, dtype=bool)])
             for flags in (self.known, self.by_things)
         )
-        nobody = (frozenset[str](),) * more
         return replace(
             self,
             rooms=rooms,
             known=known,
             by_things=by_things,
-            named=self.named + nobody,
-            owners=self.owners + nobody,
+            named=self.named + (frozenset[str](),) * more,
+            owners=self.owners + (None,) * more,
         )
 
 
@@ -119,7 +123,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
     seen, misses = _list_seen(graph), _Misses(graph, table)
     told, found, unseen = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(3))
-    owners = tuple(map(_name_owners, graph.rooms))
+    owners = tuple(map(_name_owner, graph.rooms))
     entered = np.zeros(len(graph.rooms), dtype=bool)
     for number, (room, things) in enumerate(zip(graph.rooms, seen, strict=True)):
         if room.room_type is not None or owners[number]:
@@ -195,13 +199,9 @@ def _name_thing(name: str) -> Thing | None:
     return find_everyday(" ".join(normalise_room(name).split()[:-1]))
 
 
-def _name_owners(room: KnownRoom) -> frozenset[str]:
+def _name_owner(room: KnownRoom) -> str | None:
     """Return whose a room is, by its names."""
-    found = (_name_owner(name) for name in (room.name, room.label) if name)
-    return frozenset(filter(None, found))
-
-
-_name_owner = lru_cache(maxsize=4096)(owner_of)
+    return owner_of(room.name) or owner_of(room.label or "")
 
 
 def _normalise(rows: Floats) -> Floats:

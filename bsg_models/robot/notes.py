@@ -75,6 +75,12 @@ def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
             f"{_list(names)}: read as {_list(read)}, by what was seen; say `room_type` if that is "
             "wrong"
         )
+    building = int(kinds.building.argmax())
+    if building and graph.building_kind is None and kinds.building[building] > SURE:
+        yield (
+            f"taken for a building of the kind {kinds.table.buildings[building]}, by its rooms; "
+            "say `building_kind` if that is wrong"
+        )
     for number, (label, kind) in kinds.doubted.items():
         room, (taken, _) = graph.rooms[number], kinds.said[number][0]
         yield (

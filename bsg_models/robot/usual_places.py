@@ -18,7 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing, list_narrower
 from bsg_models.robot.kind_table import KindTable, be_elsewhere, read_kinds
@@ -31,7 +31,6 @@ _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
 _NEAR = 0.05  # share of a thing that a room has beside its own, when it takes those of another
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
-_NOBODY: frozenset[str] = frozenset()
 _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
 _THEIRS = 10.0  # how much more of a thing is in a room of its owner than in others of the kind
 _LARGE = 0.9  # things that are in sight as often fill the floor, and are seen sooner
@@ -70,8 +69,9 @@ class ClassThings:
     """What the table of things has of the classes of a model.
 
     Attributes:
-        things: those that are classes, then those of theirs that annotators overlook. A class is at
-            least as likely as a mug of its; what is in sight is no likelier than its class.
+        things: those that are classes, then those that are such things. A class is at least as
+            likely as a mug of its, which annotators overlook; of what is in sight, models know more
+            than the table, but in rooms of a kind that they do not know.
         own: classes of the first ones.
         whole: classes of the others.
     """
@@ -80,25 +80,25 @@ class ClassThings:
     own: Ints
     whole: Ints
 
+    @property
+    def in_sight(self) -> Bools:
+        """Which of the others annotators note."""
+        return np.asarray(self.things.sights[len(self.own) :] >= IN_SIGHT)
+
 
 @lru_cache(maxsize=8)  # models have few class spaces
 def find_things(classes: tuple[str, ...]) -> ClassThings:
     """Return what the table of things has of classes."""
     table = read_kinds()
     own = [(index, thing) for index, name in enumerate(classes) if (thing := find_thing(name))]
-    parts = [
-        (index, part)
-        for index, thing in own
-        for part in list_narrower(thing)
-        if part.sight < IN_SIGHT
-    ]
+    parts = [(index, part) for index, thing in own for part in list_narrower(thing)]
     columns = np.array([index for index, _ in (*own, *parts)], dtype=np.int64)
     things = Things.of([thing for _, thing in (*own, *parts)], table)
     return ClassThings(things, columns[: len(own)], columns[len(own) :])
 
 
 def rate_things(
-    things: Things, kinds: RoomKinds, graph: PartialGraph, *, owners: frozenset[str] = _NOBODY
+    things: Things, kinds: RoomKinds, graph: PartialGraph, *, owner: str | None = None
 ) -> Floats:
     """Return the mean numbers of T unseen things at every node, `[T, 1 + R]`, the building first.
 
@@ -106,7 +106,7 @@ def rate_things(
         things: that may be there.
         kinds: of the R rooms.
         graph: what a robot has seen.
-        owners: whose they are, if somebody says.
+        owner: whose they are, if somebody says.
     """
     rate = -np.log1p(-_expect(things, kinds).clip(max=_MOST_HOMES))
     rates = np.zeros((len(things.names), 1 + len(graph.rooms)))
@@ -120,7 +120,7 @@ def rate_things(
         if named := [room for room, told in enumerate(kinds.named) if told & names]:
             row *= 1 - _NAMED
             row[named] += _NAMED / len(named)
-    if theirs := [room for room, people in enumerate(kinds.owners) if people & owners]:
+    if theirs := [room for room, one in enumerate(kinds.owners) if one and one == owner]:
         total = weights.sum(axis=1, keepdims=True)
         weights[:, theirs] *= _THEIRS
         weights *= total / weights.sum(axis=1, keepdims=True)
@@ -153,7 +153,7 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     moved = shares * (1 - there) * may_be * (alike.sum(axis=1) / _WHOLE).clip(max=1.0)
     near = shares + _NEAR  # a missing closet's broom goes where brooms are, its shirts elsewhere
     every = shares * there + (moved / (near @ alike.T).clip(min=1e-9)) @ alike * near
-    every /= every.sum(axis=1, keepdims=True).clip(min=_WHOLE)
+    every /= (every @ may_be)[:, None].clip(min=_WHOLE)  # a child's bedroom has toys on top
     # Two bedrooms of a home share what bedrooms have; each classroom has its own.
     among = np.where(table.numbers[0] > 0, times, there).clip(min=1e-9)
     return np.asarray((every / among) @ rooms.T)

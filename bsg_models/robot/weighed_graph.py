@@ -11,7 +11,7 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.observation import reports
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject, reclassify
-from bsg_data.scene.things import Thing, list_narrower
+from bsg_data.scene.things import Thing, find_thing, list_narrower
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
@@ -138,6 +138,8 @@ class WeighedGraph:
             own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
             least, homes = np.zeros((2, *belief.inputs.shape))
             homes[:, classes.own] = own.T
+            parts[classes.in_sight, 1:] *= self.kinds.strange
+            parts[:, 0] = parts[:, 1:].sum(axis=1) if len(graph.rooms) else parts[:, 0]
             np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
             weight = np.zeros(homes.shape[1])
             is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
@@ -195,8 +197,11 @@ class WeighedGraph:
 
     def _expect_hidden(self, meaning: Meaning) -> tuple[CountDistribution, float]:
         """Return the hidden counts of a thing, and P(the building hides none)."""
-        if meaning.thing is not None:
-            rates = self._rate(meaning, meaning.thing)
+        thing = meaning.thing
+        if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
+            thing = thing or find_thing(meaning.class_name or "")
+        if thing is not None:
+            rates = self._rate(meaning, thing)
             return believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
         judged = counted = None
         if meaning.noun is not None:
@@ -210,7 +215,7 @@ class WeighedGraph:
         """Return the mean numbers of an everyday thing at every node, `[N]`."""
         parts = () if meaning.kind else list_narrower(thing)
         things = Things.of([thing, *parts], self.kinds.table)
-        rates = rate_things(things, self.kinds, self.whole, owners=meaning.owners).max(axis=0)
+        rates = rate_things(things, self.kinds, self.whole, owner=meaning.owner).max(axis=0)
         if meaning.class_name in (None, *thing.names) or thing.sight < IN_SIGHT:
             return np.asarray(rates)
         most = self.found.presence[:, meaning.class_index]

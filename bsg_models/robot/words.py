@@ -32,7 +32,7 @@ from bsg_data.scene.name_rules import (
     mend,
     singulars,
 )
-from bsg_data.scene.room_label import read_room
+from bsg_data.scene.room_label import owner_of, read_room
 from bsg_data.scene.things import Thing, find_keeping, find_thing, list_things
 from bsg_data.scene.uses import find_use
 from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
@@ -46,8 +46,6 @@ _REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be
 _MOST_BEFORE = 5  # words before the last one of a listed thing, and more
 _LISTED = 8  # rooms listed in an error
 _LABELS = 3  # kinds of rooms in a note
-# Who has a thing tells it from others, and makes it no other kind of thing.
-_OWNER = re.compile(r"(\w+)(?:['’]s|(?<=s)['’])\s")
 # `chair, garden` and `chair (garden)`
 _KIND_BEHIND = re.compile(r"(?P<thing>[^\W\d][^,(\[/|]*?)\s*[,(\[]\s*(?P<kind>[\w'’ -]+)")
 _NONE: Mapping[str, float] = MappingProxyType({})
@@ -94,9 +92,9 @@ class Meaning:
         return _name_only(self.word)
 
     @property
-    def owners(self) -> frozenset[str]:
-        """Whose it is, by its name."""
-        return list_owners(self.word)
+    def owner(self) -> str | None:
+        """Whose it is, by its name: it tells the thing from others, and is no kind of it."""
+        return owner_of(self.word)
 
     @property
     def kept_as(self) -> str:
@@ -260,16 +258,6 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
         index = wide.classify(said).class_index
         return (None, ()) if index is None else (find_thing(wide.classes[index]), tuple(before))
     return None, ()
-
-
-def list_owners(word: str) -> frozenset[str]:
-    """Return whose a thing is, by its name.
-
-    >>> sorted(list_owners("Emma's teddy bear")), sorted(list_owners("the kids' chair"))
-    (['emma'], [])
-    """
-    owners = _OWNER.findall(normalise_name(word))
-    return frozenset(owner for owner in owners if not find_use(owner, by_thing=False))
 
 
 @lru_cache(maxsize=_REMEMBERED)

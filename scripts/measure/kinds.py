@@ -3,8 +3,9 @@
     bsg-data build --hm3d PATH --no-meshes --room-layouts PATH --out hm3d
     python scripts/measure/kinds.py --hm3d hm3d --mp3d PATH --out docs/results/figures.json
 
-People labelled rooms of 50 homes of HM3D's train split, and those of Matterport3D. The tables that
-are read were written by hand; no room taught them anything.
+The folder of `--mp3d` has rooms.csv (scene, room, room_label) and objects.csv (scene, room,
+category). People labelled rooms of 50 homes of HM3D's train split, and those of Matterport3D. The
+tables that are read were written by hand; no room taught them anything.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from folds import READS
 from results import ResultsTable, write_figures
 
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
@@ -138,20 +140,21 @@ def report_kinds(homes: Sequence[Home]) -> ResultsTable:
             rng = np.random.default_rng(0)
             some = [thin(home, share, rng) for home in homes if home.source == source]
             rows.append([source, f"{share:.0%}", *judge(some)])
+    noted, fewest = _NOTED["Matterport3D"], _FEWEST_THINGS["Matterport3D"]
     reading = (
-        f"Rooms of HM3D with a thing or more, and of Matterport3D, where {_NOTED['Matterport3D']:.0%}"
-        f" of the things were noted, with {_FEWEST_THINGS['Matterport3D']} or more."
+        f"Rooms of HM3D with a thing or more, and of Matterport3D, where {noted:.0%} of the things "
+        f"were noted, with {fewest} or more."
     )
     header = ("homes", "things seen", "rooms", "likeliest kind right", "log loss")
     return ResultsTable("kinds", header, rows, reading, tested_on="chosen")
 
 
-def find_first(homes: Sequence[Home], model: str, *, told: bool) -> list[bool]:
+def find_first(homes: Sequence[Home], predictor: Predictor, *, told: bool) -> list[bool]:
     """Return whether the first room that is named for a class has one, of each home that has one.
 
     A robot has seen all things that were noted, but those of the class.
     """
-    predictor, right = Predictor(Path(model) if "/" in model else model), []
+    right = []
     for home in homes:
         kinds = home.kinds if told else [None] * len(home.kinds)
         rooms = [replace(r, room_type=k) for r, k in zip(home.graph.rooms, kinds, strict=True)]
@@ -171,10 +174,12 @@ def report_first(homes: Sequence[Home], models: Sequence[str]) -> ResultsTable:
     rows = []
     for model in models:
         print(f"asks {model}", file=sys.stderr, flush=True)
-        told, untold = (find_first(homes, model, told=one) for one in (True, False))
-        rows.append([f"`{Path(model).name}`", f"{np.mean(told):.3f}", f"{np.mean(untold):.3f}"])
+        predictor = Predictor(Path(model) if "/" in model else model)
+        right = [np.mean(find_first(homes, predictor, told=one)) for one in (True, False)]
+        reads = "yes" if predictor.reads_labels else "–"
+        rows.append([f"`{Path(model).name}`", reads, *(f"{one:.3f}" for one in right)])
     reading = f"Twelve classes: {', '.join(_ASKED)}. What was noted of each was not seen."
-    header = ("model", "labels told ↑", "no labels told ↑")
+    header = ("model", READS, "labels told ↑", "no labels told ↑")
     return ResultsTable("first room", header, rows, reading, tested_on="chosen")
 
 
