@@ -34,7 +34,7 @@ from bsg_models.robot.words import find_everyday, find_wider
 _UNSEEN = 0.65  # weight of what was not seen
 _ALIKE = 8.0  # things of a room, beyond which more of them say less
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
-_WRONG = 30.0  # labels that are right, for one that is wrong
+_WRONG = 50.0  # labels that are right, for one that is wrong
 _UNLIKE = 0.05  # a label is doubted if its things are less likely to be of its kind
 _HOME = 0.93  # P(home), before anything is known
 _RARE = 0.01  # rooms of any kind that a building may have

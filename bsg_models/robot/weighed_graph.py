@@ -218,9 +218,12 @@ class WeighedGraph:
         parts = () if meaning.kind else list_narrower(thing)
         things = Things.of([thing, *parts], self.kinds.table)
         rates = rate_things(things, self.kinds, self.whole, owner=meaning.owner).max(axis=0)
-        if meaning.class_name in (None, *thing.names) or thing.sight < IN_SIGHT:
+        classes = self._words.own.classes
+        if thing.wider in (None, *thing.names) or thing.wider not in classes:
             return np.asarray(rates)
-        most = self.found.presence[:, meaning.class_index]
+        if thing.sight < IN_SIGHT:
+            return np.asarray(rates)
+        most = self.found.presence[:, classes.index(thing.wider)]
         return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:

@@ -94,7 +94,8 @@ def test_python_gets_the_notes_of_what_came_later() -> None:
 
 def test_a_graph_of_few_rooms_is_taken_as_whole_and_says_so() -> None:
     notes = open_graph({"office": ["desk"], "meeting room": []}).notes
-    assert sum(n.startswith("office, meeting room: taken as the whole building") for n in notes) == 1
+    whole = "office, meeting room: taken as the whole building"
+    assert sum(note.startswith(whole) for note in notes) == 1
     assert not any("whole" in n for n in open_graph({"hall": [], "more_rooms": True}).notes)
     assert not any(
         "whole" in n for n in open_graph({"office": [], "meeting room": [], "lobby": []}).notes

@@ -6,7 +6,6 @@ are known. The first room of `where` has to be one that a sensible person would 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from functools import cache
 from typing import Any
