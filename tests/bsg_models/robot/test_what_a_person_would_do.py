@@ -197,7 +197,9 @@ ward | defibrillator | nurse station | nurse station, patient room 1, patient ro
 no names | milk / microwave | R4 | R0
 no names | shampoo | R4 | R2
 no names | remote control | R4 | R3
-no names | pyjamas / pillow | R4 | R1
+no names | pyjamas | R4 | R1
+# annotators call cushions pillows, too
+no names | pillow | R4 | R1, R3
 no names | umbrella | R4 | R4
 hotel | suitcase | lobby | luggage room, room 101, room 102
 hotel | tv remote / hair dryer / bathrobe | lobby | room 101, room 102
@@ -532,7 +534,8 @@ def test_a_search_does_not_go_back_and_forth(
         room = seen.next_room(thing, here=rooms[-1], chance=chance)
         assert room is not None
         likely = {place.room: place.probability for place in seen.where(thing)}
-        back = len(rooms) > 1 and room == rooms[-2] != rooms[-1]
+        is_door = (rooms[-1], room) == ("kitchen", "living room")  # the only way out of it
+        back = len(rooms) > 1 and room == rooms[-2] != rooms[-1] and not is_door
         others = [p for name, p in likely.items() if name not in (room, rooms[-1])]
         assert not back or likely[room] > max(others), (rooms, likely)
         rooms.append(room)
@@ -769,7 +772,6 @@ def test_an_owner_a_place_and_a_remark_change_nothing(said: str, thing: str) -> 
     assert asked.anywhere(said) == asked.anywhere(thing)
 
 
-@pytest.mark.xfail(strict=True, reason="the table answers for her bed, the model for any bed")
 def test_what_somebody_has_is_no_likelier_than_what_anybody_has() -> None:
     asked = open_graph(HOUSE)
     assert asked.anywhere("Emma's bed") <= asked.anywhere("bed")
