@@ -6,8 +6,8 @@ for there. What kinds have that are not there goes, as far as people search in b
 are. Rooms of which nothing is known add what the known ones lack, and take nothing from them.
 
 A robot that has seen a share v of a room's objects overlooks those that are not in sight, and has
-seen v of the others; things that are always in sight are large, and seen sooner. A searched room
-has none.
+seen v of the others. What is mostly in sight does not hide where all was seen, and things that are
+always in sight are large, and seen sooner. A searched room has none.
 """
 
 from __future__ import annotations
@@ -174,4 +174,6 @@ def _hide(things: Things, graph: PartialGraph) -> Floats:
     sight = things.sights[:, None]
     hidden = np.array([room.hidden_share for room in graph.rooms])
     large = 1 + (sight > _LARGE)
-    return np.asarray(np.where(hidden > 0, 1 - sight * (1 - hidden**large), 0.0))
+    # What is mostly in sight stands on the floor, and does not hide where all of it was seen.
+    away = (1 - sight) * np.where(sight >= IN_SIGHT, hidden, 1.0)
+    return np.asarray(np.where(hidden > 0, away + sight * hidden**large, 0.0))
