@@ -91,7 +91,6 @@ from bsg_data.scene.room_label import (
     drop_origin,
     explain_rules,
     is_name,
-    known_label,
     label_of,
     list_labels,
     name_nearest,
@@ -111,6 +110,7 @@ from bsg_data.scene.vocabularies import vocabulary_words
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
+_OF_SOMEBODY = {"bedroom": 0.55, "child's bedroom": 0.4}  # a room that has somebody's name alone
 _MOST_WORDS = 5  # named in a note
 _ENTRIES = {
     "rooms": "room",
@@ -738,6 +738,8 @@ def _understand(room: KnownRoom, read: RoomReader) -> KnownRoom:
         if known.label:
             kind = Understood(known.label, name, rule=known.rule, by_name=True)
             break
+    if kind is None and (owner_of(room.name) or owner_of(room.label or "")):
+        kind = dict(_OF_SOMEBODY)
     return replace(room, room_type=kind, unread=found.unread or room.unread)
 
 
@@ -765,15 +767,11 @@ def note_rooms(rooms: Sequence[KnownRoom]) -> Iterator[str]:
     if rules:
         made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
         yield f"kinds of rooms read by a rule: {_list(made)}"
-    unsaid = (room.label or room.name for room in rooms if room.room_type is None)
-    silent = (name for name in unsaid if owner_of(name) is None)  # somebody's room is a bedroom
+    silent = (room.label or room.name for room in rooms if room.room_type is None)
     unread = dict.fromkeys(word for room in rooms for word in room.unread)
     if dark := [*(unread | dict.fromkeys(filter(is_name, silent)))]:
         near = _list(dark, lambda name: f"{name[:SHOWN]!r}{name_nearest(name)}")
         yield f"{near}: kind of room unknown; say `room_type`"
-    if wider := [*dict.fromkeys(one for one in labels if known_label(one) != one)]:
-        read_as = _list(wider, lambda label: f"{str(label)!r} as {known_label(label)}")
-        yield f"room types that models do not know are read: {read_as}"
 
 
 def note_building(graph: PartialGraph) -> Iterator[str]:

@@ -70,7 +70,9 @@ def move_thing(thing: Thing, words: Iterable[str]) -> Thing:
     for word in reversed([*words]):
         if use := find_use(word):
             usual = dict(thing.rooms)
-            both = {room: share * (usual.get(room, 0.0) + _ELSEWHERE) for room, share in use.rooms}
+            both = {
+                room: share * (thing.probability_in(room) + _ELSEWHERE) for room, share in use.rooms
+            }
             total, left = math.fsum(both.values()), 1 - use.share
             shares = {
                 room: use.share * both.get(room, 0.0) / total + left * usual.get(room, 0.0)

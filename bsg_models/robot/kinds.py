@@ -34,12 +34,11 @@ from bsg_models.robot.words import find_everyday, find_wider
 _UNSEEN = 0.65  # weight of what was not seen
 _ALIKE = 8.0  # things of a room, beyond which more of them say less
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
-_WRONG = 300.0  # labels that are right, for one that is wrong
+_WRONG = 50.0  # labels that are right, for one that is wrong
 _UNLIKE = 0.05  # a label is doubted if its things are less likely to be of its kind
 _HOME = 0.93  # P(home), before anything is known
 _RARE = 0.01  # rooms of any kind that a building may have
 _AGAIN = 0.4  # of a kind of which a building has all, how many more rooms it has
-_OF_ONE = {"bedroom": 0.55, "child's bedroom": 0.4}  # a room that is called somebody's
 _NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
 _LACKING = 0.9  # P(no room is of a kind that every home has)
 _SAID = 0.01  # kinds that are less likely are not said
@@ -123,10 +122,9 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
     seen, misses = _list_seen(graph), _Misses(graph, table)
     told, found, unseen = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(3))
-    owners = tuple(map(_name_owner, graph.rooms))
     entered = np.zeros(len(graph.rooms), dtype=bool)
     for number, (room, things) in enumerate(zip(graph.rooms, seen, strict=True)):
-        if room.room_type is not None or owners[number]:
+        if room.room_type is not None:
             told[number] = _read_label(room, table)
         if things:
             found[number] = _weigh_seen(things, table)
@@ -156,7 +154,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         by_things=~is_told,
         doubted=_doubt_labels(told, silent, table),
         named=tuple(map(_name_things, graph.rooms)),
-        owners=owners,
+        owners=tuple(map(_name_owner, graph.rooms)),
     )
 
 
@@ -234,8 +232,8 @@ def _read_thing(word: str) -> Thing | None:
 
 def _read_label(room: KnownRoom, table: KindTable) -> Floats:
     """Return what is said of the kind of a room, `[K]`; sums to 1 or less."""
-    said, row = room.room_type or _OF_ONE, np.zeros(len(table.kinds))
-    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said)).items():
+    said, row = room.room_type, np.zeros(len(table.kinds))
+    for label, likely in ({said: 1.0} if isinstance(said, str) else dict(said or {})).items():
         if (column := table.column.get(label)) is not None:
             row[column] += likely
     return row

@@ -150,7 +150,7 @@ def _spread_known(shares: Floats, kinds: RoomKinds) -> Floats:
     there = times.clip(max=1.0)
     alike = table.alike * there * _pass(kinds)
     may_be = kinds.building @ table.usual
-    moved = shares * (1 - there) * may_be * (alike.sum(axis=1) / _WHOLE).clip(max=1.0)
+    moved = shares * (1 - there) * may_be * alike.sum(axis=1).clip(max=1.0)
     near = shares + _NEAR  # a missing closet's broom goes where brooms are, its shirts elsewhere
     every = shares * there + (moved / (near @ alike.T).clip(min=1e-9)) @ alike * near
     every /= (every @ may_be)[:, None].clip(min=_WHOLE)  # a child's bedroom has toys on top

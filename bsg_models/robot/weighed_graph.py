@@ -197,17 +197,19 @@ class WeighedGraph:
 
     def _expect_hidden(self, meaning: Meaning) -> tuple[CountDistribution, float]:
         """Return the hidden counts of a thing, and P(the building hides none)."""
-        thing = meaning.thing
-        if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
-            thing = thing or find_thing(meaning.class_name or "")
-        if thing is not None:
-            rates = self._rate(meaning, thing)
+        if meaning.thing is not None:
+            rates = self._rate(meaning, meaning.thing)
             return believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
         judged = counted = None
         if meaning.noun is not None:
             judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
         if meaning.class_index is not None:
             counted = believe_class(self.found, meaning.class_index)
+            if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
+                theirs = find_thing(str(meaning.class_name))
+                if theirs is not None:
+                    hidden, none = believe_rates(self._rate(meaning, theirs))
+                    counted = hidden, max(none, counted[1])
         both = [one for one in (counted, judged) if one is not None]
         return believe_kind(both[0][0], both[1][0]) if len(both) > 1 else both[0]
 
@@ -216,9 +218,12 @@ class WeighedGraph:
         parts = () if meaning.kind else list_narrower(thing)
         things = Things.of([thing, *parts], self.kinds.table)
         rates = rate_things(things, self.kinds, self.whole, owner=meaning.owner).max(axis=0)
-        if meaning.class_name in (None, *thing.names) or thing.sight < IN_SIGHT:
+        classes = self._words.own.classes
+        if thing.wider in (None, *thing.names) or thing.wider not in classes:
             return np.asarray(rates)
-        most = self.found.presence[:, meaning.class_index]
+        if thing.sight < IN_SIGHT:
+            return np.asarray(rates)
+        most = self.found.presence[:, classes.index(thing.wider)]
         return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:

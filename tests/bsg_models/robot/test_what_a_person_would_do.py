@@ -197,9 +197,7 @@ ward | defibrillator | nurse station | nurse station, patient room 1, patient ro
 no names | milk / microwave | R4 | R0
 no names | shampoo | R4 | R2
 no names | remote control | R4 | R3
-no names | pyjamas | R4 | R1
-# annotators call cushions pillows, too
-no names | pillow | R4 | R1, R3
+no names | pyjamas / pillow | R4 | R1
 no names | umbrella | R4 | R4
 hotel | suitcase | lobby | luggage room, room 101, room 102
 hotel | tv remote / hair dryer / bathrobe | lobby | room 101, room 102
@@ -528,14 +526,16 @@ def test_each_robot_goes_where_a_person_would_send_it(question: Question) -> Non
 def test_a_search_does_not_go_back_and_forth(
     thing: str, here: str, chance: float, reports: str
 ) -> None:
-    """Nobody comes straight back to a room as long as another may have it as well."""
+    """Nobody comes straight back to a room as long as another may have it as well.
+
+    Out of the kitchen, which has one door, every way leads back.
+    """
     seen, rooms = see("flat", reports), [here]
     for _ in range(6):
         room = seen.next_room(thing, here=rooms[-1], chance=chance)
         assert room is not None
         likely = {place.room: place.probability for place in seen.where(thing)}
-        is_door = (rooms[-1], room) == ("kitchen", "living room")  # the only way out of it
-        back = len(rooms) > 1 and room == rooms[-2] != rooms[-1] and not is_door
+        back = len(rooms) > 1 and room == rooms[-2] != rooms[-1] != "kitchen"
         others = [p for name, p in likely.items() if name not in (room, rooms[-1])]
         assert not back or likely[room] > max(others), (rooms, likely)
         rooms.append(room)
@@ -639,7 +639,7 @@ def test_a_brand_a_material_and_a_typo_before_a_thing_change_nothing(said: str, 
     [
         ("running shoes", "shoes", {"hall", "bedroom"}),
         ("winter jacket", "jacket", {"hall", "bedroom"}),
-        ("work laptop", "laptop", {"living room", "bedroom"}),
+        ("ski jacket", "jacket", {"hall", "bedroom"}),
         ("garden scissors", "scissors", {"kitchen", "living room"}),
     ],
 )
@@ -675,15 +675,15 @@ def test_red_shoes_are_no_running_shoes_for_being_red() -> None:
 
 def test_a_room_where_a_look_missed_comes_back_before_rooms_that_are_far_less_likely() -> None:
     rooms = {"kitchen": ["sink"], "living room": ["sofa"], "bedroom": [], "bath": [], "hall": []}
-    seen = open_graph(rooms)
-    seen.looked("kitchen", "mug")
-    plan = seen.explain("mug", here="hall")
-    assert {step.room for step in plan[:2]} == {"living room", "kitchen"}
+    seen, remote = open_graph(rooms), "remote control"
+    seen.looked("living room", remote)
+    plan = seen.explain(remote, here="hall")
+    assert [step.room for step in plan][:2] == ["bedroom", "living room"]
     assert len({step.room for step in plan}) == len(rooms)
-    sent = seen.next_rooms({"a": "hall", "b": "bath"}, "mug")
-    assert {*sent.values()} == {"kitchen", "living room"}
+    sent = seen.next_rooms({"a": "hall", "b": "bath"}, remote)
+    assert {*sent.values()} == {"bedroom", "living room"}
     # Who has just looked there leaves the second look to the other.
-    assert seen.next_rooms({"a": "kitchen", "b": "hall"}, "mug")["a"] == "living room"
+    assert seen.next_rooms({"a": "living room", "b": "hall"}, remote)["a"] == "bedroom"
 
 
 def test_a_map_and_a_question_read_a_word_alike() -> None:
@@ -740,6 +740,39 @@ def test_the_first_word_has_a_vote(thing: str, rooms: set[str], not_first: set[s
     assert max(places[one] for one in rooms) > 1.2 * max([places[one] for one in not_first] or [0])
 
 
+INVENTORY = {
+    one: []
+    for one in [
+        *("living room", "dining room", "kitchen", "bedroom", "child's bedroom", "office"),
+        *("bathroom", "laundry room", "garage", "basement", "attic", "patio"),
+    ]
+}
+
+
+@pytest.mark.parametrize(
+    ("thing", "room"),
+    [
+        ("Umbrella, patio", "patio"),
+        ("BBQ/grill", "patio"),
+        ("Glider", "patio"),
+        ("Swing set", "patio"),
+        ("Suitcases", "attic"),
+        ("Christmas decorations", "attic"),
+        ("Furnace filters", "basement"),
+        ("Cabinet, medicine", "bathroom"),
+        ("Chest, cedar", "bedroom"),
+        ("Chest, toy", "child's bedroom"),
+        ("Chair, occasional", "living room"),
+        ("Tea cart", "dining room"),
+        ("Table, drafting", "office"),
+        ("Hedge clippers", "garage"),
+    ],
+)
+def test_a_list_of_a_removal_firm_is_read(thing: str, room: str) -> None:
+    places = open_graph(INVENTORY).where(thing)
+    assert places[0].room == room, places
+
+
 def test_a_kind_that_a_word_names_is_one_of_its_class_and_no_other_kind() -> None:
     seen = open_graph({"garage": ["tool cabinet"], "office": ["office cabinet"], "hall": []})
     sought = {
@@ -764,6 +797,10 @@ def test_a_kind_that_a_word_names_is_one_of_its_class_and_no_other_kind() -> Non
         ("shampoo, towel", "shampoo"),
         ("Cabinet/shelf", "cabinet"),
         ("patio table near the pool", "patio table"),
+        ("chair, garden", "garden chair"),
+        ("Table, coffee", "coffee table"),
+        ("chair (dining)", "dining chair"),
+        ("mug, in the kitchen", "mug"),
     ],
 )
 def test_an_owner_a_place_and_a_remark_change_nothing(said: str, thing: str) -> None:
