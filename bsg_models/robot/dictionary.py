@@ -144,9 +144,8 @@ class Dictionary:
         class_map = self.own.class_map
 
         def is_of_class(word: str) -> bool:
-            known = class_map.classify(word)
-            if known.role != "unmapped":
-                return known.class_index == meaning.class_index
+            if class_map.classify(word).class_index == meaning.class_index:
+                return True
             thing = find_everyday(word)
             return thing is not None and thing.wider == meaning.class_name
 

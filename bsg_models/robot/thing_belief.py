@@ -90,13 +90,8 @@ class ThingBelief:
         return np.asarray(1 - np.where(self.searched, 1.0, self.hidden.miss(same)[:, 0]))
 
     def somewhere(self, nodes: slice) -> float:
-        """Return P(some rooms have at least one that was not seen), rooms being tilted."""
-        rooms, whole = self.unseen[1:, None], self.unseen[:1]
-        scale = untilt(rooms, whole.clip(rooms.max(axis=0), rooms.sum(axis=0)))
-        none = 1 - scale * self.unseen[nodes]
-        both = np.log(none.clip(min=_LEAST)).sum()
-        every = np.log((1 - scale * rooms).clip(min=_LEAST)).sum()
-        return float(np.clip(whole - (np.exp(both) - np.exp(every)) / scale, 0.0, 1.0)[0])
+        """Return P(some rooms have at least one that was not seen), no more than the building's."""
+        return min(float(self.unseen[0]), 1 - float(np.prod(1 - self.unseen[nodes])))
 
     def after(self, chances: Floats) -> ThingBelief:
         """Return the beliefs after looks that missed, `[N]` chances; see `missed`.

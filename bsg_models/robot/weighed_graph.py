@@ -188,11 +188,12 @@ class WeighedGraph:
         objects, is_sought = self.whole.objects, self._words.names(meaning)
         if not meaning.is_class:
             return [obj for obj in objects if is_sought(obj.raw_category)]
+        overlaps = self._words.judge != Asked.OWN  # mugs have a class, and are tableware, too
         return [
             obj
             for obj in objects
             if obj.class_index == meaning.class_index
-            or (obj.class_index is None and is_sought(obj.raw_category))
+            or ((overlaps or obj.class_index is None) and is_sought(obj.raw_category))
         ]
 
     def _expect_hidden(self, meaning: Meaning) -> tuple[CountDistribution, float]:

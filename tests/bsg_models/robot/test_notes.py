@@ -64,7 +64,8 @@ def test_what_is_not_understood_is_named_once(
     facts: dict[str, Any],
     named: str,
 ) -> None:
-    (note,) = notes_on(universal, room, *words, **facts)
+    notes = notes_on(universal, room, *words, **facts)
+    (note,) = (note for note in notes if not note.startswith("taken for a building"))
     assert named in note
 
 
@@ -93,9 +94,9 @@ def test_python_gets_the_notes_of_what_came_later() -> None:
 
 
 def test_a_graph_of_few_rooms_is_taken_as_whole_and_says_so() -> None:
-    notes = open_graph({"office": ["desk"], "meeting room": []}).notes
-    whole = "office, meeting room: taken as the whole building"
-    assert sum(note.startswith(whole) for note in notes) == 1
+    rooms = {"office": ["desk"], "meeting room": [], "building_kind": "office"}
+    (note,) = open_graph(rooms).notes[:1]
+    assert note.startswith("office, meeting room: taken as the whole building")
     assert not any("whole" in n for n in open_graph({"hall": [], "more_rooms": True}).notes)
     assert not any(
         "whole" in n for n in open_graph({"office": [], "meeting room": [], "lobby": []}).notes

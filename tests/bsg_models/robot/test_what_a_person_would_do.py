@@ -197,7 +197,9 @@ ward | defibrillator | nurse station | nurse station, patient room 1, patient ro
 no names | milk / microwave | R4 | R0
 no names | shampoo | R4 | R2
 no names | remote control | R4 | R3
-no names | pyjamas / pillow | R4 | R1
+no names | pyjamas | R4 | R1
+# annotators call cushions pillows, too
+no names | pillow | R4 | R1, R3
 no names | umbrella | R4 | R4
 hotel | suitcase | lobby | luggage room, room 101, room 102
 hotel | tv remote / hair dryer / bathrobe | lobby | room 101, room 102
