@@ -209,7 +209,7 @@ def believe_rates(rates: Floats, *, part: float = 1.0) -> tuple[CountDistributio
         part: share of such things that are of the kind that is sought.
     """
     counts = poisson(part * rates[:, None])
-    return counts, _none_of_rooms(counts)
+    return counts, max(_none_of_rooms(counts), 1 - float(counts.presence[0, 0]))
 
 
 def believe_kind(
