@@ -132,7 +132,7 @@ class Dictionary:
 
             def is_thing(word: str) -> bool:
                 things = find_everyday(word), find_wider(word)[0]
-                is_listed = any(one and {one.name, one.wider} & {*thing.names} for one in things)
+                is_listed = any({one.name, one.wider} & {*thing.names} for one in things if one)
                 is_named = is_listed or bool(noun and noun.names(word))
                 told = tell_apart(word)
                 return is_named and meaning.kind <= told and may_be_one(meaning.told, told)

@@ -205,11 +205,11 @@ def believe_rates(rates: Floats, *, part: float = 1.0) -> tuple[CountDistributio
     """Return the hidden counts of an everyday thing, and P(the building hides none).
 
     Args:
-        rates: `[N]` mean numbers, of `rate_things`.
+        rates: `[N]` mean numbers, of `rate_things`; the building's may be less than its rooms'.
         part: share of such things that are of the kind that is sought.
     """
     counts = poisson(part * rates[:, None])
-    return counts, max(_none_of_rooms(counts), 1 - float(counts.presence[0, 0]))
+    return counts, max(_none_of_rooms(counts), float(np.exp(-part * rates[0])))
 
 
 def believe_kind(
