@@ -17,6 +17,7 @@ from bsg_models.robot.words import (
     counts,
     explain_everyday,
     find_everyday,
+    find_known,
     find_meaning,
     find_wider,
     require_word,
@@ -116,10 +117,8 @@ class Dictionary:
             if counts(name, thing) and name in taught:
                 how = explain_everyday(thing, word, class_name=name)
                 return replace(read(name), word=word, how=how)
-        try:
-            found = read(thing.name)
-        except RecipeError:
-            found = Meaning(word, None, None, "", is_exact=False)
+        known = find_known(thing.name, own, prefer_exact=not is_own, nouns=self._nouns)
+        found = known or Meaning(word, None, None, "", is_exact=False)
         thing, told, nouns = move_thing(thing, uses), tell_apart(word), self._nouns
         how = explain_everyday(thing, word)
         is_kind = nouns is not None and nouns.knows(others)  # else a brand

@@ -117,7 +117,22 @@ class Meaning:
 def find_meaning(
     word: str, class_map: ClassMap, *, prefer_exact: bool = True, nouns: NounTable | None = None
 ) -> Meaning:
-    """Return what a word means: a class, or else a noun.
+    """Return what a word means, by `find_known`; else an error says what may have been meant."""
+    if found := find_known(word, class_map, prefer_exact=prefer_exact, nouns=nouns):
+        return found
+    said = _name_only(word)
+    role = class_map.classify(said).role
+    kind = find_kind(said) if role in ("unmapped", "nameless") else None
+    near = [] if kind else _spelled_alike(said, class_map)
+    if not near and kind is None and nouns is not None and role == "unmapped":
+        near = _mended(said, nouns.known)
+    raise RecipeError(_refusal(word, kind, role, near), code="thing-unknown", where=word)
+
+
+def find_known(
+    word: str, class_map: ClassMap, *, prefer_exact: bool = True, nouns: NounTable | None = None
+) -> Meaning | None:
+    """Return what a word means: a class, or else a noun; None if it means no thing.
 
     A wide class is narrowed by what the word means. A word without a class is looked up among the
     `nouns`, unless it is a part of the building, a room, or no thing at all: a person, an animal, a
@@ -133,14 +148,11 @@ def find_meaning(
     if found is not None:
         return found if noun is None or found.is_mended else _narrow(found, noun)
     role = class_map.classify(said).role
-    kind = find_kind(said) if role in ("unmapped", "nameless") else None
-    is_thing = kind is None and role != "structure" and not _is_room(said)
-    if noun is not None and is_thing:
-        return Meaning(word, None, None, _explain(noun), is_exact=False, noun=noun)
-    near = [] if kind else _spelled_alike(said, class_map)
-    if not near and kind is None and nouns is not None and role == "unmapped":
-        near = _mended(said, nouns.known)
-    raise RecipeError(_refusal(word, kind, role, near), code="thing-unknown", where=word)
+    if noun is None or role == "structure" or _is_room(said):
+        return None
+    if role in ("unmapped", "nameless") and find_kind(said):
+        return None
+    return Meaning(word, None, None, _explain(noun), is_exact=False, noun=noun)
 
 
 @lru_cache(maxsize=_REMEMBERED)

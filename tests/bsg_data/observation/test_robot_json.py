@@ -262,10 +262,7 @@ def test_a_room_type_that_nobody_can_read_is_not_said_but_noted() -> None:
     unsaid = parse_robot_graph({"scene_id": "home", "rooms": bare}, path=Path("x"))
     assert tuple(replace(room, unread=()) for room in graph.rooms) == unsaid.rooms
     notes = note_room_types(graph)
-    assert notes == (
-        "'cooking spot', 'zzqx': kind of room unknown; say `room_type`",
-        "room types that models do not know are read: 'patient room' as bedroom",
-    )
+    assert notes == ("'cooking spot', 'zzqx': kind of room unknown; say `room_type`",)
     saved = json.loads(json.dumps(encode_robot_graph(graph)))
     for reader in (load_class_map(), graph.class_space):
         again = parse_robot_graph(saved, path=Path("x"), class_map=reader)
@@ -364,8 +361,8 @@ def test_rooms_tell_the_kind_of_a_building_that_nobody_says() -> None:
     for kind in ("school", "other"):
         said = parse_robot_graph({**ward, "building_kind": kind}, path=Path("x"))
         assert said.building_kind == encode_robot_graph(said)["building_kind"] == kind
-        notes = note_room_types(said)  # of the patient room, and that `other` is no kind of theirs
-        assert len(notes) == 1 + (kind == "other")
+        notes = note_room_types(said)  # that `other` is no kind of theirs
+        assert len(notes) == (kind == "other")
     home = {"bedroom": [], "living room": [], "office": [], "kitchen": []}
     assert parse_robot_graph(home, path=Path("x")).building_kind is None
 
