@@ -73,7 +73,7 @@ class Dictionary:
         if found is None:
             found = self._find(word)
             if found.is_class and found.class_name in self.own.untaught:
-                never = f"no training building had a {found.class_name}, so none is expected"
+                never = f"no training building had a {found.class_name}, so the model expects none"
                 found = replace(found, how="; ".join(filter(None, (found.how, never))))
             self._remember(word, found)
         return found

@@ -35,7 +35,7 @@ def note_graph(graph: PartialGraph, predictor: Predictor, kinds: RoomKinds) -> I
         yield f"source {graph.source!r} is read as unknown; models know {known}"
     yield from _note_classless(graph, predictor)
     if predictor.untaught:
-        yield f"never taught, so none is expected: {_list(predictor.untaught)}"
+        yield f"never taught, so the model expects none: {_list(predictor.untaught)}"
     if not predictor.reads_labels and any(room.room_type for room in graph.rooms):
         yield f"room types: {predictor.name} does not read them"
     rooms = [room.label or room.name for room in graph.rooms]

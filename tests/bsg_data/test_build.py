@@ -289,14 +289,14 @@ def test_folders_of_the_users_that_are_called_as_ours_are_left_alone(
 
 def test_labels_of_rooms_that_nobody_knows_are_reported(tmp_path: Path) -> None:
     """Other words for no kind of room, and numbers, are nothing to be known."""
-    rooms = ["Wohnzimmer", "Wohnzimmer 2", "Dachboden", "kitchen", "R7", "other"]
+    rooms = ["Kajüte", "Kajüte 2", "Vorschiff", "kitchen", "R7", "other"]
     rows = [f"flat,{room},chair\n" for room in rooms]
     (tmp_path / "objects.csv").write_text("".join(["scene,room,category\n", *rows]))
     manifest = build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "out")
     assert {one.name: one.instances for one in manifest.unknown_labels} == {
-        "Dachboden": 1,
-        "Wohnzimmer": 1,
-        "Wohnzimmer 2": 1,
+        "Kajüte": 1,
+        "Kajüte 2": 1,
+        "Vorschiff": 1,
     }
 
 

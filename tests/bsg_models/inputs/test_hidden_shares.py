@@ -151,14 +151,14 @@ def believe_shares(*shares: ShareBelief) -> PartialGraph:
 
 def test_levels_by_hand() -> None:
     """Uniform and certain rooms; Gauss and Legendre's two nodes lie at 1/2 ± 1/√12."""
-    graph = believe_shares(ShareBelief(0.5, 12**-0.5), ShareBelief(0.2), ShareBelief(1.0))
+    graph = believe_shares(ShareBelief(0.5, 12**-0.5), ShareBelief(0.2), ShareBelief(0.9))
     levels, weights = spread_shares(graph, graph.observation(), levels=2)
     assert weights.tolist() == [0.5, 0.5]
     assert levels.scene_ids == ("office", "office")
     low, high = levels.hidden_share[:4], levels.hidden_share[4:]
     step = 12**-0.5
-    np.testing.assert_allclose(low[1:], [0.5 - step, 0.2, 1.0], rtol=1e-6)
-    np.testing.assert_allclose(high[1:], [0.5 + step, 0.2, 1.0], rtol=1e-6)
+    np.testing.assert_allclose(low[1:], [0.5 - step, 0.2, 0.9], rtol=1e-6)
+    np.testing.assert_allclose(high[1:], [0.5 + step, 0.2, 0.9], rtol=1e-6)
     np.testing.assert_allclose(low[0], low[1:].mean(), rtol=1e-6)  # the building follows
     np.testing.assert_array_equal(levels.inputs[4:], graph.histograms())
 

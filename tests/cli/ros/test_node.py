@@ -117,7 +117,7 @@ def end(process: subprocess.Popen[str], number: signal.Signals) -> int:
 def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: str) -> None:
     node, robot = start_node(start, space), start_robot(start, space)
     assert robot.hear("graph")["rooms"] == [], "it is latched: who comes late gets it, too"
-    assert robot.ask("where", "sofa")["go_first"] is None
+    assert robot.ask("where", "sofa")["go_first"] == "explore"
     hall = '{"room": "hall", "position": [0, 0, 0]}'
     answer = robot.ask("discovered", hall)
     assert (answer["topic"], answer["room"]) == ("discovered", "hall")
@@ -134,7 +134,7 @@ def test_a_robot_begins_with_nothing_and_asks_on_its_way(start: Start, space: st
     answer = robot.ask("where", '{"thing": "microwave", "id": "b"}')
     assert (answer["id"], answer["go_first"], answer["cost_unit"]) == ("b", "kitchen", "m")
     places = [(one["room"], one["cost"]) for one in answer["things"][0]["places"]]
-    assert places == [("kitchen", 5), ("hall", 0)]
+    assert places == [("kitchen", 5), ("explore", 5), ("hall", 0)]
     assert robot.ask("expected", "kitchen")["expected"][0]["probability"] > 0.1
     graph = robot.hear_graph(lambda graph: bool(graph["objects"]))
     assert [room["id"] for room in graph["rooms"]] == ["hall", "kitchen"]
