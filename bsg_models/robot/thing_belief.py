@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from bsg_models.robot.unknown_rooms import Apart
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
+_ROUNDS = 2  # in which the building's mean follows its rooms'
 SHARE_OF_KIND = 0.5  # of shoes that are running shoes, and the like
 
 
@@ -136,7 +137,24 @@ def lift(belief: Apart, rates: Floats, *, weight: Floats, least: Floats) -> Coun
     after = np.vstack([_log_odds(whole), (odds + tilts)[1:]])
     after = np.minimum(after, _log_odds(1 - least))
     after[0] = after.min(axis=0)
-    return hidden.with_none_likelier(np.where(hidden.presence > 0, after - odds, 0.0))
+    factor = np.where(hidden.presence > 0, after - odds, 0.0)
+    return hidden.with_none_likelier(factor)
+
+
+def count_rooms(hidden: CountDistribution) -> CountDistribution:
+    """Return hidden counts of which the building expects what its rooms do; P(none) stays.
+
+    `hidden` is of N nodes, the building first.
+    """
+    none = _log_odds(1 - hidden.presence[0])
+    for _ in range(_ROUNDS if len(hidden.mean) > 1 else 0):
+        means = hidden.means.copy()
+        means[:, 0] *= hidden.mean[1:].sum(axis=0) / hidden.mean[0].clip(min=_LEAST)
+        hidden = replace(hidden, means=means)
+        factor = np.zeros(hidden.presence.shape)
+        factor[0] = np.where(hidden.presence[0] > 0, none - _log_odds(1 - hidden.presence[0]), 0.0)
+        hidden = hidden.with_none_likelier(factor)
+    return hidden
 
 
 def _look(

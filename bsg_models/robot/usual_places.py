@@ -116,7 +116,7 @@ def rate_things(
     shares = things.shares * _pass(kinds)
     weights = _ANYWHERE + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
-    for row, names in zip(weights, things.names, strict=True):
+    for row, names in zip(weights, things.names if any(kinds.named) else (), strict=False):
         if named := [room for room, told in enumerate(kinds.named) if told & names]:
             row *= 1 - _NAMED
             row[named] += _NAMED / len(named)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +38,7 @@ from bsg_models.robot.thing_belief import (
     believe_kind,
     believe_noun,
     believe_rates,
+    count_rooms,
     lift,
 )
 from bsg_models.robot.unknown_rooms import Apart, expect_apart
@@ -148,9 +150,13 @@ class WeighedGraph:
             self._found = replace(belief, hidden_counts=hidden)
         return self._found
 
+    @cached_property
+    def _counted(self) -> Expectation:
+        return replace(self.found, hidden_counts=count_rooms(self.found.hidden_counts))
+
     def expectation(self) -> Expectation:
         """Return what is believed of the nodes that the robot said, by the building's model."""
-        belief, rooms = self.found, np.arange(1 + len(self.said.rooms))
+        belief, rooms = self._counted, np.arange(1 + len(self.said.rooms))
         chances = np.zeros(belief.inputs.shape)
         words = {one.meaning.word: one.meaning for one in self.looks}.values()
         own = {m.class_index: m for m in words if m.is_class}
