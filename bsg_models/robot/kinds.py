@@ -30,6 +30,7 @@ from bsg_data.scene.things import Thing
 from bsg_data.scene.uses import move_thing
 from bsg_models.robot.kind_table import KindTable
 from bsg_models.robot.words import find_everyday, find_wider
+from bsg_models.zoo.model import one_thread
 
 _UNSEEN = 0.65  # weight of what was not seen
 _ALIKE = 8.0  # things of a room, beyond which more of them say less
@@ -118,6 +119,7 @@ class RoomKinds:
         )
 
 
+@one_thread()
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
     seen, misses = _list_seen(graph), _Misses(graph, table)

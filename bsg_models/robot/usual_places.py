@@ -23,6 +23,7 @@ from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.scene.things import Thing, find_thing, list_narrower
 from bsg_models.robot.kind_table import KindTable, be_elsewhere, read_kinds
 from bsg_models.robot.kinds import RoomKinds
+from bsg_models.zoo.model import one_thread
 
 IN_SIGHT = 0.7  # share of a thing that is in sight, from which on annotators note it
 OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
@@ -97,6 +98,7 @@ def find_things(classes: tuple[str, ...]) -> ClassThings:
     return ClassThings(things, columns[: len(own)], columns[len(own) :])
 
 
+@one_thread()
 def rate_things(
     things: Things, kinds: RoomKinds, graph: PartialGraph, *, owner: str | None = None
 ) -> Floats:
