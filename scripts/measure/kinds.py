@@ -1,7 +1,8 @@
-"""Measure how well the kinds of rooms are inferred from what was seen, without labels.
+"""Measure how well the kinds of rooms are inferred without labels, and the scale of answers.
 
     bsg-data build --hm3d PATH --no-meshes --room-layouts PATH --out hm3d
-    python scripts/measure/kinds.py --hm3d hm3d --mp3d PATH --out docs/results/figures.json
+    python scripts/measure/kinds.py --hm3d hm3d --mp3d PATH --refit PATH \
+        --out docs/results/figures.json
 
 The folder of `--mp3d` has rooms.csv (scene, room, room_label) and objects.csv (scene, room,
 category). People labelled rooms of 50 homes of HM3D's train split, and those of Matterport3D. The
@@ -16,19 +17,23 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pandas as pd
 from folds import READS
 from results import ResultsTable, write_figures
 
+from bsg_data.arrays import Bools
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.things import classify_seen
-from bsg_models import Predictor, SeenBuilding
+from bsg_models import Predictor, SeenBuilding, open_graph
+from bsg_models.robot import weighed_graph
 from bsg_models.robot.kind_table import read_kinds
 from bsg_models.robot.kinds import infer_kinds
+from bsg_models.robot.usual_places import OF_HOMES
 
 _FEWEST_THINGS = {"HM3D": 1, "Matterport3D": 3}  # of a room that is asked about
 _NOTED = {"HM3D": 1.0, "Matterport3D": 0.63}  # share of the things of the rooms
@@ -37,6 +42,11 @@ _ASKED = (
     *("bathtub", "bed", "couch", "dishwasher", "microwave", "refrigerator", "shower", "sink"),
     *("stove", "toilet", "tv", "washing machine"),
 )
+_SURVEYED = (
+    *("computer", "dishwasher", "lamp", "microwave", "refrigerator", "shower", "stove", "tv"),
+    "washing machine",
+)
+_WEIGHTS = (0.0, 0.2, 0.4, 0.6, 1.0)
 _CLASS_MAP = load_class_map()
 
 
@@ -183,11 +193,67 @@ def report_first(homes: Sequence[Home], models: Sequence[str]) -> ResultsTable:
     return ResultsTable("first room", header, rows, reading, tested_on="chosen")
 
 
+def read_refit(folder: Path) -> list[tuple[dict[str, object], Bools]]:
+    """Return homes that nobody has entered, and which rooms have one of each class, `[R, A]`."""
+    objects, rooms = (pd.read_csv(folder / f"{name}.csv") for name in ("objects", "rooms"))
+    objects = objects[objects["count"] > 0]
+    held = set(objects[["scene", "room", "class"]].itertuples(index=False, name=None))
+    homes = []
+    for scene, own in rooms.groupby("scene"):
+        told = [
+            {"id": str(row.room), "visited": False}
+            | ({"room_type": row.room_label} if isinstance(row.room_label, str) else {})
+            | ({"floor_area": float(row.area)} if row.area > 0 else {})
+            for row in own.itertuples()
+        ]
+        there = [[(scene, room, one) in held for one in _SURVEYED] for room in own["room"]]
+        graph = {"scene_id": str(scene), "building_kind": "home", "rooms": told, "objects": []}
+        homes.append((graph, np.array(there)))
+    return homes
+
+
+def report_scale(homes: Sequence[tuple[dict[str, object], Bools]], model: str) -> ResultsTable:
+    """Return what weights of the rate of homes do to answers, and the weight that is ours."""
+    predictor, rows = Predictor(model), []
+    for weight in _WEIGHTS:
+        with patch.object(weighed_graph, "OF_HOMES", weight):
+            rows.append([f"{weight:g}", *_judge_homes(homes, predictor)])
+    reading = (
+        f"{len(homes)} homes of REFIT, labels told, nobody inside; {len(_SURVEYED)} classes. "
+        f"Ours is {OF_HOMES:g}, by `{model}`."
+    )
+    header = (
+        *("weight of homes", "rooms: log loss ↓", "somewhere: log loss ↓", "somewhere, said"),
+        *("somewhere, true", "first room right ↑"),
+    )
+    return ResultsTable("one scale", header, rows, reading, tested_on="chosen")
+
+
+def _judge_homes(
+    homes: Sequence[tuple[dict[str, object], Bools]], predictor: Predictor
+) -> list[str]:
+    rooms, somewhere, right = [], [], []
+    for graph, there in homes:
+        seen = open_graph(graph, model=predictor)
+        for asked, held in zip(_SURVEYED, there.T, strict=True):
+            likely = {place.room: place.probability for place in seen.where(asked)}
+            said = np.array([likely[room] for room in seen.rooms])
+            rooms += [*np.where(held, said, 1 - said)]
+            somewhere.append((seen.anywhere(asked), held.any()))
+            if held.any():
+                right.append(held[said.argmax()])
+    said, true = np.array(somewhere).T
+    losses = (rooms, np.where(true, said, 1 - said))
+    means = [-np.log(np.clip(one, 1e-6, 1.0)).mean() for one in losses]
+    return [f"{one:.3f}" for one in (*means, said.mean(), true.mean(), np.mean(right))]
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--hm3d", type=Path, required=True, help="a dataset with room layouts")
     parser.add_argument("--mp3d", type=Path, required=True, help="its folder of tables")
+    parser.add_argument("--refit", type=Path, required=True, help="its folder of tables")
     parser.add_argument("--models", nargs="+", default=["universal"], help="names, or runs")
     parser.add_argument("--out", type=Path, required=True, help="JSON of figures")
     options = parser.parse_args(argv)
@@ -195,9 +261,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     tables = [
         report_kinds([*read_hm3d(options.hm3d), *found]),
         report_first(found, options.models),
+        report_scale(read_refit(options.refit), options.models[0]),
     ]
     words = [__file__, *(argv or sys.argv[1:])]
-    write_figures(options.out, "kinds", tables, argv=words, files=[options.mp3d / "objects.csv"])
+    files = [folder / "objects.csv" for folder in (options.mp3d, options.refit)]
+    write_figures(options.out, "kinds", tables, argv=words, files=files)
     return 0
 
 
