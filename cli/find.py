@@ -203,7 +203,12 @@ def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: s
 
 
 def _name(place: bsg_models.Place) -> str:
-    return "in no room" if place.room is None else _call(place.room, place.label)
+    if place.room is None:
+        return "in no room"
+    from bsg_data.scene.room_label import is_name  # as above: a help must not wait for NumPy
+
+    kind = None if is_name(place.room) else place.kind
+    return _call(place.room, place.label or kind)
 
 
 def _call(room: str, label: str | None) -> str:

@@ -752,11 +752,15 @@ def _list_names(room: KnownRoom) -> list[str]:
 
 def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
     """Return what a person should know of the kinds of rooms and of the building."""
-    return (*note_rooms(graph.rooms), *note_building(graph))
+    own = frozenset(word for word, _ in graph.room_labels)
+    return (*note_rooms(graph.rooms, own=own), *note_building(graph))
 
 
-def note_rooms(rooms: Sequence[KnownRoom]) -> Iterator[str]:
-    """Yield how the names and types of rooms are read, where that is not plain."""
+def note_rooms(rooms: Sequence[KnownRoom], *, own: frozenset[str] = frozenset()) -> Iterator[str]:
+    """Yield how the names and types of rooms are read, where that is not plain.
+
+    `own` has words of the user, who knows what they mean.
+    """
     labels = [label for room in rooms for label in list_labels(room.room_type)]
     named = [one for one in labels if isinstance(one, Understood) and one.by_name and not one.rule]
     if named:
@@ -768,6 +772,7 @@ def note_rooms(rooms: Sequence[KnownRoom]) -> Iterator[str]:
         made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
         yield f"kinds of rooms read by a rule: {_list(made)}"
     silent = (room.label or room.name for room in rooms if room.room_type is None)
+    silent = (name for name in silent if name not in own)
     unread = dict.fromkeys(word for room in rooms for word in room.unread)
     if dark := [*(unread | dict.fromkeys(filter(is_name, silent)))]:
         near = _list(dark, lambda name: f"{name[:SHOWN]!r}{name_nearest(name)}")

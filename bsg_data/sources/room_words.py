@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TypeAlias
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
@@ -14,6 +16,9 @@ from bsg_data.scene.room_label import RoomReader, check_own_label
 from bsg_data.scene.scene_graph import Room
 from bsg_data.sources.label_table import read_label_table
 from bsg_data.sources.source import Reading, SceneRef, Source, Wrapper
+from bsg_data.spelling import show_value
+
+RoomWords: TypeAlias = "AnyPath | Mapping[str, str | None]"  # a path, or what the table holds
 
 
 @dataclass(frozen=True)
@@ -66,13 +71,24 @@ class WithRoomLabels(Wrapper):
         return RoomReader(self.words)
 
 
-def read_room_words(path: AnyPath) -> tuple[tuple[str, str | None], ...]:
+def read_room_words(said: RoomWords) -> tuple[tuple[str, str | None], ...]:
     """Read a table `source_label,label`: words, each with its label; None if it names no kind.
+
+    Args:
+        said: path of the table, or what it holds.
 
     Raises:
         SourceError: if the file is no such table, or a label is none of ours.
     """
-    table = read_label_table(Path(path), {"source_label": (), "label": ()}, _read_key)
+    if isinstance(said, Mapping):
+        for one in (*said, *said.values()):
+            if not isinstance(one, str | None):
+                raise RecipeError(
+                    f"room_labels: expected words with their labels, found {show_value(one)}",
+                    code="room-label-unknown",
+                )
+        return tuple((word, check_own_label(word, label)) for word, label in said.items())
+    table = read_label_table(Path(said), {"source_label": (), "label": ()}, _read_key)
     words = []
     for word, (label, where) in table.labels.items():
         try:

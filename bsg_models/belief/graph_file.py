@@ -15,7 +15,7 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import RobotGraphError, parse_robot_graph
 from bsg_data.sources.dsg_file import is_dsg, parse_dsg
-from bsg_data.sources.room_words import read_room_words
+from bsg_data.sources.room_words import RoomWords, read_room_words
 from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.hydra import BINARY, convert, describe_hydra, find_document, note_hydra
 
@@ -31,7 +31,7 @@ class GraphFile:
 
 
 def read_graph(
-    path: AnyPath, *, labels: AnyPath | None = None, room_labels: AnyPath | None = None
+    path: AnyPath, *, labels: AnyPath | None = None, room_labels: RoomWords | None = None
 ) -> PartialGraph:
     """Read a robot's graph: this project's JSON or Spark-DSG's.
 
@@ -46,7 +46,8 @@ def read_graph(
             input.
         labels: label space of a Hydra graph, as `load_label_space` takes it; None uses the names
             in the file.
-        room_labels: table `source_label,label` of your words for rooms; they count before ours.
+        room_labels: your words for rooms, which count before ours: a table `source_label,label`,
+            or word → label.
 
     Raises:
         BSGError: if the file cannot be read, or is not a graph.
@@ -56,7 +57,7 @@ def read_graph(
 
 
 def open_graph_file(
-    path: Path, *, labels: AnyPath | None = None, room_labels: AnyPath | None = None
+    path: Path, *, labels: AnyPath | None = None, room_labels: RoomWords | None = None
 ) -> GraphFile:
     """Read a robot's graph as `read_graph` does, and keep its source."""
     named = Path("standard input") if path == Path("-") else path
@@ -69,7 +70,7 @@ def parse_graph(
     *,
     path: Path,
     labels: AnyPath | None = None,
-    room_labels: AnyPath | None = None,
+    room_labels: RoomWords | None = None,
 ) -> GraphFile:
     """Read a robot's graph in a document of JSON; errors name the path."""
     own = () if room_labels is None else read_room_words(room_labels)

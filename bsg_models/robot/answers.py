@@ -40,6 +40,7 @@ class Place:
     expected: float  # number of unseen ones
     seen: tuple[str, ...]  # ids of those that were seen there
     cost: float | None  # of the way to the room; None if unknown
+    kind: str | None = None  # that the room is taken for; None if none is likelier than half
     pieces: tuple[Piece, ...] = ()  # the likeliest three, if furniture was seen there
 
 

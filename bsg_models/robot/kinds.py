@@ -2,13 +2,15 @@
 
 A room of kind k in a building of kind b, with the seen share v of its objects, has
 
-    log P(k | seen) = log n_bk + τ (Σ log v p_kt + Σ log (1 − v p_kt)) + log P(area, doors | k)
+    log P(k | seen) = log n_bk + τ Σ log d p_kt + τ′ Σ log (1 − d v p_kt) + log P(area, doors | k)
 
 n_bk: how many rooms of the kind such a building has, by hand (`mappings/kinds-v1.csv`); p_kt: P(a
 room of kind k has a thing t), the first sum over things that were seen, the second over classes
-that were not. τ < 1, because things of a room are not independent. The kind of the building follows
-from all its rooms, if nobody says it. A label that is read is right in all but one of `_WRONG`
-cases. A room of which nothing is known is of a kind that the building still lacks.
+that were not; d: share of what is in view of which the robot takes notice, summed over, as all its
+rooms tell. τ, τ′ < 1, because things of a room are not independent: τ falls with their number. The
+kind of the building follows from all its rooms, if nobody says it. A label that is read is right in
+all but one of `_WRONG` cases. A room of which nothing is known is of a kind that the building still
+lacks.
 
 p_kt is by hand, too: classes have the presence of `hand-prior-v2`, other things the rates of
 `things-v1`. So every model may read kinds. `scripts/measure/kinds.py` measures them.
@@ -32,8 +34,10 @@ from bsg_models.robot.kind_table import KindTable
 from bsg_models.robot.words import find_everyday, find_wider
 from bsg_models.zoo.model import one_thread
 
-_UNSEEN = 0.65  # weight of what was not seen
-_ALIKE = 8.0  # things of a room, beyond which more of them say less
+_UNSEEN = 0.6  # weight of what was not seen
+# Shares of what is in view of which a robot may take notice, and P(each).
+_NOTICE = ((0.2, 0.25), (0.95, 0.75))
+_ALIKE = 6.0  # things of a room, beyond which more of them say less
 _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
 _WRONG = 50.0  # labels that are right, for one that is wrong
 _UNLIKE = 0.05  # a label is doubted if its things are less likely to be of its kind
@@ -82,6 +86,11 @@ class RoomKinds:
             for row in self.rooms
         )
 
+    def taken_for(self, number: int) -> str | None:
+        """Return the kind of a room that is likelier than all others, if there is one."""
+        likely = self.rooms[number].argmax()
+        return self.table.kinds[likely] if self.rooms[number, likely] > SURE else None
+
     @cached_property
     def at_home(self) -> float:
         """P(the building is a home)."""
@@ -123,7 +132,8 @@ class RoomKinds:
 def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
     """Return the kinds of the rooms of a graph."""
     seen, misses = _list_seen(graph), _Misses(graph, table)
-    told, found, unseen = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(3))
+    told, found = (np.zeros((len(graph.rooms), len(table.kinds))) for _ in range(2))
+    unseen = np.zeros((len(_NOTICE), *told.shape))
     entered = np.zeros(len(graph.rooms), dtype=bool)
     for number, (room, things) in enumerate(zip(graph.rooms, seen, strict=True)):
         if room.room_type is not None:
@@ -131,16 +141,18 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
         if things:
             found[number] = _weigh_seen(things, table)
         if room.visited or things:
-            unseen[number] = _weigh_unseen(room, things, misses)
+            unseen[:, number] = misses.weigh(room, things)
         entered[number] = bool(things) or room.visited or area_of(room) is not None
     is_told = np.asarray(told.any(axis=1))
     known = entered | is_told
-    # What a room lacks is no reason to doubt its label.
-    shapes = _SHAPE * _weigh_shapes(graph, table)
-    logs = found + np.where(is_told[:, None], 0.0, unseen + shapes)
-    likely = np.exp(logs - logs.max(axis=1, keepdims=True, initial=-np.inf))
     usual = _expect_building(graph, table)
-    both = likely * _trust_labels(told, usual @ table.chances)
+    trust = _trust_labels(told, usual @ table.chances)
+    shapes = _SHAPE * _weigh_shapes(graph, table)
+    # What a room lacks is no reason to doubt its label.
+    lacks = _sum_over_notice(unseen, found + np.log(trust * (usual @ table.chances)))
+    logs = found + np.where(is_told[:, None], 0.0, lacks + shapes)
+    likely = np.exp(logs - logs.max(axis=1, keepdims=True, initial=-np.inf))
+    both = likely * trust
     building = _infer_building(usual, table, both[known])
     prior = building @ table.chances
     rooms = _normalise(prior * both)
@@ -251,13 +263,6 @@ def _weigh_seen(seen: Sequence[Thing], table: KindTable) -> Floats:
     return np.asarray(found / (1 + len(seen) / _ALIKE))
 
 
-def _weigh_unseen(room: KnownRoom, seen: Sequence[Thing], misses: _Misses) -> Floats:
-    """Return the log likelihoods of what was not seen in a room, `[K]`."""
-    share = max(0.0, 1 - room.share.mean - room.share.sd)  # that was surely seen
-    each, every = misses.at(share)
-    return np.asarray(_UNSEEN * (every - each[:, misses.columns(seen)].sum(axis=1)))
-
-
 class _Misses:
     """What it tells not to see the things of which a robot takes notice; rooms share it."""
 
@@ -265,18 +270,30 @@ class _Misses:
         rows = np.flatnonzero(_list_heard(graph, table))
         self._presence = table.presence[:, rows]
         self._column = {table.things[row].name: column for column, row in enumerate(rows)}
-        self._known: dict[float, tuple[Floats, Floats]] = {}
+        self._known: dict[float, Floats] = {}
 
-    def at(self, share: float) -> tuple[Floats, Floats]:
-        """Return log P(not seen), if a share is seen, `[K, H]`, and the sum over things `[K]`."""
+    def weigh(self, room: KnownRoom, seen: Sequence[Thing]) -> Floats:
+        """Return the log likelihoods of how much was seen in a room, and what was not, `[D, K]`."""
+        share = max(0.0, 1 - room.share.mean - room.share.sd)  # that was surely seen
         if share not in self._known:
-            each = np.log1p(-share * self._presence)
-            self._known[share] = each, each.sum(axis=1)
-        return self._known[share]
+            shares = share * np.array([[[notice]] for notice, _ in _NOTICE])
+            self._known[share] = np.log1p(-shares * self._presence)
+        each = self._known[share]  # [D, K, H]
+        columns = [self._column[thing.name] for thing in seen if thing.name in self._column]
+        missed = each.sum(axis=2) - each[:, :, columns].sum(axis=2)
+        noticed = np.log([[notice] for notice, _ in _NOTICE]) * len(seen) / (1 + len(seen) / _ALIKE)
+        return np.asarray(noticed + _UNSEEN * missed)
 
-    def columns(self, things: Sequence[Thing]) -> list[int]:
-        """Return the columns of things, of those that have one."""
-        return [self._column[thing.name] for thing in things if thing.name in self._column]
+
+def _sum_over_notice(unseen: Floats, rest: Floats) -> Floats:
+    """Return log likelihoods `[R, K]` from those by how much a robot takes notice, `[D, R, K]`.
+
+    All rooms tell how much it does; `rest` `[R, K]` has what else they tell.
+    """
+    rooms = np.logaddexp.reduce(unseen + rest, axis=2).sum(axis=1)
+    likely = np.log([chance for _, chance in _NOTICE]) + rooms
+    likely -= np.logaddexp.reduce(likely)
+    return np.asarray(np.logaddexp.reduce(likely[:, None, None] + unseen, axis=0))
 
 
 def _list_heard(graph: PartialGraph, table: KindTable) -> Bools:

@@ -23,6 +23,7 @@ from bsg_data.files import AnyPath
 from bsg_data.observation.partial_graph import PartialGraph, reclassify
 from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.recipes import read_number
+from bsg_data.sources.room_words import RoomWords
 from bsg_data.spelling import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
@@ -77,7 +78,7 @@ def open_graph(
     *,
     model: Predictor | AnyPath = DEFAULT_MODEL,
     labels: AnyPath | None = None,
-    room_labels: AnyPath | None = None,
+    room_labels: RoomWords | None = None,
 ) -> SeenBuilding:
     """Open a robot's graph, to ask about it.
 
@@ -187,6 +188,7 @@ class SeenBuilding(ToldBuilding):
                 expected=expected[node],
                 seen=tuple([obj.name for obj in belief.seen[node]]),
                 cost=known_costs.get(node),
+                kind=self._now.kinds.taken_for(node - 1),
                 pieces=self._best_pieces(sought, node, tidy),
             )
             for node, room in enumerate(rooms, 1)

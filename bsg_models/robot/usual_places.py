@@ -135,7 +135,10 @@ def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
     table = kinds.table
     ours = (table.is_foreign & table.usual).astype(float) @ things.shares.T  # [B, T]
-    elsewhere = np.maximum(things.homes, be_elsewhere(ours))
+    there = (table.usual.astype(float) @ things.shares.T / _WHOLE).clip(
+        max=1.0
+    )  # no bed in schools
+    elsewhere = np.maximum(things.homes * there, be_elsewhere(ours))
     elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)
 

@@ -297,7 +297,7 @@ def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) 
     """Say where people search for an everyday thing, or which class counts it."""
     name, how = class_name or thing.name, []
     if normalise_name(word) != normalise_name(name):
-        is_mended = _find_listed(word) is None
+        is_mended = _find_listed(word) is None and find_wider(word)[0] is None
         taken = f"no model knows {word!r}; taken for {name!r}, the most similar name"
         how.append(taken if is_mended else f"{word!r} is {name!r}")
     if class_name is None:
