@@ -47,7 +47,7 @@ def note_graph(graph: PartialGraph, predictor: Predictor, kinds: RoomKinds) -> I
     if more and graph.more_rooms is None:
         yield (
             f"{more:,} more rooms are expected, not found yet: a home has a kitchen, a bathroom "
-            "and a bedroom; `more_rooms: 0` says that the map is whole"
+            "and a bedroom; say `more_rooms: 0` if the map is whole, `building_kind` if it is none"
         )
     elif 0 < len(graph.rooms) < _WHOLE and graph.more_rooms is None:
         yield (
@@ -64,17 +64,13 @@ def note_graph(graph: PartialGraph, predictor: Predictor, kinds: RoomKinds) -> I
 
 def _note_kinds(graph: PartialGraph, kinds: RoomKinds) -> Iterator[str]:
     """Yield which kinds of rooms were inferred, and which labels their things contradict."""
-    names, read = [], []
+    read = []
     for number, room in enumerate(graph.rooms):
         first, *_ = kinds.said[number]
         if kinds.by_things[number] and kinds.known[number] and first[1] > SURE:
-            names.append(room.label or room.name)
-            read.append(first[0])
-    if names:
-        yield (
-            f"{_list(names)}: read as {_list(read)}, by what was seen; say `room_type` if that is "
-            "wrong"
-        )
+            read.append(f"{room.label or room.name} as {first[0]}")
+    if read:
+        yield f"{_list(read)}: read by what was seen; say `room_type` if that is wrong"
     building = int(kinds.building.argmax())
     if building and graph.building_kind is None and kinds.building[building] > SURE:
         yield (

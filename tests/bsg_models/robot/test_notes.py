@@ -89,7 +89,7 @@ def test_python_gets_the_notes_of_what_came_later() -> None:
     assert seen.notes == ()
     seen.saw("a", "coat rack")
     kind, thing = seen.notes
-    assert kind.startswith("a: read as ")
+    assert "read by what was seen" in kind
     assert "coat rack" in thing
 
 
@@ -110,7 +110,7 @@ def test_a_home_without_a_kitchen_a_bathroom_or_a_bedroom_is_not_whole_and_says_
 
     (note,) = notes("hall", "kitchen")
     assert "more rooms are expected, not found yet: a home has a kitchen" in note
-    assert "`more_rooms: 0` says that the map is whole" in note
+    assert "say `more_rooms: 0` if the map is whole, `building_kind` if it is none" in note
     assert notes("hall", "kitchen", more_rooms=0) == []
     assert notes("kitchen", "bathroom", "bedroom") == []
     assert len(notes("kitchen", "bathroom", "hall", "office")) == 1
@@ -132,10 +132,10 @@ def test_a_building_that_is_no_home_by_its_things_is_a_note_unless_it_is_said() 
 
 def test_kinds_that_were_read_by_things_are_one_note_a_map() -> None:
     home = {"R0": ["stove", "fridge"], "R1": ["bed", "wardrobe"], "bath": ["toilet"], "R3": []}
-    (note,) = (note for note in open_graph(home).notes if "read as" in note)
-    assert note.startswith("R0, R1: read as kitchen, bedroom, by what was seen; say `room_type`")
+    (note,) = (note for note in open_graph(home).notes if "read by" in note)
+    assert note.startswith("R0 as kitchen, R1 as bedroom: read by what was seen; say `room_type`")
     named = {"kitchen": home["R0"], "bedroom": home["R1"], "bath": [], "R3": []}
-    assert not any("read as" in note for note in open_graph(named).notes)
+    assert not any("read by" in note for note in open_graph(named).notes)
 
 
 def test_a_name_that_its_things_contradict_is_remarked() -> None:
