@@ -273,6 +273,7 @@ def test_a_class_that_was_never_taught_is_expected_nowhere_and_said(
     assert seen.expectation().hidden[0, ~columns].max() > 0
     assert seen.where(never[0])[0].seen, "what was seen there is there"
     assert any(
-        note.startswith(f"never taught, so the model expects none: {never[0]}") for note in seen.notes
+        note.startswith(f"never taught, so the model expects none: {never[0]}")
+        for note in seen.notes
     )
     assert "table of everyday things" in seen.understand(never[1]).how
