@@ -34,7 +34,7 @@ _COLLECTION = re.compile(r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|
 # What is said of a thing: behind a comma or in brackets, how sure it is, and where it is.
 _REMARK = re.compile(r"[(\[{<][^)\]}>]*[)\]}>]?|(?:,|;\s).*")
 _SCORE = re.compile(r"[\s_:=@]+(?:[01]?\.[0-9]+|[0-9]{1,3} ?%)\s*$")
-_EITHER = re.compile(r"[/|]")
+_EITHER = re.compile(r"[/|](?!\d)|(?<!\d)[/|]")
 _WITH = re.compile(r"\bw/(?=\W*\w)|/w\b", re.IGNORECASE)
 MARKS = " ?!.,;:…*\"'`“”„‘’«»‹›()[]{}<>¿¡？"  # around a name that was copied from a sentence
 _PLACE = re.compile(

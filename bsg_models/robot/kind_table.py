@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 
@@ -99,14 +99,6 @@ class KindTable:
             return np.asarray(self.shares[row])
         return np.asarray(_share([thing], self.kinds)[0])
 
-    def presence_of(self, thing: Thing) -> Floats:
-        """Return P(a room of each kind has a thing), `[K]`."""
-        row = self.row[thing.name]
-        if self.things[row] is thing:
-            return np.asarray(self.presence[:, row])
-        shares = self.shares_of(thing)[None]
-        return np.asarray(_be_present([thing], shares, self.numbers, self.kinds)[:, 0])
-
     @cached_property
     def log_presence(self) -> Floats:
         """Logarithms of the presence, `[K, T]`."""
@@ -120,6 +112,13 @@ class KindTable:
         np.fill_diagonal(alike, 0.0)
         alike[:, [is_narrow(kind) for kind in self.kinds]] = 0.0
         return np.asarray(np.where(alike < _HARDLY, 0.0, alike))
+
+
+@lru_cache(maxsize=4096)  # the rooms of a map have the same ones
+def log_presence_of(thing: Thing, table: KindTable) -> Floats:
+    """Return log P(a room of each kind has a thing that a word has moved), `[K]`."""
+    shares = table.shares_of(thing)[None]
+    return np.log(_be_present([thing], shares, table.numbers, table.kinds)[:, 0])
 
 
 @cache

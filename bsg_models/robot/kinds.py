@@ -30,7 +30,7 @@ from bsg_data.scene.room_label import normalise_room, owner_of
 from bsg_data.scene.surroundings import area_of
 from bsg_data.scene.things import Thing
 from bsg_data.scene.uses import move_thing
-from bsg_models.robot.kind_table import KindTable
+from bsg_models.robot.kind_table import KindTable, log_presence_of
 from bsg_models.robot.words import find_everyday, find_wider
 from bsg_models.zoo.model import one_thread
 
@@ -103,9 +103,10 @@ class RoomKinds:
 
     @property
     def lacks(self) -> bool:
-        """Whether a home surely has rooms that are not among these: a kitchen, a bath, a bed."""
+        """Whether a home surely has rooms that are not among the known: kitchen, bath, bedroom."""
         groups = ([self.table.column[kind] for kind in group] for group in _NEEDED)
-        none = (float((1 - self.rooms[:, one].sum(axis=1)).clip(min=0).prod()) for one in groups)
+        known = self.rooms[self.known]
+        none = (float((1 - known[:, one].sum(axis=1)).clip(min=0).prod()) for one in groups)
         return self.at_home > SURE and max(none) > _LACKING
 
     def with_unknown(self, more: int) -> RoomKinds:
@@ -226,13 +227,13 @@ def _missing(table: KindTable, building: Floats, times: Floats) -> Floats:
 
 
 def _list_seen(graph: PartialGraph) -> list[tuple[Thing, ...]]:
-    """Return the kinds of things that were seen in each room."""
-    seen: list[dict[str, Thing]] = [{} for _ in range(1 + len(graph.rooms))]
+    """Return the kinds of things that were seen in each room, in one order."""
+    seen: list[set[Thing]] = [set() for _ in range(1 + len(graph.rooms))]
     for obj in graph.objects:
         thing = _read_thing(obj.raw_category) or (obj.category and _read_thing(obj.category))
         if thing and obj.is_evidence:
-            seen[obj.room_index][thing.name] = thing
-    return [tuple(things.values()) for things in seen[1:]]
+            seen[obj.room_index].add(thing)
+    return [tuple(sorted(things, key=lambda one: (one.name, one.rooms))) for things in seen[1:]]
 
 
 @lru_cache(maxsize=2**16)  # the objects of a map are asked again and again
@@ -259,7 +260,7 @@ def _weigh_seen(seen: Sequence[Thing], table: KindTable) -> Floats:
     found = np.array(table.log_presence[:, rows].sum(axis=1))
     for row, thing in zip(rows, seen, strict=True):
         if table.things[row] is not thing:  # a word has moved it
-            found += np.log(table.presence_of(thing)) - table.log_presence[:, row]
+            found += log_presence_of(thing, table) - table.log_presence[:, row]
     return np.asarray(found / (1 + len(seen) / _ALIKE))
 
 
@@ -279,7 +280,8 @@ class _Misses:
             shares = share * np.array([[[notice]] for notice, _ in _NOTICE])
             self._known[share] = np.log1p(-shares * self._presence)
         each = self._known[share]  # [D, K, H]
-        columns = [self._column[thing.name] for thing in seen if thing.name in self._column]
+        names = dict.fromkeys(thing.name for thing in seen)
+        columns = [self._column[name] for name in names if name in self._column]
         missed = each.sum(axis=2) - each[:, :, columns].sum(axis=2)
         noticed = np.log([[notice] for notice, _ in _NOTICE]) * len(seen) / (1 + len(seen) / _ALIKE)
         return np.asarray(noticed + _UNSEEN * missed)

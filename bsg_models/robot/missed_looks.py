@@ -21,6 +21,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.observation.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
+from bsg_data.scene.things import find_thing
 from bsg_models.belief.pieces import find_pieces, furnish
 from bsg_models.robot.words import Meaning
 
@@ -41,11 +42,21 @@ class MissedLook:
         wider class.
         """
         mine = self.meaning
-        if mine.thing is not None and mine.thing == sought.thing:
+        if mine.thing and sought.thing and mine.thing.name == sought.thing.name:
             return mine.told <= sought.told
+        if _includes(mine, sought):
+            return True
         if mine.noun is not None:
             return sought.noun is not None and mine.noun.includes(sought.word)
         return mine.is_class and mine.class_index == sought.class_index
+
+
+def _includes(whole: Meaning, sought: Meaning) -> bool:
+    """Return whether the table of things has what is sought as a part: boots are shoes."""
+    part = sought.thing or find_thing(sought.class_name or "")
+    if part is None or whole.told or not (whole.thing or whole.is_class):
+        return False
+    return part.wider in (whole.thing.names if whole.thing else (whole.class_name,))
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,7 +47,7 @@ def note_graph(graph: PartialGraph, predictor: Predictor, kinds: RoomKinds) -> I
     if more and graph.more_rooms is None:
         yield (
             f"{more:,} more rooms are expected, not found yet: a home has a kitchen, a bathroom "
-            "and a bedroom; say `more_rooms: 0` if the map is whole, `building_kind` if it is none"
+            "and a bedroom; say `more_rooms: 0` if the map is whole, or the `building_kind`"
         )
     elif 0 < len(graph.rooms) < _WHOLE and graph.more_rooms is None:
         yield (

@@ -112,9 +112,6 @@ def rate_things(
     """
     rate = -np.log1p(-_expect(things, kinds).clip(max=_MOST_HOMES))
     rates = np.zeros((len(things.names), 1 + len(graph.rooms)))
-    if not len(graph.rooms):
-        rates[:, 0] = rate * graph.hidden_share
-        return rates
     shares = things.shares * _pass(kinds)
     weights = _ANYWHERE + _spread_known(shares, kinds)
     weights[:, ~kinds.known] += _spread_unknown(shares, kinds)
@@ -123,9 +120,10 @@ def rate_things(
             row *= 1 - _NAMED
             row[named] += _NAMED / len(named)
     if theirs := [room for room, one in enumerate(kinds.owners) if one and one == owner]:
-        total = weights.sum(axis=1, keepdims=True)
+        known = weights[:, kinds.known]  # rooms of which nothing is known take nothing from these
         weights[:, theirs] *= _THEIRS
-        weights *= total / weights.sum(axis=1, keepdims=True)
+        more = weights[:, kinds.known].sum(axis=1) / known.sum(axis=1)
+        weights[:, kinds.known] /= more[:, None]
     rates[:, 1:] = rate[:, None] * weights * _hide(things, graph)
     rates[:, 0] = rates[:, 1:].sum(axis=1)
     return rates

@@ -43,7 +43,7 @@ from bsg_models.robot.thing_belief import (
 )
 from bsg_models.robot.unknown_rooms import Apart, expect_apart
 from bsg_models.robot.usual_places import IN_SIGHT, OF_HOMES, Things, find_things, rate_things
-from bsg_models.robot.words import Asked, Meaning
+from bsg_models.robot.words import Asked, Meaning, require_word
 
 _SURELY = 1 - 1e-9
 _MOST_SOUGHT = 32  # things of which the belief is remembered
@@ -141,7 +141,7 @@ class WeighedGraph:
             least, homes = np.zeros((2, *belief.inputs.shape))
             homes[:, classes.own] = own.T
             parts[classes.in_sight, 1:] *= self.kinds.strange
-            parts[:, 0] = parts[:, 1:].sum(axis=1) if len(graph.rooms) else parts[:, 0]
+            parts[:, 0] = parts[:, 1:].sum(axis=1)
             np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
             weight = np.zeros(homes.shape[1])
             is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
@@ -170,6 +170,7 @@ class WeighedGraph:
 
     def seek(self, word: str) -> Sought:
         """Return what is known of a thing; a question asks several times."""
+        require_word(word)
         found = self._sought.get(word)
         if found is None:
             meaning = self._words.understand(word)
@@ -333,12 +334,17 @@ class WeighedGraph:
 def _count_unfound(graph: PartialGraph, kinds: RoomKinds) -> int:
     """Return how many rooms are not found yet.
 
-    If the graph says only that there are more, or a home has rooms that are not among them, it is
-    the mean of the homes that have more rooms than were found, and at least 1.
+    If the graph says only that there are more, it is the mean of the homes that have more rooms
+    than were found, and at least 1. If it says nothing, and a home has rooms that are not among the
+    known, the rooms of which nothing is known are some of them.
     """
-    if graph.more_rooms is not True and (graph.more_rooms is not None or not kinds.lacks):
-        return graph.more_rooms or 0
-    found = len(graph.rooms)
+    rooms, known = len(graph.rooms), int(kinds.known.sum())
+    if graph.more_rooms is None:
+        return max(0, known + _expect_more(known) - rooms) if kinds.lacks else 0
+    return _expect_more(rooms) if graph.more_rooms is True else graph.more_rooms
+
+
+def _expect_more(found: int) -> int:
     larger = [(rooms - found, homes) for rooms, homes in enumerate(_BUILDINGS) if rooms > found]
     homes = sum(number for _, number in larger)
     return max(1, round(sum(more * number for more, number in larger) / homes)) if homes else 1

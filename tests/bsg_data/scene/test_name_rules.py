@@ -139,6 +139,7 @@ def test_one_word_is_mended(name: str, mended: list[str]) -> None:
         ("mug 12", ("mug 12",)),  # a number, and no score
         ("walk-in closet", ("walk-in closet",)),
         ("under sink cabinet", ("under sink cabinet",)),
+        ("1/2 inch drill", ("1/2 inch drill",)),
         ("in", ("in",)),
         ("()", ("",)),
         ("", ("",)),

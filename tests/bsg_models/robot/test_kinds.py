@@ -158,8 +158,9 @@ def test_rooms_without_names_are_read_by_their_things() -> None:
     assert 0.9 < sum(kind.probability for kind in kinds) <= 1.01
 
 
-def test_the_order_of_rooms_does_not_matter() -> None:
-    graph = graph_of({**NO_NAMES, "kitchen": [], "R7": [], "R8": ["mirror"]})
+def test_the_order_of_rooms_and_things_does_not_matter() -> None:
+    lamps = ["bedroom lamp", "office lamp"]  # of which the word before tells the room
+    graph = graph_of({**NO_NAMES, "kitchen": [], "R7": [], "R8": ["mirror"], "R9": lamps})
     order = np.random.default_rng(0).permutation(len(graph.rooms))
     number = {0: 0} | {int(old) + 1: new for new, old in enumerate(order, 1)}
     mixed = replace(

@@ -110,7 +110,7 @@ def test_a_home_without_a_kitchen_a_bathroom_or_a_bedroom_is_not_whole_and_says_
 
     (note,) = notes("hall", "kitchen")
     assert "more rooms are expected, not found yet: a home has a kitchen" in note
-    assert "say `more_rooms: 0` if the map is whole, `building_kind` if it is none" in note
+    assert "say `more_rooms: 0` if the map is whole, or the `building_kind`" in note
     assert notes("hall", "kitchen", more_rooms=0) == []
     assert notes("kitchen", "bathroom", "bedroom") == []
     assert len(notes("kitchen", "bathroom", "hall", "office")) == 1

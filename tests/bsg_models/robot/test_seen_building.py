@@ -194,6 +194,7 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
         lambda seen: seen.describe("kitchen", beside="kitchen"),
         lambda seen: seen.more_rooms(-1),
         lambda seen: seen.more_rooms(2.5),
+        lambda seen: seen.where(["cup"]),
     ],
 )
 def test_what_cannot_be_is_refused_and_changes_nothing(

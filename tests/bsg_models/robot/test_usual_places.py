@@ -107,6 +107,56 @@ def test_rooms_of_which_nothing_is_known_empty_no_other(by: str, said: Any, how:
             assert all(0 < now[room] < 1 for room in new)
 
 
+@pytest.mark.parametrize("said", [{"hall": []}, {"hall": [], "kitchen": ["stove"]}], ids=len)
+def test_a_room_that_is_found_is_one_of_those_that_were_not_found_yet(said: Any) -> None:
+    """A home that surely has more rooms does not become whole because somebody saw a door."""
+    seen = see(said)
+    before = {thing: places(seen, thing) for thing in MOVED}
+    for number in range(20):
+        seen.discovered(f"X{number}")
+        for thing, was in before.items():
+            now = places(seen, thing)
+            assert now["anywhere"] >= was["anywhere"] - 1e-9, (thing, number)
+            for room in said:
+                assert now[room] == pytest.approx(was[room], rel=0.05), (thing, room, number)
+    assert EXPLORE not in now, "20 rooms are as many as a home has"
+
+
+def test_rooms_of_which_nothing_is_known_take_nothing_from_the_room_of_an_owner() -> None:
+    seen = see({**HOME, "Emma's room": [], "more_rooms": 0})
+    before = places(seen, "Emma's book")
+    seen.more_rooms(20)
+    now = places(seen, "Emma's book")
+    for room in (*HOME, "Emma's room"):
+        assert now[room] == pytest.approx(before[room], rel=0.05), room
+
+
+@pytest.mark.parametrize("by", MODELS)
+def test_a_building_without_rooms_has_nothing(by: str) -> None:
+    """By the table of things as by the model: both answer in one scale."""
+    seen = see({"scene_id": "whole", "rooms": [], "more_rooms": 0}, by)
+    for thing in MOVED:
+        assert seen.anywhere(thing) == 0, thing
+
+
+@pytest.mark.parametrize("by", MODELS)
+@pytest.mark.parametrize(
+    ("part", "whole"),
+    [("boots", "shoes"), ("mug", "tableware"), ("laptop", "computer"), ("garage heater", "heater")],
+)
+def test_a_look_for_a_whole_misses_its_parts_and_not_the_other_way_round(
+    part: str, whole: str, by: str
+) -> None:
+    """Boots were in the hall with 83 % after three looks for shoes."""
+    for looked, other in ((whole, part), (part, whole)):
+        seen = see({**HOME, "more_rooms": 0}, by)
+        before = places(seen, other)
+        for room in HOME:
+            seen.looked(room, looked, chance=0.99)
+        falls = [places(seen, other)[room] < 0.1 * before[room] for room in HOME]
+        assert all(falls) if looked == whole else not any(falls), (looked, other)
+
+
 def test_what_is_lacking_is_in_the_rooms_of_which_nothing_is_known() -> None:
     seen = see({"hall": [], "kitchen": ["stove"], "more_rooms": 3})
     assert seen.where("toilet")[0].room == seen.where("pillow")[0].room == EXPLORE
