@@ -45,7 +45,7 @@ _HOME = 0.93  # P(home), before anything is known
 _RARE = 0.01  # rooms of any kind that a building may have
 _AGAIN = 0.4  # of a kind of which a building has all, how many more rooms it has
 _NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
-_LACKING = 0.9  # P(no room is of a kind that every home has)
+_LACKING = 0.8  # P(no room is of a kind that every home has)
 _SAID = 0.01  # kinds that are less likely are not said
 SURE = 0.5  # a kind that is likelier than this is said alone
 

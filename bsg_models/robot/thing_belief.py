@@ -117,20 +117,23 @@ def lift(belief: Apart, rates: Floats, *, weight: Floats, least: Floats) -> Coun
     """Return hidden counts on the scale of what a person would find.
 
     The log odds of a group of rooms are mixed with those by the rates of homes, and its rooms are
-    tilted to them (`bsg_models.zoo.building_tilt`). Then no node is less likely than `least`.
+    tilted to them (`bsg_models.zoo.building_tilt`). Beside known rooms, those of which nothing is
+    known have the rates of homes alone: a model does not hear which kinds of rooms are missing.
+    Then no node is less likely than `least`.
 
     Args:
         belief: of N nodes and C classes.
         rates: `[N, C]` mean numbers by the table of things.
-        weight: `[C]` of them, 0 to 1.
+        weight: `[C]` of them in known rooms, 0 to 1.
         least: `[N, C]` P(at least one) of what each class includes.
     """
     hidden = belief.every.hidden_counts
     odds = _log_odds(1 - hidden.presence)
     tilts, whole = np.zeros(odds.shape), np.ones(odds.shape[1])
-    for nodes, none in zip(belief.nodes, belief.none, strict=True):
+    weights = weight, (weight > 0).astype(np.float64)  # of known rooms, and of the others
+    for nodes, none, mixed in zip(belief.nodes, belief.none, weights, strict=False):
         homes = np.exp(-(rates[nodes] if len(nodes) else rates).sum(axis=0))
-        tilt = weight * (_log_odds(homes) - _log_odds(none))
+        tilt = mixed * (_log_odds(homes) - _log_odds(none))
         alone = np.log((1 - hidden.presence[nodes]).clip(min=_LEAST))
         tilts[nodes] = tilt_rooms(tilt, alone.sum(axis=0), alone)
         whole *= 1 / (1 + np.exp(-_log_odds(none) - tilt))
