@@ -365,9 +365,11 @@ def parse_robot_graph(
         document = _find_partial(said, path)
         if isinstance(by, ClassSpace):  # as it was understood before
             return _assemble(_Graph.model_validate(document), by)
-        graph = _assemble(_Graph.model_validate(_tidy(document, path)), by)
-        own = dict(graph.room_labels) | dict(room_labels)
-        return understand_rooms(replace(graph, room_labels=tuple(own.items())))
+        told = _tidy(document, path)
+        own = told.get("room_labels", {})
+        if room_labels and isinstance(own, dict):  # as if the document said them
+            told["room_labels"] = own | dict(room_labels)
+        return understand_rooms(_assemble(_Graph.model_validate(told), by))
     except ValidationError as error:
         why = _explain(error, document)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error

@@ -315,7 +315,7 @@ def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:
         beside[two] += 1
     for row, room in zip(logs, graph.rooms, strict=True):
         if area := area_of(room):
-            off = np.log(area / table.floor_area) / table.spread
+            off = (np.log(area) - np.log(table.floor_area)) / table.spread
             row -= np.minimum(off**2 / 2, 8.0) + np.log(table.spread)
     visited = np.array([room.visited for room in graph.rooms], dtype=bool)
     doors = beside[1:, None].clip(max=6)

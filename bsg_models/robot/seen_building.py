@@ -468,9 +468,9 @@ class SeenBuilding(ToldBuilding):
     def understand(self, thing: str) -> Meaning:
         """Return what a word is taken for, and why.
 
-        The building's own model is preferred. If it has no class for the word, the shipped model
-        `universal-wide` with its 170 classes answers; and a word without a class is judged by what
-        it means (`NounTable`). Neither helps a model that everybody may use: both are for research.
+        The building's own model is preferred. If it has no class for the word, the table of
+        everyday things answers. A word that neither has is judged by what it means (`NounTable`);
+        but not for a model that everybody may use, because that is for research.
         """
         return self._words.understand(thing)
 

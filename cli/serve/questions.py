@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -24,15 +26,17 @@ MOST_ROOMS = 500  # of a map
 MOST_THINGS = 20  # of a question
 MOST_ROBOTS = 10
 MOST_CLASSES = 10  # of a room, if the question does not say
+_THING = re.compile(r"(?:[^,(\[]|[(\[][^)\]]*[)\]]?)+")  # up to a comma: `mug (red, old)` is one
 
 
 def _list_things(said: Any) -> Any:
     """Return the things of a text: models of agents write `["cup"]` or `cup, towel` for a list."""
     if not isinstance(said, str):
         return said
-    if said.lstrip().startswith("["):
+    if said.lstrip().startswith("[") and '"' in said:
         return parse_json(said)
-    return [one.strip() for one in said.split(",", MOST_THINGS) if one.strip()] or [said]
+    parts = islice(_THING.finditer(said), MOST_THINGS + 1)
+    return [*filter(None, (part.group().strip() for part in parts))] or [said]
 
 
 Map = Annotated[

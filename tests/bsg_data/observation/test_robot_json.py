@@ -322,6 +322,17 @@ def test_words_of_the_user_stay_with_the_graph() -> None:
     assert mine.rooms[0].room_type == "office"
 
 
+@pytest.mark.parametrize(
+    "own",
+    [[(str(n), "attic") for n in range(10_001)], [("x" * 501, "attic")], [("x", "zzqx")]],
+    ids=["too many", "too long", "no label"],
+)
+def test_words_of_the_user_that_no_file_may_hold_are_refused(own: list[tuple[str, str]]) -> None:
+    """Else the graph that keeps them is saved, and cannot be opened again."""
+    with pytest.raises(RobotGraphError, match="room_labels"):
+        parse_robot_graph({"rooms": [{"id": "x"}]}, path=Path("x"), room_labels=own)
+
+
 def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
     """The label counts before the id; a saved graph says what was understood."""
     rooms = [

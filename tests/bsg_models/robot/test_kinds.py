@@ -237,3 +237,4 @@ def test_floor_area_and_doors_tell_a_corridor_from_a_closet() -> None:
 
     assert kind(12, 6)["corridor"] > 2 * kind(12, 1)["corridor"]
     assert kind(2, 1).get("closet", 0) > 2 * kind(40, 1).get("closet", 0)
+    assert kind(5e-324, 1) == kind(1e-9, 1), "the least area that JSON can say"

@@ -105,6 +105,9 @@ def test_a_list_of_things_may_be_a_text(address: str) -> None:
             first = found[0].structured_content
             assert [one["thing"] for one in first["things"]] == ["cup", "towel"]
             assert all(one.structured_content == first for one in found)
+            bare = {"map": SIMPLE, "things": "mug (red, old), [towel]"}
+            answer = (await client.call_tool("find_things", bare)).structured_content
+            assert [one["thing"] for one in answer["things"]] == ["mug (red, old)", "[towel]"]
             for fault in ('["cup"', "[5]", " , "):
                 broken = await client.call_tool("find_things", {"map": SIMPLE, "things": fault})
                 assert broken.is_error, fault
