@@ -1,8 +1,8 @@
 """Ask a model of a graph with rooms of which nothing is known, so that they empty no other room.
 
 A network hears all rooms of a building, and twenty rooms that nobody entered would take from the
-kitchen what it surely has. So the rooms of which something is known are asked about alone; the
-others, beside them. The building has what either have.
+kitchen what it surely has. So the rooms of which something is known are asked about alone; one of
+the others, beside them, for all of its kind. The building has what either have.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.observation.partial_graph import PartialGraph
+from bsg_data.observation import reports
+from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_models.belief.expectation import Expectation, join
 
 _LEAST = 1e-9
@@ -38,19 +39,23 @@ def expect_apart(
     graph: PartialGraph, known: Bools, model: Callable[[PartialGraph], Expectation]
 ) -> Apart:
     """Return what a model believes of a graph of R rooms; `known` `[R]` are those it is told of."""
-    every = model(graph)
     nodes = 1 + np.flatnonzero(known), 1 + np.flatnonzero(~known)
     if known.all() or not known.any():
+        every = model(graph)
         return Apart(every, (1 + np.arange(len(known)),), (1 - every.presence[0],))
-    alone = model(keep_rooms(graph, nodes[0] - 1))
-    order = np.argsort(np.concatenate([[0], *nodes]), kind="stable")
-    rooms = alone.take(np.arange(1, 1 + len(nodes[0])))
-    both = join([every.take(np.zeros(1, dtype=np.int64)), rooms, every.take(nodes[1])]).take(order)
-    none = 1 - alone.presence[0], (1 - every.presence[nodes[1]]).prod(axis=0)
+    some = keep_rooms(graph, nodes[0] - 1)
+    alone = model(some)
+    beside = model(reports.discover(some, KnownRoom("(unknown)", 1.0, visited=False)))
+    rows = np.empty(1 + len(known), dtype=np.int64)
+    rows[0], rows[nodes[0]] = 0, 1 + np.arange(len(nodes[0]))
+    rows[nodes[1]] = len(nodes[0]) + 1 + len(nodes[0]) + 1  # the last row of `beside`
+    both = join([alone, beside]).take(rows)
+    none = 1 - alone.presence[0], (1 - both.presence[nodes[1]]).prod(axis=0)
     factor = np.zeros(both.inputs.shape)
-    factor[0] = _log_odds(none[0] * none[1]) - _log_odds(1 - every.presence[0])
+    factor[0] = _log_odds(none[0] * none[1]) - _log_odds(none[0])
     hidden = both.hidden_counts.with_none_likelier(factor)
-    return Apart(replace(both, inputs=every.inputs, hidden_counts=hidden), nodes, none)
+    inputs = graph.histograms().astype(both.inputs.dtype)
+    return Apart(replace(both, inputs=inputs, hidden_counts=hidden), nodes, none)
 
 
 def _log_odds(probability: Floats) -> Floats:
