@@ -30,6 +30,7 @@ OF_HOMES = 0.4  # weight of what homes have, beside what annotators note
 _ANYWHERE = 0.004  # share of a thing that is in a room of any kind
 _WHOLE = 0.5  # rooms whose kinds have less of a thing are not all of a building
 _MOST_HOMES = 0.995  # P(a home has one); in a table, 99 % is a round number
+_SHARED = 0.8  # part of its things that a second bathroom shares with the first
 _NEAR = 0.05  # share of a thing that a room has beside its own, when it takes those of another
 _PASSING = 0.1  # of what passages keep in a home, in other buildings
 _NAMED = 0.85  # share of rooms that have the thing in their name, such as a bicycle store
@@ -169,7 +170,7 @@ def _spread_unknown(shares: Floats, kinds: RoomKinds) -> Floats:
     some = 1 - (1 - unknown).prod(axis=0)
     each = unknown * (some / unknown.sum(axis=0).clip(min=1e-9))
     may_be = kinds.building @ table.usual
-    return np.asarray((shares * (1 - there) * may_be) @ each.T)
+    return np.asarray((shares * (1 - _SHARED * there) * may_be) @ each.T)
 
 
 def _hide(things: Things, graph: PartialGraph) -> Floats:
