@@ -77,10 +77,14 @@ class KindTable:
         return np.array([known_label(kind) == kind for kind in self.kinds])
 
     @cached_property
+    def smoothed(self) -> Floats:
+        """Numbers of rooms of each kind in a building, `[B, K]`, of which none is impossible."""
+        return self.numbers.clip(min=_RARE)
+
+    @cached_property
     def chances(self) -> Floats:
         """P(a room of a building is of a kind), `[B, K]`."""
-        numbers = self.numbers.clip(min=_RARE)
-        return np.asarray(numbers / numbers.sum(axis=1, keepdims=True))
+        return np.asarray(self.smoothed / self.smoothed.sum(axis=1, keepdims=True))
 
     @cached_property
     def row(self) -> dict[str, int]:

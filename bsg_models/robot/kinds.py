@@ -42,7 +42,6 @@ _SHAPE = 0.5  # weight of area and doors, which differ for other reasons, too
 _WRONG = 50.0  # labels that are right, for one that is wrong
 _UNLIKE = 0.05  # a label is doubted if its things are less likely to be of its kind
 _HOME = 0.93  # P(home), before anything is known
-_RARE = 0.01  # rooms of any kind that a building may have
 _AGAIN = 0.4  # of a kind of which a building has all, how many more rooms it has
 _NEEDED = (("kitchen",), ("bathroom", "toilet"), ("bedroom", "child's bedroom"))
 _LACKING = 0.8  # P(no room is of a kind that every home has)
@@ -185,7 +184,7 @@ def _trust_labels(told: Floats, usual: Floats) -> Floats:
 
 def _leave_taken(table: KindTable, building: Floats, rooms: Floats, known: Bools) -> Floats:
     """Return how much less likely kinds are that other rooms are, `[R, K]`: one has one kitchen."""
-    numbers = building @ table.numbers.clip(min=_RARE)
+    numbers = building @ table.smoothed
     numbers = numbers * max(1.0, known.sum() / numbers.sum())
     others = rooms[known].sum(axis=0) - rooms * known[:, None]
     return np.asarray(np.maximum(numbers - others, _AGAIN * numbers) / numbers)
@@ -222,7 +221,7 @@ def _normalise(rows: Floats) -> Floats:
 
 
 def _missing(table: KindTable, building: Floats, times: Floats) -> Floats:
-    numbers = building @ table.numbers.clip(min=_RARE)
+    numbers = building @ table.smoothed
     return np.asarray(np.maximum(numbers - times, _AGAIN * numbers))
 
 

@@ -14,7 +14,7 @@ from bsg_data.observation.partial_graph import SeenObject
 from bsg_models.belief.count_distribution import CountDistribution, poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.robot.nouns import Noun, NounTable
-from bsg_models.robot.unknown_rooms import Apart
+from bsg_models.robot.unknown_rooms import Apart, log_odds
 from bsg_models.zoo.building_tilt import tilt_rooms, untilt
 
 _LEAST = 1e-12  # least P(none) of which a logarithm is taken
@@ -109,7 +109,7 @@ def after_looks(hidden: CountDistribution, chances: Floats) -> CountDistribution
     """Return hidden counts after looks that missed, by node and class `[N, C]`, building first."""
     after, none = _look(hidden, chances, whole=hidden.presence[0])
     factor = np.zeros(chances.shape)
-    factor[0] = _log_odds(none) - _log_odds(1 - hidden.presence[0])
+    factor[0] = log_odds(none) - log_odds(1 - hidden.presence[0])
     return after.with_none_likelier(factor)
 
 
@@ -128,17 +128,17 @@ def lift(belief: Apart, rates: Floats, *, weight: Floats, least: Floats) -> Coun
         least: `[N, C]` P(at least one) of what each class includes.
     """
     hidden = belief.every.hidden_counts
-    odds = _log_odds(1 - hidden.presence)
+    odds = log_odds(1 - hidden.presence)
     tilts, whole = np.zeros(odds.shape), np.ones(odds.shape[1])
     weights = weight, (weight > 0).astype(np.float64)  # of known rooms, and of the others
     for nodes, none, mixed in zip(belief.nodes, belief.none, weights, strict=False):
         homes = np.exp(-(rates[nodes] if len(nodes) else rates).sum(axis=0))
-        tilt = mixed * (_log_odds(homes) - _log_odds(none))
+        tilt = mixed * (log_odds(homes) - log_odds(none))
         alone = np.log((1 - hidden.presence[nodes]).clip(min=_LEAST))
         tilts[nodes] = tilt_rooms(tilt, alone.sum(axis=0), alone)
-        whole *= 1 / (1 + np.exp(-_log_odds(none) - tilt))
-    after = np.vstack([_log_odds(whole), (odds + tilts)[1:]])
-    after = np.minimum(after, _log_odds(1 - least))
+        whole *= 1 / (1 + np.exp(-log_odds(none) - tilt))
+    after = np.vstack([log_odds(whole), (odds + tilts)[1:]])
+    after = np.minimum(after, log_odds(1 - least))
     after[0] = after.min(axis=0)
     factor = np.where(hidden.presence > 0, after - odds, 0.0)
     return hidden.with_none_likelier(factor)
@@ -149,13 +149,13 @@ def count_rooms(hidden: CountDistribution) -> CountDistribution:
 
     `hidden` is of N nodes, the building first.
     """
-    none = _log_odds(1 - hidden.presence[0])
+    none = log_odds(1 - hidden.presence[0])
     for _ in range(_ROUNDS if len(hidden.mean) > 1 else 0):
         means = hidden.means.copy()
         means[:, 0] *= hidden.mean[1:].sum(axis=0) / hidden.mean[0].clip(min=_LEAST)
         hidden = replace(hidden, means=means)
         factor = np.zeros(hidden.presence.shape)
-        factor[0] = np.where(hidden.presence[0] > 0, none - _log_odds(1 - hidden.presence[0]), 0.0)
+        factor[0] = np.where(hidden.presence[0] > 0, none - log_odds(1 - hidden.presence[0]), 0.0)
         hidden = hidden.with_none_likelier(factor)
     return hidden
 
@@ -183,19 +183,14 @@ def _look(
         missed - (1 - there), there, out=np.ones_like(there), where=there > 0
     ).clip(0.0, 1.0)
     some = scale * there
-    tilt = _log_odds(1 - whole) - _log_odds(1 - scale * whole)
+    tilt = log_odds(1 - whole) - log_odds(1 - scale * whole)
     log_none = np.log((1 - some).clip(min=_LEAST) / (1 - some + some * given).clip(min=_LEAST))
     every = log_none.sum(axis=0)
-    odds = _log_odds(np.exp(log_none)) + tilt_rooms(tilt, every, log_none)
+    odds = log_odds(np.exp(log_none)) + tilt_rooms(tilt, every, log_none)
     factor = np.zeros(chances.shape)
-    factor[1:] = np.where(there > 0, odds - _log_odds(1 - after.presence[1:]), 0.0)
-    none = 1 / (1 + np.exp(-_log_odds(np.exp(every)) - tilt))
+    factor[1:] = np.where(there > 0, odds - log_odds(1 - after.presence[1:]), 0.0)
+    none = 1 / (1 + np.exp(-log_odds(np.exp(every)) - tilt))
     return after.with_none_likelier(factor), none
-
-
-def _log_odds(probability: Floats) -> Floats:
-    certain = probability.clip(_LEAST, 1 - _LEAST)
-    return np.asarray(np.log(certain) - np.log1p(-certain))
 
 
 def _miss(objects: Sequence[SeenObject], chance: float) -> float:

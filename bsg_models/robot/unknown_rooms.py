@@ -17,7 +17,7 @@ from bsg_data.observation import reports
 from bsg_data.observation.partial_graph import KnownRoom, PartialGraph
 from bsg_models.belief.expectation import Expectation, join
 
-_LEAST = 1e-9
+_LEAST = 1e-12  # least P(none) of which a logarithm is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +52,14 @@ def expect_apart(
     both = join([alone, beside]).take(rows)
     none = 1 - alone.presence[0], (1 - both.presence[nodes[1]]).prod(axis=0)
     factor = np.zeros(both.inputs.shape)
-    factor[0] = _log_odds(none[0] * none[1]) - _log_odds(none[0])
+    factor[0] = log_odds(none[0] * none[1]) - log_odds(none[0])
     hidden = both.hidden_counts.with_none_likelier(factor)
     inputs = graph.histograms().astype(both.inputs.dtype)
     return Apart(replace(both, inputs=inputs, hidden_counts=hidden), nodes, none)
 
 
-def _log_odds(probability: Floats) -> Floats:
+def log_odds(probability: Floats) -> Floats:
+    """Return the log odds of probabilities, also of 0 and 1."""
     certain = probability.clip(_LEAST, 1 - _LEAST)
     return np.asarray(np.log(certain) - np.log1p(-certain))
 

@@ -134,10 +134,8 @@ def _expect(things: Things, kinds: RoomKinds) -> Floats:
     """Return P(a building has one), `[T]`, of the kinds that it may be."""
     table = kinds.table
     ours = (table.is_foreign & table.usual).astype(float) @ things.shares.T  # [B, T]
-    there = (table.usual.astype(float) @ things.shares.T / _WHOLE).clip(
-        max=1.0
-    )  # no bed in schools
-    elsewhere = np.maximum(things.homes * there, be_elsewhere(ours))
+    there = table.usual.astype(float) @ things.shares.T / _WHOLE  # no bed in schools
+    elsewhere = np.maximum(things.homes * there.clip(max=1.0), be_elsewhere(ours))
     elsewhere[0] = things.homes
     return np.asarray(kinds.building @ elsewhere)
 
