@@ -226,12 +226,10 @@ class WeighedGraph:
         parts = () if meaning.kind else list_narrower(thing)
         things = Things.of([thing, *parts], self.kinds.table)
         rates = rate_things(things, self.kinds, self.whole, owner=meaning.owner).max(axis=0)
-        classes = self._words.own.classes
-        if thing.wider in (None, *thing.names) or thing.wider not in classes:
+        classes, whole = self._words.own.classes, thing.wider
+        if whole in (None, *thing.names) or whole not in classes or thing.sight < IN_SIGHT:
             return np.asarray(rates)
-        if thing.sight < IN_SIGHT:
-            return np.asarray(rates)
-        most = self.found.presence[:, classes.index(thing.wider)]
+        most = self.found.presence[:, classes.index(whole)]
         return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
 
     def _overlook(self, meaning: Meaning) -> Floats:
