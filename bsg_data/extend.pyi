@@ -8,7 +8,6 @@ from .dataset.statistics import (
 )
 from .exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from .files import write_bytes
-from .observation.hidden_share import ShareBelief
 from .observation.mask_hash import hash_splits
 from .observation.masks import MASKS, Mask
 from .observation.view import View
@@ -48,7 +47,6 @@ __all__ = [
     "Reading",
     "Registry",
     "SceneRef",
-    "ShareBelief",
     "SkippedScene",
     "Source",
     "SourceContract",

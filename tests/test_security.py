@@ -18,8 +18,8 @@ def size(number: int) -> str:
 
 
 def list_expected() -> dict[str, list[str]]:
-    serve = pytest.importorskip("bsg_cli.serve.bounds", reason="needs the extra serve")
-    from bsg_cli.serve import network, processes, questions
+    serve = pytest.importorskip("bsg_robot.service.bounds", reason="needs the extra serve")
+    from bsg_robot.service import network, processes, questions
 
     packed = [f"{bounds.MAX_RATIO} times", size(bounded_file.UNSUSPICIOUS)]
     return {

@@ -85,13 +85,14 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
     return parse_class_space(name, read_published(f"{name}{_SUFFIX}"))[0]
 
 
-def read_published(file: str) -> bytes:
-    """Read a file of `mappings/` that SHA256SUMS lists; `ClassMapError` if it was changed."""
-    data = files("bsg_mappings").joinpath(file).read_bytes()
-    if f"{hashlib.sha256(data).hexdigest()}  {file}" not in _list_published():
+def read_published(file: str, *, folder: str = "bsg_mappings") -> bytes:
+    """Read a file that the SHA256SUMS of its folder lists; `ClassMapError` if it was changed."""
+    data = files(folder).joinpath(file).read_bytes()
+    if f"{hashlib.sha256(data).hexdigest()}  {file}" not in _list_published(folder):
+        where = folder.removeprefix("bsg_").replace(".", "/")
         raise ClassMapError(
-            f"mappings/{file} is not the published file (sha256 differs from SHA256SUMS): "
-            "published files never change; reinstall the package, or give your version a new name",
+            f"{where}/{file} is not the published file (sha256 differs from SHA256SUMS): published "
+            "files never change; reinstall the package, or give your version a new name",
             code="file-changed",
             where=file,
         )
@@ -99,9 +100,9 @@ def read_published(file: str) -> bytes:
 
 
 @cache
-def _list_published() -> frozenset[str]:
-    """Return the hashes of all published files, with their names."""
-    sums = files("bsg_mappings").joinpath("SHA256SUMS").read_text("utf-8")
+def _list_published(folder: str) -> frozenset[str]:
+    """Return the hashes of the published files of a folder, with their names."""
+    sums = files(folder).joinpath("SHA256SUMS").read_text("utf-8")
     return frozenset(sums.splitlines())
 
 

@@ -1,7 +1,7 @@
 """Surroundings: what is known of a room and its building besides the objects. A mask hides none.
 
 Each kind of evidence is a field of `Surroundings`. A new kind also needs a field of
-`bsg_data.observation.partial_graph.KnownRoom`, which is how a robot says it, and a row of
+`bsg_models.belief.partial_graph.KnownRoom`, which is how a robot says it, and a row of
 `bsg_models.inputs.nodes.EVIDENCE`, which is how networks read and forget it.
 """
 

@@ -26,6 +26,10 @@ from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.run_folder import BEST
 
 DEFAULT_MODEL = "universal"
+TERMS = (  # said where nobody named a model: who takes the default has not chosen its licence
+    "universal: weights for non-commercial research (NOTICE); for any other use, name the model "
+    "open"
+)
 WIDE_MAP = "hm3d-wide-v1"  # which knows names of things that the default map leaves out
 SUFFIX = ".safetensors"
 HUB_WEIGHTS, HUB_CONFIG, HUB_CARD = "model.safetensors", "config.json", "README.md"

@@ -18,9 +18,9 @@ import numpy as np
 
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
-from bsg_data.observation.masked_graph import list_withheld, mask_dataset
 from bsg_data.results import refuse_datasets, write_files, write_results
 from bsg_models.belief.belief_graph import believe
+from bsg_models.belief.masked_graph import list_withheld, mask_dataset
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.prediction_files import PredictionWriter

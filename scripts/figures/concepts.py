@@ -24,16 +24,16 @@ from bsg_data import (
     MaskRecipe,
     SceneGraph,
     build_dataset,
-    mask_scene,
     open_source,
     read_manifest,
-    read_robot_graph,
     read_scene_graphs,
     write_synthetic,
 )
-from bsg_data.extend import ClassSpace, ShareBelief, WithLayouts
-from bsg_data.observation.reports import hide_of_room
-from bsg_models import Predictor, SeenBuilding, open_graph
+from bsg_data.extend import ClassSpace, WithLayouts
+from bsg_models import Predictor, mask_scene
+from bsg_models.belief.hidden_share import ShareBelief
+from bsg_robot import SeenBuilding, open_graph, read_robot_graph
+from bsg_robot.graph.reports import hide_of_room
 
 HOME = Path(__file__).resolve().parents[2] / "docs" / "home.json"
 STEPS = (

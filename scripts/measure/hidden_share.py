@@ -20,11 +20,11 @@ from folds import Shares, bootstrap, open_dataset, open_folds
 from results import ResultsTable, format_estimate, write_figures
 
 from bsg_data.arrays import Counts
-from bsg_data.observation.hidden_share import CURVES, VAGUE, ShareBelief
-from bsg_data.observation.masked_graph import mask_dataset
-from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.recipes import MaskRecipe
 from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.hidden_share import CURVES, VAGUE, ShareBelief
+from bsg_models.belief.masked_graph import mask_dataset
+from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.runs.predictor import Predictor
 

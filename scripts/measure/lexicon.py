@@ -15,7 +15,7 @@ import pandas as pd
 
 from bsg_data.arrays import Floats
 from bsg_data.scene.name_rules import singulars
-from bsg_models.robot.nouns import split_head
+from bsg_robot.answers.nouns import split_head
 
 SIZE = 38_000  # things, the most frequent
 _MOST_OTHER = 5_000  # words before a head

@@ -1,11 +1,11 @@
 """Make the table of nouns: what rooms an everyday thing is in that no model counts.
 
     python scripts/measure/nouns.py --leaderboard BOARD --behavior DATASET --housekeep objects.csv \
-        --glove FOLDER --wordnet FOLDER --out mappings/nouns-v1.safetensors
+        --glove FOLDER --wordnet FOLDER --out bsg_robot/tables/nouns-v1.safetensors
 
 GloVe 6B (public domain) says which words are alike, WordNet 3.0 which are physical things. The rate
 of a noun in a room is a bilinear function of its features and of what `universal` believes of the
-room (`bsg_models.robot.nouns`). It is learned by Poisson regression from the categories of HM3D
+room (`bsg_robot.answers.nouns`). It is learned by Poisson regression from the categories of HM3D
 and BEHAVIOR in masked rooms, and by logistic regression from Housekeep's train and val objects.
 The same inputs give the same bytes.
 """
@@ -30,21 +30,21 @@ from scipy.optimize import minimize, minimize_scalar
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.dataset.dataset import Dataset, read_splits
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless, load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
-from bsg_models.robot.nouns import (
+from bsg_models.belief.masked_graph import mask_scene
+from bsg_models.runs.found_model import WIDE_MAP
+from bsg_models.runs.predictor import Predictor
+from bsg_models.zoo.model import one_thread
+from bsg_robot.answers.nouns import (
     HEAD,
     NounTable,
     describe_state,
     split_head,
     write_nouns,
 )
-from bsg_models.robot.seen_building import open_graph
-from bsg_models.runs.found_model import WIDE_MAP
-from bsg_models.runs.predictor import Predictor
-from bsg_models.zoo.model import one_thread
+from bsg_robot.answers.seen_building import open_graph
 
 MASKS = (
     MaskRecipe(strategy="uniform", fraction=0.25),

@@ -40,11 +40,12 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.tables import format_text
-from bsg_models import MaskedGraphs, find_config, open_graph, train_run
+from bsg_models import MaskedGraphs, find_config, train_run
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.zoo.config import override, validate_config
 from bsg_models.zoo.model import one_thread
+from bsg_robot import open_graph
 
 TESTS = Path(__file__).parents[2] / "tests"
 BUILDINGS = 145  # as many as HM3D's of the train split that are public

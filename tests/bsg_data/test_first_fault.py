@@ -16,7 +16,7 @@ from bsg_data.sources import (
     procthor,
     spark_dsg,
 )
-from bsg_models.belief import document
+from bsg_robot.graph import document
 
 MANY = 100_000
 STRANGERS = (behavior, dsg_file, layout_files, procthor, spark_dsg, document)

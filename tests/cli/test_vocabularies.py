@@ -17,17 +17,18 @@ from conftest import REPOSITORY
 from dsg_files import robot_graph, write_graph
 
 from bsg_cli.belief import main as belief
-from bsg_cli.find import describe_things
-from bsg_cli.ros.requests import Robot
 from bsg_data import SceneObject, build_dataset, check_dataset, read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.observation.robot_json import parse_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
 from bsg_data.sources.catalogue import open_source
-from bsg_models import Predictor, annotate_hydra, believe, open_graph
-from bsg_models.belief.graph_file import open_graph_file, parse_graph
-from bsg_models.robot.words import find_meaning
+from bsg_models import Predictor, believe
+from bsg_robot import annotate_hydra, open_graph
+from bsg_robot.answers.description import describe_things
+from bsg_robot.answers.words import find_meaning
+from bsg_robot.graph.graph_file import open_graph_file, parse_graph
+from bsg_robot.graph.robot_json import parse_robot_graph
+from bsg_robot.ros.requests import Robot
 
 MAP = load_class_map()
 LISTED = sorted({word for name in list_vocabularies() for word in vocabulary_words(name)})
@@ -183,7 +184,7 @@ HOME = {"kitchen": ["stove", "sink"], "living room": ["couch"], "hall": []}
 def ask_everywhere(words: list[str]) -> Iterator[tuple[str, Any]]:
     """Yield the answers of all doors that take a question about a map."""
     pytest.importorskip("mcp", reason="needs the extra serve")
-    from bsg_cli.serve.questions import Service
+    from bsg_robot.service.questions import Service
 
     for door, told in ask_service(Service(), {"map": HOME, "things": words}).items():
         yield door, told["things"]

@@ -46,7 +46,7 @@ try:
 except BSGError as error:
     print("refused:", str(error)[:300])
 """
-ROBOT = ("bsg_data.observation.robot_json", "read_robot_graph", "read_robot_graph(path)")
+ROBOT = ("bsg_robot.graph.robot_json", "read_robot_graph", "read_robot_graph(path)")
 ANNOTATION = (
     "bsg_data.sources.hm3d",
     "parse_annotation",
@@ -302,8 +302,8 @@ ROUND = [[math.cos(turn / 7), math.sin(turn / 7)] for turn in range(40)]  # cros
 SIMPLE = {f"room {one}": [f"thing {one} {n}" for n in range(10)] for one in range(MAX_ROBOT_ROOMS)}
 LINES = (f'{one},{one:06X},"thing {one}",{one % 5_000}\n' for one in range(1, 490_000))
 KITCHEN = "{label: kitchen, centroid: {x: 1.0, y: 1.25, z: -2.0}, dims: {x: 2, y: 2.5, z: 4}}"
-GRAPH = ("bsg_models.belief.graph_file", "read_graph", "read_graph(path)")
-FIND = ("bsg_models.robot.seen_building", "open_graph", "open_graph(path).where('mug')")
+GRAPH = ("bsg_robot.graph.graph_file", "read_graph", "read_graph(path)")
+FIND = ("bsg_robot.answers.seen_building", "open_graph", "open_graph(path).where('mug')")
 KITCHEN_OF_PILES = {"id": "k"}
 TABLES = [{"id": f"t{n}", "room": "k", "category": "table"} for n in range(24_000)]
 MUGS = [{"id": f"m{n}", "room": "k", "category": "mug"} for n in range(24_000)]

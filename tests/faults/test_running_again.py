@@ -12,14 +12,14 @@ from killed_process import start, wait_for
 from watched_folder import snapshot
 
 from bsg_data.errors import DatasetError
-from bsg_models.belief.graph_file import open_graph_file
-from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import SearchRequest
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
+from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
+from bsg_robot.graph.graph_file import open_graph_file
 
 pytestmark = [
     pytest.mark.heavy,

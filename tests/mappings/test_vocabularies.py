@@ -25,8 +25,8 @@ OF_A_SOURCE_ALONE = {"procthor45-v1": {"Desktop"}, "behavior45-v1": {"notepad"}}
 OF_A_SOURCE_ALONE |= {"cobie45-v1": {"fan"}}
 
 
-def read(name: str) -> list[dict[str, str]]:
-    with files("bsg_mappings").joinpath(name).open(encoding="utf-8", newline="") as file:
+def read(name: str, *, folder: str = "bsg_mappings") -> list[dict[str, str]]:
+    with files(folder).joinpath(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file, strict=True))
 
 
@@ -88,7 +88,7 @@ def list_without_a_class() -> str:
 
 
 def test_words_that_name_no_thing_are_not_those_that_a_map_or_a_vocabulary_gives_a_class() -> None:
-    rows = read("not-things-v1.csv")
+    rows = read("not-things-v1.csv", folder="bsg_robot.tables")
     assert [row["word"] for row in rows] == sorted({row["word"] for row in rows})
     assert {row["kind"] for row in rows} == {"person", "animal", "colour", "action", "event"}
     for class_map in MAPS:

@@ -213,5 +213,5 @@ def test_what_is_said_of_furniture_is_judged_by_people(tmp_path: Path) -> None:
 def test_the_shipped_shares_are_made_of_the_answers(tmp_path: Path) -> None:
     made = tmp_path / "made.csv"
     assert receptacle_shares.main([f"--housekeep={PLACEMENTS}", f"--out={made}"]) == 0
-    shipped = REPOSITORY / "mappings" / "receptacle-shares-v1.csv"
+    shipped = REPOSITORY / "bsg_robot/tables/receptacle-shares-v1.csv"
     assert made.read_bytes() == shipped.read_bytes()

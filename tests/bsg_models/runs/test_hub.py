@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.found_model import download, find_model
 from bsg_models.runs.hub import HubModel
 from bsg_models.runs.model_card import read_card
+from bsg_robot.graph.robot_json import read_robot_graph
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 

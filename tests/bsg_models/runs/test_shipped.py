@@ -9,7 +9,6 @@ import pytest
 from conftest import REPOSITORY
 
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.results import read_seal
 from bsg_data.scene.class_map import map_into
 from bsg_models.errors import CheckpointError
@@ -24,6 +23,7 @@ from bsg_models.runs.found_model import (
 )
 from bsg_models.runs.model_card import ModelCard, summarise_model, write_card
 from bsg_models.runs.predictor import Predictor
+from bsg_robot.graph.robot_json import read_robot_graph
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {

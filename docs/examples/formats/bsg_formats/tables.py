@@ -20,9 +20,9 @@ import pyarrow.parquet as pq
 from bsg_data.files import AnyPath, encode_json
 from bsg_data.results import write_results
 from bsg_models.belief.belief_graph import BeliefGraph
-from bsg_models.belief.document import encode_belief, list_edges, list_nodes
-from bsg_models.belief.formats import FormatRow
-from bsg_models.errors import BeliefFileError
+from bsg_robot.errors import BeliefFileError
+from bsg_robot.graph.document import encode_belief, list_edges, list_nodes
+from bsg_robot.graph.formats import FormatRow
 
 _ROWS_PER_GROUP = 65_536
 _TEXT, _WHOLE, _NUMBER = pa.string(), pa.int32(), pa.float64()
