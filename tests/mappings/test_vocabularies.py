@@ -14,8 +14,8 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.name_rules import take_apart
 from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
 
-MAPS = [load_class_map(name) for name in ("hm3d45-v2", "hm3d-wide-v1")]
-V2 = MAPS[0]
+MAPS = [load_class_map(name) for name in ("hm3d45-v1", "hm3d-wide-v1")]
+DEFAULT = MAPS[0]
 NUMBERS = {"ade20k": 150, "ai2thor": 134, "coco": 80, "darknet": 80, "mpcat40": 42, "nyu40": 40}
 NUMBERS |= {"objectnav": 21, "voc": 20}
 WITHOUT_A_CLASS = Path(__file__).parent / "words_without_a_class.txt"
@@ -72,7 +72,7 @@ def test_a_word_is_the_same_under_all_maps_into_one_space_if_they_know_it() -> N
     for name in ("procthor45-v1", "behavior45-v1", "mp3d45-v1", "cobie45-v1"):
         other = load_class_map(name)
         known = [row["word"] for row in ROWS if other.classify(row["word"]).category is not None]
-        differing = {word for word in known if class_of(other, word) != class_of(V2, word)}
+        differing = {word for word in known if class_of(other, word) != class_of(DEFAULT, word)}
         assert differing == OF_A_SOURCE_ALONE.get(name, set()), name
 
 
@@ -83,7 +83,7 @@ def test_words_without_a_class_are_those_that_a_person_has_read() -> None:
 
 def list_without_a_class() -> str:
     """Return a line for each word without a class: its vocabulary, the word, its category."""
-    found = (row for row in ROWS if class_of(V2, row["word"]) is None)
+    found = (row for row in ROWS if class_of(DEFAULT, row["word"]) is None)
     return "".join(f"{r['vocabulary']}: {r['word']} ({r['category'] or '-'})\n" for r in found)
 
 
