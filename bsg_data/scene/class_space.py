@@ -1,8 +1,8 @@
 """Class spaces: the ordered lists of classes of all histograms.
 
-A published space is a file of `mappings/` that never changes: `<name>.classes.csv` with
-`index,class,definition`. Models, pairs and beliefs have one class space. Several class maps can
-share a space (`bsg_data.scene.class_map`).
+A published space is a file of `mappings/`: `<name>.classes.csv` with `index,class,definition`.
+Models, pairs and beliefs have one class space. Several class maps can share a space
+(`bsg_data.scene.class_map`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from bsg_data.inputs.documents import parse_csv
 from bsg_data.recipes import Record
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
-DEFAULT_CLASS_SPACE = "hm3d45-v2"
+DEFAULT_CLASS_SPACE = "hm3d45-v1"
 _MAX_CLASSES = 256  # the objects table stores the index in a byte
 _SUFFIX = ".classes.csv"
 _PARTS = "parts-v1.csv"
@@ -91,8 +91,8 @@ def read_published(file: str, *, folder: str = "bsg_mappings") -> bytes:
     if f"{hashlib.sha256(data).hexdigest()}  {file}" not in _list_published(folder):
         where = folder.removeprefix("bsg_").replace(".", "/")
         raise ClassMapError(
-            f"{where}/{file} is not the published file (sha256 differs from SHA256SUMS): published "
-            "files never change; reinstall the package, or give your version a new name",
+            f"{where}/{file} is not the published file (sha256 differs from SHA256SUMS): "
+            "reinstall the package, or give your version a new name",
             code="file-changed",
             where=file,
         )

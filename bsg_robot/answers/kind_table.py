@@ -2,13 +2,12 @@
 
 kinds-v1.csv        a kind, how many rooms of it each kind of building has, its floor area, how
 many rooms are beside it, and whether people only pass through
-hand-prior-v2.json  P(a room of a kind has a class)
+hand-prior-v1.json  P(a room of a kind has a class)
 things-v1.csv       where people search for other things, and P(a home has one)
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
@@ -16,12 +15,12 @@ from functools import cache, cached_property, lru_cache
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import known_label
+from bsg_models.zoo.hand_prior import read_hand_table
 from bsg_robot.tables.table import read_file, read_table
 from bsg_robot.things.things import Thing, find_thing, is_narrow, list_things
 
-_KINDS, _PRESENCE = "kinds-v1.csv", "hand-prior-v2.json"
+_KINDS = "kinds-v1.csv"
 _FACTS = ("floor_area", "spread", "neighbours", "passage")
 _LEAST, _MOST = 0.01, 0.98  # P(a room has a thing); nothing is impossible
 # Other buildings surely have what people search for, with this share, in rooms that homes lack.
@@ -174,7 +173,7 @@ def be_elsewhere(shares: Floats) -> Floats:
 
 def _read_presence(kinds: Sequence[str], things: Sequence[Thing]) -> tuple[Floats, Bools]:
     """Return P(a room has a class) by hand, `[K, T]`, NaN for other things; which are classes."""
-    tables = json.loads(read_published(_PRESENCE))["room_types"]
+    tables = read_hand_table()["room_types"]
     row = {thing.name: number for number, thing in enumerate(things)}
     names = {name for table in tables.values() for name in table["presence"]}
     columns = {name: row[thing.name] for name in sorted(names) if (thing := find_thing(name))}

@@ -12,7 +12,7 @@ kind of the building follows from all its rooms, if nobody says it. A label that
 all but one of `_WRONG` cases. A room of which nothing is known is of a kind that the building still
 lacks.
 
-p_kt is by hand, too: classes have the presence of `hand-prior-v2`, other things the rates of
+p_kt is by hand, too: classes have the presence of `hand-prior-v1`, other things the rates of
 `things-v1`. So every model may read kinds. `scripts/measure/kinds.py` measures them.
 """
 

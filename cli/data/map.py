@@ -133,7 +133,7 @@ def _map_coverage(dataset: Path, names: tuple[str, ...], by_class: bool, as_json
     \b
     Example:
       bsg-data map coverage dataset
-      bsg-data map coverage dataset --class-map hm3d45-v1 --class-map hm3d45-v2 --classes
+      bsg-data map coverage dataset --class-map hm3d45-v1 --class-map hm3d-wide-v1 --classes
     """
     data = bsg_data.Dataset.open(dataset)
     manifest = data.manifest

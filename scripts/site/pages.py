@@ -30,7 +30,6 @@ ELSEWHERE = {  # path in the repository → place on the site
     "mappings/README.md": "class-maps.md",
     "mappings/hm3d-wide-v1.md": "class-maps/hm3d-wide-v1.md",
     "bsg_robot/tables/things-v1.md": "class-maps/things-v1.md",
-    "mappings/prior-table-prompt.md": "class-maps/prior-table-prompt.md",
     **{
         f"weights/{path.name}": f"model-cards/{path.name}"
         for path in sorted((REPOSITORY / "weights").glob("*.md"))

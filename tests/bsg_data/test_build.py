@@ -184,7 +184,7 @@ def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) 
 
 
 def test_strict_fails_on_the_first_loss(hm3d_folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(ClassMapError, match=r"'zzqx thing' is not in class map hm3d45-v2"):
+    with pytest.raises(ClassMapError, match=r"'zzqx thing' is not in class map hm3d45-v1"):
         build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", strict=True)
     other = tmp_path / "other"
     write_scene(other, "00042-broken00000", b"HM3D Semantic Annotations\n1,AB\n")

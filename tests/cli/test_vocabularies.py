@@ -17,7 +17,6 @@ from conftest import REPOSITORY
 from dsg_files import robot_graph, write_graph
 
 from bsg_cli.belief import main as belief
-from bsg_data import SceneObject, build_dataset, check_dataset, read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
@@ -201,29 +200,6 @@ def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
     plain = tell(describe_things(open_graph(HOME), [*FEW.values()], here=None)["things"])
     for door, things in ask_everywhere([*FEW]):
         assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
-
-
-def test_a_dataset_of_earlier_rules_is_sound(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By rules 1 a tv_monitor was a computer; the manifest has the hash of the map with them."""
-    (tmp_path / "things.csv").write_text("scene,room,category\ns,r,tv_monitor\ns,r,chair\n")
-    source, earlier = open_source("table", tmp_path / "things.csv"), MAP.former
-    with monkeypatch.context() as patched:
-        patched.setattr("bsg_data.build.load_class_map", lambda name: earlier)
-        manifest = build_dataset(source, tmp_path / "earlier")
-    assert earlier is not None
-    assert {entry.sha256 for entry in manifest.class_maps} == {earlier.sha256}
-    assert earlier.sha256 != MAP.sha256
-    assert {obj.category for obj in objects_of(tmp_path / "earlier")} == {"monitor", "chair"}
-    assert check_dataset(tmp_path / "earlier") == ()
-    build_dataset(source, tmp_path / "now")
-    assert {obj.category for obj in objects_of(tmp_path / "now")} == {"tv", "chair"}
-    assert check_dataset(tmp_path / "now") == ()
-
-
-def objects_of(dataset: Path) -> list[SceneObject]:
-    return [obj for graph in read_scene_graphs(dataset) for obj in graph.objects]
 
 
 def test_an_annotated_graph_opens_with_the_names_that_it_carries(

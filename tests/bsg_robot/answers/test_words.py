@@ -8,7 +8,7 @@ from bsg_data.scene.class_map import ClassMap, OwnMap, load_class_map, parse_own
 from bsg_robot.answers.nouns import read_nouns
 from bsg_robot.answers.words import MOST_CHARACTERS, Meaning, find_meaning
 
-MAP, WIDE = load_class_map("hm3d45-v2"), load_class_map("hm3d-wide-v1")
+MAP, WIDE = load_class_map("hm3d45-v1"), load_class_map("hm3d-wide-v1")
 
 
 @pytest.mark.parametrize(

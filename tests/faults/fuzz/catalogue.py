@@ -76,7 +76,7 @@ _BUILDING = SceneGraph(
     annotation_sha256="0" * 64,
     rooms=tuple(Room(number, number) for number in range(1, 4)),
     objects=(),
-    class_map="hm3d45-v2",
+    class_map="hm3d45-v1",
 )
 _PREDICTIONS = {
     "scene_id": ["a", "a"],
