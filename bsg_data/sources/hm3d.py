@@ -62,7 +62,8 @@ _ROWS = re.compile(  # id, colour or what stands there instead, name, region
     r'^([0-9]{1,9}),(?:([0-9A-Fa-f]{1,6})|([^,"\n]*)),"(.*)",(-?[0-9]{1,9})[^\S\n]*$', re.MULTILINE
 )
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
-_VERSION = re.compile(r"v[0-9]+\.[0-9]+")
+_VERSION = re.compile(r"v([0-9]+\.[0-9]+)|^hm3d[-_]([0-9]+\.[0-9]+)$")
+_OF_HM3D = re.compile(r"hm3d.*|v[0-9]+\.[0-9]+", re.IGNORECASE)  # not every v1.0 above a root
 # Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
 # 240101-office is a name.
 _NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
@@ -196,7 +197,7 @@ class HM3DFolder:
             location=relative.as_posix(),
             fingerprint=fingerprint(path),
             source_split=_last(map(_split_of_folder, folders)) or split_by_number(scene_id),
-            source_version=_last(map(version_of, folders)),
+            source_version=_last(map(version_of, (folders[0], *_names_above(path), *folders[1:]))),
             geometry=_state_of(self._find_mesh(path)),
             building=split_scene_id(building)[1],
         )
@@ -281,11 +282,17 @@ def split_by_number(scene_id: str) -> str | None:
 def version_of(name: str) -> str | None:
     """Read the version from the name of a folder or file.
 
-    >>> version_of("HM3DSem-v0.2.zip")
-    'v0.2'
+    >>> version_of("HM3DSem-v0.2.zip"), version_of("hm3d-0.2")
+    ('v0.2', 'v0.2')
     """
     match = _VERSION.search(name)
-    return match[0] if match else None
+    return f"v{match[1] or match[2]}" if match else None
+
+
+def _names_above(file: Path) -> tuple[str, ...]:
+    """Return HM3D's own names of folders above a file: as they are said, then behind links."""
+    ways = (file.absolute(), file.parent.resolve(), file.resolve())
+    return tuple(name for way in ways for name in way.parent.parts if _OF_HM3D.fullmatch(name))
 
 
 def _last(values: Iterator[str | None]) -> str | None:

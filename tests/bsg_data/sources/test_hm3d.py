@@ -74,6 +74,36 @@ def test_the_path_says_id_split_and_version(
     assert (ref.scene_id, ref.source_split, ref.source_version) == (scene_id, split, version)
 
 
+def test_habitats_own_downloads_keep_their_newest_version(tmp_path: Path) -> None:
+    """As `habitat_sim.utils.datasets_download` lays them out: the links come first by name."""
+    data = tmp_path / "project-v9.0"
+    places = ("val/00800-TEEsavR23oF", "minival/00800-TEEsavR23oF", "train/00006-HkseAnWCgqk")
+    for version, names in {"0.1": ["bed"], "0.2": ["bed", "lamp"]}.items():
+        for place in places:
+            folder = data / f"versioned_data/hm3d-{version}/hm3d" / place
+            write_scene(folder.parent, folder.name, annotation_text({0: names}))
+        link = data / "scene_datasets" / {"0.1": "hm3d", "0.2": "hm3d_v0.2"}[version]
+        link.parent.mkdir(exist_ok=True)
+        link.symlink_to(f"../versioned_data/hm3d-{version}/hm3d")
+    real = data / "versioned_data/hm3d-0.1/hm3d"
+    roots = {  # whole, links alone, one version, a folder of it
+        data: "v0.2",
+        data / "scene_datasets": "v0.2",
+        data / "scene_datasets/hm3d": "v0.1",
+        data / "scene_datasets/hm3d_v0.2/val": "v0.2",
+        real: "v0.1",
+        real / "train": "v0.1",
+    }
+    for root, version in roots.items():
+        found = HM3DFolder(root).find()
+        assert {ref.source_version for ref in found.scenes} == {version}, root
+        splits = {ref.source_split for ref in found.scenes}
+        assert splits <= {"val", "train"} and splits, root
+        assert len(found.conflicts) == (3 if root in (data, data / "scene_datasets") else 0)
+    with refuses(SourceError, "scene-unreadable", golden=False):
+        build_dataset(HM3DFolder(data), tmp_path / "dataset", strict=True)
+
+
 def test_what_is_no_file_is_reported_and_never_opened(tmp_path: Path) -> None:
     write_scene(tmp_path, "00006-HkseAnWCgqk", TEXT)
     folder = tmp_path / "train" / "odd"
