@@ -10,6 +10,7 @@ from .exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.mask_hash import hash_splits
 from .observation.masks import MASKS, Mask
+from .observation.pairs import sample_pairs
 from .observation.view import View
 from .registry import Registry
 from .results import refuse_file
@@ -65,5 +66,6 @@ __all__ = [
     "plot_frequencies",
     "published_maps",
     "refuse_file",
+    "sample_pairs",
     "write_bytes",
 ]

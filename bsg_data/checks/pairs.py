@@ -62,6 +62,8 @@ def check_pairs(
             times[scene] += 1
             if split != split_of_file(entry.path):
                 yield where, f"expected split {split_of_file(entry.path)}, found {split}"
+            elif (said := rows["split"].unique().to_pylist()) != [split]:
+                yield where, f"expected {split} as `split` of every row, found {said}"
             else:
                 yield from ((where, rule) for rule in _compare(data, scene, rows, recipe))
     for scene in sorted(split_of):

@@ -104,6 +104,7 @@ def setting(column: str, value: object, row: int = 0) -> Change:
         (PAIRS, setting("hidden_share", np.float32(0.4)), "is not the mask of its recipe"),
         (PAIRS, setting("withheld", np.ones(45, bool), 1), "is not the mask of its recipe"),
         (PAIRS, setting("scene_id", "nowhere"), "found None"),
+        (PAIRS, setting("split", "val", 3), "expected test as `split` of every row"),
         (PAIRS, lambda f: f.iloc[::-1], "of draws 0..3, in order"),
     ],
 )
