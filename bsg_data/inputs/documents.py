@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
-from pydantic_core import from_json
 
 from bsg_data.errors import SourceError
 from bsg_data.files import encode_json
@@ -28,7 +27,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib  # the same, from before it was in Python
 
-_FORM = 'JSON has double quotes, and no comma before ] or }: {"kitchen": ["sink", "stove"]}'
+_FORM = '. JSON has double quotes, and no comma before ] or }: {"kitchen": ["sink", "stove"]}'
 _HALF = re.compile(r"\\u[dD][89a-fA-F]")  # half a character, if the other half is not beside it
 _MARKS = {  # of the order of bytes → the encoding
     codecs.BOM_UTF8: "utf-8-sig",
@@ -44,32 +43,37 @@ def read_json(
 ) -> Any:
     """Read a JSON file, packed or not; one that may come by the network has a bound in bytes."""
     data = read_bytes(path, bound, error=error)
-    if bound is not None and (found := sum(map(data.count, (b"[", b"{", b",")))) > MAX_VALUES:
-        message = f"{path}: expected at most {MAX_VALUES:,} values, found {found:,}"
-        raise error(message, code="json-malformed", where=path)
-    return require_json(data, path, once=once, error=error)
+    return require_json(data, path, once=once, is_bounded=bound is not None, error=error)
 
 
 def require_json(
-    data: bytes, where: Path | str, *, once: bool = True, error: Refusal = SourceError
+    data: bytes,
+    where: Path | str,
+    *,
+    once: bool = True,
+    is_bounded: bool = False,
+    error: Refusal = SourceError,
 ) -> Any:
     """Parse the JSON of a file, or of a place in one, which an error names; see `parse_json`."""
     try:
-        if not data.strip():
+        text = decode(data)
+        if is_bounded and (found := sum(map(text.count, "[{,"))) > MAX_VALUES:
+            raise ValueError(f"expected at most {MAX_VALUES:,} values, found {found:,}")
+        if not text.strip():
             raise ValueError("an empty file")
-        return parse_json(data, once=once)
+        return parse_json(text, once=once)
     except ValueError as fault:
-        message = f"{where}: no JSON ({fault}). {_FORM}"
+        form = _FORM if isinstance(fault, json.JSONDecodeError) else ""
+        message = f"{where}: no JSON ({str(fault)[:200]}){form}"
         raise error(message, code="json-malformed", where=where) from fault
 
 
 def parse_json(data: bytes | str, *, once: bool = True) -> Any:
     """Parse JSON; a key that is there twice is refused if `once`, else its last value is taken."""
     text = decode(data)
-    if not once:
-        return from_json(text, allow_inf_nan=False)
     try:
-        document = json.loads(text, object_pairs_hook=_require_once, parse_constant=_refuse_number)
+        hook = _require_once if once else None
+        document = json.loads(text, object_pairs_hook=hook, parse_constant=_refuse_number)
         if _HALF.search(text):
             encode_json(document, ensure_ascii=False).encode()
     except RecursionError:

@@ -9,7 +9,7 @@ from typing import Any
 
 from python_calamine import CalamineError, CalamineWorkbook
 
-SheetRow = dict[int, str]  # number of the column, from 0 → text, of the cells that are not empty
+SheetRow = dict[int, str]  # number of the column, from the first that is used → text, if any
 
 
 def read_sheets(data: bytes, is_read: Callable[[str], bool]) -> Iterator[tuple[str, SheetRow]]:

@@ -299,7 +299,9 @@ def _find_rooms(said: str, regions: Mapping[str, int], notes: Counter[str]) -> l
         notes["components name no space: they belong to the building"] += 1
     notes["names of spaces of components are not in the sheet Space"] += len(names) - len(known)
     for name in (name for name, region in known if region == _SEVERAL):
-        notes[f"components are in {name.strip()}, as spaces of several floors are called: in no room"] += 1
+        notes[
+            f"components are in {name.strip()}, as spaces of several floors are called: in no room"
+        ] += 1
     return list(dict.fromkeys(region for _, region in known if region != _SEVERAL))
 
 

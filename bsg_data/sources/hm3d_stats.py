@@ -134,7 +134,8 @@ def _split_row(line: str, fault: Callable[[str, str], AnnotationError]) -> list[
     try:
         _, row = next(parse_csv([line]))
     except ValueError as error:
-        raise fault(line, f"a row of comma separated values ({error})") from error
+        why = str(error).partition(": ")[2]
+        raise fault(line, f"a row of comma separated values ({why})") from error
     if len(row) != len(HEADER) or not _WHOLE.fullmatch(row[1]) or not _WHOLE.fullmatch(row[3]):
         raise fault(line, f"{','.join(HEADER)}, with whole numbers as region and # Objects")
     return row

@@ -11,8 +11,8 @@ Doors, windows and walls are no objects there, and so none here.
 
 from __future__ import annotations
 
+import codecs
 import hashlib
-import io
 import json
 import os
 import re
@@ -218,7 +218,7 @@ def _stream(file: Path) -> _Houses:
 
 def _split(opened: BinaryIO) -> Iterator[bytes]:
     """Yield the houses of an array, or one house that has more than a line; hold few at a time."""
-    source = io.TextIOWrapper(opened, "utf-8-sig", newline="")
+    source = codecs.getreader("utf-8-sig")(opened)
     text, more = source.read(_BLOCK).lstrip(), True
     is_array = text.startswith("[")
     at = int(is_array)

@@ -10,9 +10,7 @@ and, if names are to be translated too, `category`.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -33,7 +31,7 @@ from bsg_data.inputs.documents import parse_yaml, require_json
 from bsg_data.inputs.text_table import parse_csv
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.class_space import read_published
+from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
@@ -87,13 +85,13 @@ def _read_published(name: str) -> LabelSpace:
             where=name,
         )
     data = read_published(f"{_PREFIX}{name}{_SUFFIX}")
-    rows = list(csv.DictReader(io.StringIO(data.decode())))
+    rows = read_rows(name, data, ("number", "label", "category"))
     return LabelSpace(
         name=name,
         sha256=hashlib.sha256(data).hexdigest(),
         names={},
-        categories={row["label"]: row["category"] for row in rows},
-        usual={int(row["number"]): row["label"] for row in rows},
+        categories={label: category for _, (_, label, category) in rows},
+        usual={int(number): label for _, (number, label, _) in rows},
     )
 
 
@@ -190,7 +188,9 @@ class _RobotGraphs:
             doors=[(file.rooms[a].index, file.rooms[b].index) for a, b in file.adjacency],
             method="robot",
         )
-        return Reading(graph)
+        said = f"{file.lost:,} edges to nodes that are not there: they are left out"
+        lost = [SkippedScene(ref.scene_id, ref.location, said)] if file.lost else []
+        return Reading(graph, left_out=tuple(lost))
 
     def _space(self) -> LabelSpace | None:
         return None if self.labels is None else load_label_space(self.labels)
