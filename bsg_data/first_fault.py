@@ -54,7 +54,7 @@ def keep_one_unknown(said: Any, known: Collection[str]) -> Any:
     return kept | {key: said[key] for key in islice((k for k in said if k not in kept), 1)}
 
 
-MAX_METRES = 10_000.0  # from the origin of a building
+MAX_METRES = 1_000_000.0  # from the origin: a map may be in the metres of a country's grid
 Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
 
 
