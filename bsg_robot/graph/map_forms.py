@@ -30,7 +30,7 @@ FACTS_OF_MAPS = ("more_rooms", "building_kind")
 _LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
 _DEPTH = 6  # levels of a document that can hold a value of NumPy
 # Kind of entry → key of others → the first of ours that is not said.
-_SYNONYMS = {
+_SYNONYMS: dict[str, dict[str, tuple[str, ...]]] = {
     "": {"name": ("scene_id",), "kind": ("building_kind",)},
     "rooms": {
         "room_id": ("id",),
