@@ -8,12 +8,9 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-import hidden_share
 import numpy as np
-import pieces
 import pytest
-import receptacle_shares
-from conftest import REPOSITORY, load_script
+from conftest import load_script
 from folds import (
     bootstrap,
     list_models,
@@ -27,8 +24,6 @@ from folds import (
 from bsg_data.dataset.dataset import Dataset
 from bsg_models.evaluation.bootstrap import weigh_buildings
 from bsg_models.evaluation.measurement import predict_all, read_truth
-
-PLACEMENTS = REPOSITORY.parent / "shared" / "housekeep" / "placements.csv"
 
 
 def test_rooms_of_which_nothing_was_seen_are_counted_alone(board: Path) -> None:
@@ -181,37 +176,3 @@ def test_a_room_is_ranked_with_those_that_have_a_label_or_with_those_that_have_n
     assert (~entered["all"]).any()
     assert (entered["all"] == (entered["labelled"] & entered["unlabelled"])).all()
     assert (entered["labelled"] | entered["unlabelled"]).all()
-
-
-def test_the_share_that_is_told_is_asked_of_buildings_held_out(board: Path, tmp_path: Path) -> None:
-    out = tmp_path / "figures.json"
-    argv = [f"--leaderboard={board}", "--model=mixture@uniform", f"--out={out}", "--folds", "0"]
-    assert hidden_share.main(argv) == 0
-    (table,) = read_tables(out, "hidden_share").values()
-    told = {row[0]: float(row[1]) for row in table["rows"]}
-    assert told["the true share"] == 0 < told["an estimate, its mean only"] < told["one half"]
-
-
-def test_what_is_said_of_furniture_is_judged_by_people(tmp_path: Path) -> None:
-    """Of one thing in one room: people chose the second of three pieces."""
-    rows = ["object,split,room,receptacle,people_right"]
-    rows += [f"milk,val,kitchen,{one},{n}" for one, n in (("oven", 0), ("fridge", 8), ("sink", 2))]
-    (tmp_path / "placements.csv").write_text("\n".join(rows), "utf-8")
-    votes = pieces.read_votes(tmp_path / "placements.csv", split="val")
-    scores = {"ours": [3.0, 2.0, 1.0], "chance": [1.0, 1.0, 1.0]}
-    for said in scores.values():
-        found = pieces.judge(votes, lambda *_, said=said: np.array(said))
-        shares = np.array(said) / sum(said)
-        loss = -(0.8 * np.log(shares[1]) + 0.2 * np.log(shares[2]))
-        np.testing.assert_allclose(found, [[1 / 2, 1, loss, 1]])
-    out = tmp_path / "figures.json"
-    assert pieces.main([f"--housekeep={tmp_path / 'placements.csv'}", f"--out={out}"]) == 0
-    assert "placements.csv" in json.loads(out.read_text("utf-8"))["pieces"]["made"]["dataset"]
-
-
-@pytest.mark.skipif(not PLACEMENTS.is_file(), reason="needs ../shared")
-def test_the_shipped_shares_are_made_of_the_answers(tmp_path: Path) -> None:
-    made = tmp_path / "made.csv"
-    assert receptacle_shares.main([f"--housekeep={PLACEMENTS}", f"--out={made}"]) == 0
-    shipped = REPOSITORY / "mappings" / "receptacle-shares-v1.csv"
-    assert made.read_bytes() == shipped.read_bytes()
