@@ -16,8 +16,6 @@ from bsg_data.synthetic.building import (
     MAX_SCENES,
     SyntheticBuilding,
     SyntheticError,
-    SyntheticRates,
-    load_rates,
     name_building,
     synthesise,
 )
@@ -49,7 +47,6 @@ def write_synthetic(
         SyntheticError: before anything is written, if a number is out of range.
         DatasetError: before anything is written, if something is in the way.
     """
-    out, rates = Path(out), load_rates()
     if seed < 0 or not 0 < scenes <= MAX_SCENES:
         raise SyntheticError(
             f"{scenes} scenes of seed {seed}: expected 1 to {MAX_SCENES} scenes, and a seed from 0",
@@ -63,16 +60,14 @@ def write_synthetic(
         if not done:
             write_bytes(folder / SYNTHETIC_MARK, text)
         for number in range(scenes):
-            building = synthesise(rates, seed=seed, number=number)
+            building = synthesise(seed=seed, number=number)
             if not done:
-                _write_one(building, folder, rates, seed=seed, number=number)
+                _write_one(building, folder, seed=seed, number=number)
             yield out / _name_annotation(building.split, building.scene_id, building.hash)
 
 
-def _write_one(
-    building: SyntheticBuilding, folder: Path, rates: SyntheticRates, *, seed: int, number: int
-) -> None:
-    layout = draw_layout(rates, building, seed=seed, number=number)
+def _write_one(building: SyntheticBuilding, folder: Path, *, seed: int, number: int) -> None:
+    layout = draw_layout(building, seed=seed, number=number)
     write_bytes(folder / _name_layout(building.scene_id), layout.encode())
     rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
     path = folder / _name_annotation(building.split, building.scene_id, building.hash)
