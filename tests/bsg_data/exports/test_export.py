@@ -9,7 +9,7 @@ from dsg_files import robot_graph, write_graph
 from refusals import refuses
 
 from bsg_data.build import build_dataset
-from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS, EncodedScene, ExportRow
 from bsg_data.exports.export import export_dataset
 from bsg_data.sources.catalogue import open_source
@@ -67,12 +67,6 @@ def test_nothing_is_left_of_an_export_that_fails(
     assert not (tmp_path / "out").exists()
 
 
-def test_the_longest_scene_id_names_files(tmp_path: Path) -> None:
-    write_graph(tmp_path / "graphs" / f"{'a' * 200}.json")
-    build_dataset(open_source("spark-dsg", tmp_path / "graphs"), tmp_path / "dataset")
-    assert export_dataset(tmp_path / "dataset", tmp_path / "out", to="habitat").files == 1
-
-
 def test_what_files_need_is_noted_once(
     robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -80,12 +74,6 @@ def test_what_files_need_is_noted_once(
     row = ExportRow("noted", lambda *_: EncodedScene({next(names): b""}, 0, note="turn it"))
     monkeypatch.setattr(ROW, row)
     assert dict(export_dataset(robots, tmp_path / "out", to="habitat").notes) == {"turn it": 3}
-
-
-def test_an_unknown_export_is_refused(robots: Path, tmp_path: Path) -> None:
-    with pytest.raises(RecipeError):
-        export_dataset(robots, tmp_path / "out", to="habitats")
-    assert not (tmp_path / "out").exists()
 
 
 class TestExports(ExportContract):
