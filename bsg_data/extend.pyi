@@ -1,4 +1,4 @@
-from .dataset.manifest import Manifest, SkippedScene, Terms, UnmappedEntry
+from .dataset.manifest import Manifest, SkippedScene, UnmappedEntry
 from .dataset.statistics import (
     count_classes,
     count_frequencies,
@@ -25,6 +25,7 @@ from .sources.hm3d import HM3DFolder
 from .sources.room_layouts import WithLayouts
 from .sources.room_words import WithRoomLabels
 from .sources.source import FoundScenes, Reading, SceneRef, Source, SourceRow
+from .terms import Terms
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [

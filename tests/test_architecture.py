@@ -21,7 +21,7 @@ FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
 HOUSE = (
     "bsg_data.arrays bsg_data.errors bsg_data.first_fault bsg_data.public_names bsg_data.spelling"
     " bsg_data.tables",
-    "bsg_data.executors bsg_data.files bsg_data.recipes bsg_data.registry",
+    "bsg_data.executors bsg_data.files bsg_data.recipes bsg_data.registry bsg_data.terms",
     "bsg_data.inputs",
     "bsg_data.scene bsg_data.results",
     "bsg_data.geometry",

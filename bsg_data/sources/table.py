@@ -37,7 +37,7 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from bsg_data.dataset.manifest import LICENCE_REF, SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import Metres
 from bsg_data.geometry.placement import find_storeys
@@ -52,6 +52,7 @@ from bsg_data.sources.assembly import assemble, place_room, require_few_letters
 from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import ask_if_meant, list_some, meant_names
+from bsg_data.terms import LICENCE_REF, Terms
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")
