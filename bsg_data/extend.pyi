@@ -1,7 +1,6 @@
 from .dataset.manifest import Manifest, SkippedScene, UnmappedEntry
 from .dataset.statistics import (
     count_classes,
-    count_frequencies,
     count_sources,
     measure_coverage,
     plot_frequencies,
@@ -61,7 +60,6 @@ __all__ = [
     "WithRoomLabels",
     "assemble",
     "count_classes",
-    "count_frequencies",
     "count_sources",
     "hash_splits",
     "measure_coverage",

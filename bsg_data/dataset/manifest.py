@@ -31,7 +31,8 @@ from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_ROWS, MAX_SHARDS
 from bsg_data.inputs.documents import parse_json
-from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.records import Record, name_fault
 from bsg_data.results import name_staged
 from bsg_data.scene.class_map import (
     CLASSES,

@@ -74,18 +74,6 @@ def count_classes(data: Dataset, class_map: ClassMap | None = None) -> list[Row]
     ]
 
 
-def count_frequencies(data: Dataset) -> list[Row]:
-    """Return one row per class, most frequent first.
-
-    Each has its `class`; `instances`; `rooms` and `scenes` with at least one instance.
-    """
-    rows = [
-        {"class": r["class"], **{k: r[k] for k in ("instances", "rooms")}, "scenes": r["buildings"]}
-        for r in count_classes(data)
-    ]
-    return sorted(rows, key=lambda row: (-row["instances"], row["class"]))
-
-
 def measure_coverage(data: Dataset, class_map: ClassMap | None = None) -> dict[str, Any]:
     """Measure how much of a dataset a class map covers.
 

@@ -23,9 +23,9 @@ from pydantic import AfterValidator, Field
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import ForeignRecord, Keyed
 from bsg_data.inputs.bounds import BEHAVIOR, MAX_LISTED, MAX_LISTED_SCENES
 from bsg_data.inputs.documents import read_json
+from bsg_data.records import ForeignRecord, Keyed
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate

@@ -32,7 +32,7 @@ class SyntheticError(RecipeError, ValueError):
     """Report buildings that cannot be drawn as asked."""
 
 
-class RoomTable(NamedTuple):
+class _RoomTable(NamedTuple):
     """What `rooms.csv` says of K kinds of rooms and C names."""
 
     kinds: tuple[str, ...]  # words of room layouts `[K]`
@@ -43,12 +43,12 @@ class RoomTable(NamedTuple):
 
 
 @cache
-def read_rooms() -> RoomTable:
+def read_rooms() -> _RoomTable:
     """Read the table that the package ships."""
     text = resources.files("bsg_data.synthetic").joinpath("rooms.csv").read_text("utf-8")
     header, rooms, *rows = (line.split(",") for line in text.splitlines())
     values = np.array([[float(cell or 0) for cell in row[1:]] for row in rows])
-    return RoomTable(
+    return _RoomTable(
         tuple(header[2:]),
         tuple(row[0] for row in rows),
         np.array(rooms[2:], dtype=float),
@@ -98,7 +98,7 @@ def name_building(seed: int, number: int) -> tuple[str, str, str]:
     return split, f"{number if number >= _HM3D_SCENES else scene:05d}-{name}", name
 
 
-def _draw_kinds(table: RoomTable, rng: np.random.Generator) -> list[int]:
+def _draw_kinds(table: _RoomTable, rng: np.random.Generator) -> list[int]:
     """Sample the kinds of the rooms of a building, 14 on average."""
     least, most = _ROOMS
     total = min(least + int(rng.negative_binomial(5, 1 / 3)), most)
@@ -107,7 +107,7 @@ def _draw_kinds(table: RoomTable, rng: np.random.Generator) -> list[int]:
     return [int(kind) for kind in rng.permutation([*kinds, *more])]
 
 
-def _draw_counts(table: RoomTable, kinds: list[int], rng: np.random.Generator) -> Counts:
+def _draw_counts(table: _RoomTable, kinds: list[int], rng: np.random.Generator) -> Counts:
     """Sample counts per room and name `[R, C]`; every room has a wall at least."""
     mean, shape = table.counts[kinds], (len(kinds), len(table.names))
     taste, size = rng.gamma(2, 1 / 2, shape[1]), rng.gamma(4, 1 / 4, (shape[0], 1))
@@ -119,7 +119,7 @@ def _draw_counts(table: RoomTable, kinds: list[int], rng: np.random.Generator) -
 
 
 def _list_rows(
-    table: RoomTable, counts: Counts, rng: np.random.Generator
+    table: _RoomTable, counts: Counts, rng: np.random.Generator
 ) -> tuple[AnnotatedObject, ...]:
     """List the instances room by room, with ids and colours; regions count from 0 or from 1."""
     first = int(rng.random() < 0.3)

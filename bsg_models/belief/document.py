@@ -10,12 +10,11 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from bsg_data.files import encode_json, write_bytes
-from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import encode_robot_graph, parse_robot_graph
-from bsg_data.recipes import SaidRecord, name_fault
+from bsg_data.records import Listed, SaidRecord, name_fault
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.spelling import SHOWN
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode

@@ -26,7 +26,7 @@ from bsg_data.observation.partial_graph import (
 )
 from bsg_data.observation.reports import LOOK_CHANCE, say_score
 from bsg_data.observation.robot_json import list_unmapped, room_reader, understand_rooms
-from bsg_data.recipes import read_number
+from bsg_data.records import read_number
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.scene.surroundings import area_of

@@ -19,7 +19,7 @@ from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.bounds import CARD
 from bsg_data.inputs.documents import parse_yaml
-from bsg_data.recipes import Record, name_fault
+from bsg_data.records import Record, name_fault
 from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code
 from bsg_data.terms import LICENCE_REF, is_address
 from bsg_models.errors import CheckpointError

@@ -31,7 +31,7 @@ from bsg_data.observation.partial_graph import (
 from bsg_data.observation.partial_graph import MoreRooms as MoreRoomsNumber
 from bsg_data.observation.reports import LOOK_CHANCE
 from bsg_data.observation.robot_json import drop_empty, note_building, note_rooms
-from bsg_data.recipes import Record, name_fault
+from bsg_data.records import Record, name_fault
 from bsg_models.robot.ways import SaidCost, SaidLook
 from bsg_models.robot.words import find_room
 from bsg_models.search.knowledge import Task

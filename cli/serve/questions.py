@@ -13,11 +13,10 @@ import bsg_data
 import bsg_models
 from bsg_cli.find import describe_place, describe_things
 from bsg_data.files import AnyPath
-from bsg_data.first_fault import Keyed, Listed
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import Id, Score, Text, reclassify
 from bsg_data.observation.reports import LOOK_CHANCE
-from bsg_data.recipes import Record, SaidRecord
+from bsg_data.records import Keyed, Listed, Record, SaidRecord
 from bsg_models.belief.graph_file import parse_graph
 from bsg_models.robot.ways import SaidCost, SaidLook
 from bsg_models.search.knowledge import Task
