@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from refusals import refuses
 
-from bsg_data.errors import DatasetError, SourceError
+from bsg_data.errors import DatasetError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.sources.hm3d import SYNTHETIC_MARK, HM3DFolder
+from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.building import (
     MAX_SCENES,
     SyntheticError,
@@ -103,17 +103,6 @@ def test_a_second_run_does_not_mix_two_sets(tmp_path: Path) -> None:
     assert len(list(tmp_path.rglob("*.yaml"))) == 2
 
 
-def test_a_stopped_run_is_made_again_without_force(tmp_path: Path) -> None:
-    stream = write_synthetic(tmp_path / "out", scenes=3, seed=0)
-    next(stream)
-    stream.close()
-    assert not (tmp_path / "out").exists()
-    with refuses(SourceError, "source-unfinished", tmp_path / "out.partial"):
-        HM3DFolder(tmp_path / "out.partial").find()
-    assert len(list(write_synthetic(tmp_path / "out", scenes=2, seed=1))) == 2
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
 @pytest.mark.parametrize(
     "where",
     [
@@ -142,11 +131,3 @@ def test_a_mark_that_says_nothing_removes_nothing(tmp_path: Path) -> None:
         with refuses(DatasetError, "mark-broken"):
             next(write_synthetic(tmp_path / "out", scenes=2, seed=2, force=True))
     assert sorted((tmp_path / "out").rglob("*")) == before
-
-
-def test_a_run_that_was_killed_at_its_first_file_is_made_again(tmp_path: Path) -> None:
-    begun = tmp_path / "out.partial" / ".build" / "plan.json.partial"
-    begun.parent.mkdir(parents=True)
-    begun.touch()
-    assert len(list(write_synthetic(tmp_path / "out", scenes=1, seed=1))) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
