@@ -16,20 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from bsg_data.arrays import Counts, Floats
-from bsg_data.errors import RecipeError
 from bsg_data.scene.scene_graph import AnnotatedObject
 
-MAX_SCENES = 10_000_000  # the digits of a scene id number no more
 _ROOMS = (4, 34)  # least and most, as in HM3D
 _IN_EVERY_HOME = ("bathroom", "bedroom", "kitchen", "living room")
 _NULL_REGION = 0.1  # share of buildings that list some instances in region -1
 _HM3D_SCENES = 900  # HM3D numbers 800 train scenes from 00000 and 100 val scenes from 00800
 _VAL_EVERY = 9  # the last of every nine numbers is in val: 100 of 900, 2 of 20
 _ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789"
-
-
-class SyntheticError(RecipeError, ValueError):
-    """Report buildings that cannot be drawn as asked."""
 
 
 class _RoomTable(NamedTuple):
@@ -74,13 +68,6 @@ def synthesise(*, seed: int, number: int) -> SyntheticBuilding:
     The first 900 numbers have the ids of HM3D, whose val buildings follow its train buildings; the
     id of a later one is its number.
     """
-    if seed < 0 or not 0 <= number < MAX_SCENES:
-        raise SyntheticError(
-            f"building {number} of seed {seed}: expected a number from 0 to {MAX_SCENES - 1}, and "
-            "a seed from 0 on",
-            code="number-range",
-            where=number,
-        )
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, number))))
     table = read_rooms()
     kinds = _draw_kinds(table, rng)
@@ -124,11 +111,11 @@ def _list_rows(
     """List the instances room by room, with ids and colours; regions count from 0 or from 1."""
     first = int(rng.random() < 0.3)
     rooms, names = (np.repeat(places, counts[counts > 0]) for places in np.nonzero(counts))
-    listed = [*zip(names, rooms + first, strict=True)]
+    listed = [*zip(names.tolist(), (rooms + first).tolist(), strict=True)]
     if rng.random() < _NULL_REGION:
-        listed += [(name, -1) for name in names[:3]]
+        listed += [(name, -1) for name, _ in listed[:3]]
     colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
     return tuple(
-        AnnotatedObject(index, int(region), table.names[name], colour=f"{colour:X}")
+        AnnotatedObject(index, region, table.names[name], colour=f"{colour:X}")
         for index, ((name, region), colour) in enumerate(zip(listed, colours, strict=True), 1)
     )

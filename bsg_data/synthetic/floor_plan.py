@@ -178,13 +178,12 @@ def _draw_stairs(
 
     def merit(pair: tuple[int, int]) -> tuple[bool, bool, float]:
         least = min(inner[pair[0]].meet(inner[pair[1]]).sides())
-        return least >= 1.0, not wanted.isdisjoint(pair), least
+        return least >= 1.0, pair[0] in wanted or pair[1] in wanted, least
 
-    wanted = set(wanted)
     a, b = max(((a, b) for a in low for b in high), key=merit)
     shared = inner[a].meet(inner[b])
     across, along = shared.sides()
-    (x, y) = shared.low
+    x, y = shared.low
     size = (min(3.0, across), 0.9) if across >= along else (0.9, min(3.0, along))
     return _Stairs((a, b), Rectangle((x, y), (x + size[0], y + size[1])))
 
