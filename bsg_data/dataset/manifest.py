@@ -109,7 +109,7 @@ CARD, CROISSANT = "README.md", "croissant.json"
 STAGED = ".staged"  # folder of what a command is about to add
 
 # The table of scenes has a row for each, and no file of more rows is read.
-ScenesPerShard = Annotated[int, Field(ge=1, le=MAX_ROWS)]
+_ScenesPerShard = Annotated[int, Field(ge=1, le=MAX_ROWS)]
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
 FILE_PATH = re.compile(
@@ -260,7 +260,7 @@ class Manifest(Record):
     generator: str
     class_space: ClassSpace
     sources: tuple[SourceEntry, ...] = Field(min_length=1)
-    scenes_per_shard: ScenesPerShard
+    scenes_per_shard: _ScenesPerShard
     totals: Totals
     files: tuple[FileEntry, ...]
     skipped: tuple[SkippedScene, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from dsg_files import robot_graph, write_graph
@@ -42,9 +43,8 @@ def test_what_has_no_place_is_counted_and_files_in_the_way_stay(
         export_dataset(robots, out, to="habitat")
     assert sorted(path.name for path in out.iterdir()) == ["b.semantic_config.json", "other.txt"]
     assert (out / "b.semantic_config.json").read_text() == "mine"
-    done = export_dataset(
-        robots, out, to="habitat", force=True, progress=lambda *step: seen.append(step)
-    )
+    how: Any = {"force": True, "progress": lambda *step: seen.append(step)}
+    done = export_dataset(robots, out, to="habitat", **how)
     assert (done.files, done.scenes, done.rooms) == (2, 2, 2)
     assert (done.left_out, done.rooms_left_out) == (("c",), 4)
     assert seen == [(1, 3), (2, 3), (3, 3)]
@@ -65,15 +65,6 @@ def test_nothing_is_left_of_an_export_that_fails(
     with refuses(DatasetError, code, robots if file is None else "a"):
         export_dataset(robots, tmp_path / "out", to="habitat")
     assert not (tmp_path / "out").exists()
-
-
-def test_what_files_need_is_noted_once(
-    robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = iter("abc")
-    row = ExportRow("noted", lambda *_: EncodedScene({next(names): b""}, 0, note="turn it"))
-    monkeypatch.setattr(ROW, row)
-    assert dict(export_dataset(robots, tmp_path / "out", to="habitat").notes) == {"turn it": 3}
 
 
 class TestExports(ExportContract):
