@@ -57,9 +57,8 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
     else:
         print_text(f"pairs: {recipe.draws} draws of {recipe.mask}\n{format_hashes(hashes)}")
     most = max(1, *(row["instances"] for row in classes))
-    columns = ("class", "instances", "rooms", "buildings")
-    rows = [(*map(row.get, columns), _bar(row["instances"] / most)) for row in classes]
-    print_text("\n" + format_text(rows, header=(*columns, "")))
+    rows = [(*row.values(), _bar(row["instances"] / most)) for row in classes]
+    print_text("\n" + format_text(rows, header=("class", "instances", "rooms", "buildings", "")))
     if figure is not None:
         print_note(f"figure in {figure}")
 
