@@ -31,8 +31,10 @@ from bsg_data import (
     read_scene_graphs,
     write_synthetic,
 )
-from bsg_data.extend import ClassSpace, ShareBelief, WithLayouts
+from bsg_data.extend import WithLayouts
+from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.reports import hide_of_room
+from bsg_data.scene.class_space import ClassSpace
 from bsg_models import Predictor, SeenBuilding, open_graph
 
 HOME = Path(__file__).resolve().parents[2] / "docs" / "home.json"
