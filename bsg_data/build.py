@@ -50,7 +50,7 @@ from bsg_data.errors import (
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 from bsg_data.results import BUILD, require_free, write_folder
 from bsg_data.scene.class_map import (
     DEFAULT_CLASS_MAP,

@@ -26,8 +26,8 @@ from bsg_data.dataset.manifest import (
     Manifest,
     encode_manifest,
 )
-from bsg_data.extend import HM3DFolder
 from bsg_data.results import write_seal
+from bsg_data.sources.hm3d import HM3DFolder
 
 hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
 hypothesis.settings.load_profile("untimed")

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bsg_data.dataset.manifest import SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
@@ -40,6 +40,7 @@ from bsg_data.sources.annotation_files import (
 )
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.terms import Terms
 
 HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
 CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"

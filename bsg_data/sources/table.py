@@ -37,14 +37,13 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from bsg_data.dataset.manifest import LICENCE_REF, SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Metres
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import MAX_CELL, MAX_LINE, MAX_OBJECT_ROWS, TABLE
 from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
-from bsg_data.recipes import name_fault
+from bsg_data.records import Metres, name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Point, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
@@ -52,6 +51,7 @@ from bsg_data.sources.assembly import assemble, place_room, require_few_letters
 from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import ask_if_meant, list_some, meant_names
+from bsg_data.terms import LICENCE_REF, Terms
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")

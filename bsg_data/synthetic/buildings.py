@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from bsg_data.errors import DatasetError
+from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, encode_json, name_finished, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import SYNTHETIC as MARK_FILE
@@ -13,11 +13,7 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.results import BUILD, PLAN, FolderKind, write_folder
 from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
 from bsg_data.synthetic.building import (
-    MAX_SCENES,
     SyntheticBuilding,
-    SyntheticError,
-    SyntheticRates,
-    load_rates,
     name_building,
     synthesise,
 )
@@ -41,18 +37,17 @@ def write_synthetic(
 
     Args:
         out: the folder above `train`, `val` and `layouts`.
-        scenes: 1 to 10,000,000.
+        scenes: 1 or more.
         seed: 0 or more; another seed gives other buildings.
         force: replace existing synthetic buildings.
 
     Raises:
-        SyntheticError: before anything is written, if a number is out of range.
+        RecipeError: before anything is written, if a number is out of range.
         DatasetError: before anything is written, if something is in the way.
     """
-    out, rates = Path(out), load_rates()
-    if seed < 0 or not 0 < scenes <= MAX_SCENES:
-        raise SyntheticError(
-            f"{scenes} scenes of seed {seed}: expected 1 to {MAX_SCENES} scenes, and a seed from 0",
+    if seed < 0 or scenes < 1:
+        raise RecipeError(
+            f"{scenes} scenes of seed {seed}: expected 1 scene or more, and a seed from 0",
             code="number-range",
             where=scenes,
         )
@@ -63,16 +58,14 @@ def write_synthetic(
         if not done:
             write_bytes(folder / SYNTHETIC_MARK, text)
         for number in range(scenes):
-            building = synthesise(rates, seed=seed, number=number)
+            building = synthesise(seed=seed, number=number)
             if not done:
-                _write_one(building, folder, rates, seed=seed, number=number)
+                _write_one(building, folder, seed=seed, number=number)
             yield out / _name_annotation(building.split, building.scene_id, building.hash)
 
 
-def _write_one(
-    building: SyntheticBuilding, folder: Path, rates: SyntheticRates, *, seed: int, number: int
-) -> None:
-    layout = draw_layout(rates, building, seed=seed, number=number)
+def _write_one(building: SyntheticBuilding, folder: Path, *, seed: int, number: int) -> None:
+    layout = draw_layout(building, seed=seed, number=number)
     write_bytes(folder / _name_layout(building.scene_id), layout.encode())
     rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
     path = folder / _name_annotation(building.split, building.scene_id, building.hash)

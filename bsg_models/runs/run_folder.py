@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError
 
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import RUN_RECORD
-from bsg_data.recipes import Record, name_fault
+from bsg_data.records import Record, name_fault
 from bsg_models.errors import TrainingError
 
 if TYPE_CHECKING:  # a card is read without Arrow

@@ -16,7 +16,7 @@ from starlette.responses import JSONResponse, Response
 from starlette.types import Message, Receive, Scope, Send
 
 from bsg_data.inputs.bounds import MIB
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 
 MOST_BYTES = 8 * MIB  # of a question
 MOST_HELD = 256 * MIB  # of all questions at a time

@@ -23,8 +23,8 @@ from bsg_data import (
     write_synthetic,
 )
 from bsg_data.errors import BSGError, DatasetError
-from bsg_data.extend import HM3DFolder
 from bsg_data.files import hold
+from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.sealed_results import check_results

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import AnnotatedObject
-from bsg_data.synthetic.building import load_rates, synthesise
+from bsg_data.synthetic.building import synthesise
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.floor_plan import draw_floor_plan
 from painted_meshes.glb import SIZES, UpAxis, encode_mesh, measure_truth
@@ -46,9 +46,9 @@ def write_painted(
     out: Path, *, scenes: int, seed: int, painting: Painting = Painting()
 ) -> list[Path]:
     """Write synthetic buildings with a mesh and the truth beside each annotation; return these."""
-    rates, paths = load_rates(), list(write_synthetic(out, scenes=scenes, seed=seed))
+    paths = list(write_synthetic(out, scenes=scenes, seed=seed))
     for number, path in enumerate(paths):
-        rows = synthesise(rates, seed=seed, number=number).rows
+        rows = synthesise(seed=seed, number=number).rows
         mesh, truth = paint_building(rows, painting, seed=seed, number=number)
         path.with_suffix(".glb").write_bytes(mesh)
         text = json.dumps(truth, separators=(",", ":")) + "\n"
