@@ -83,10 +83,7 @@ def list_expected() -> dict[str, list[str]]:
             f"{bounds.MAX_HOUSE_ROOMS:,} rooms",
             f"{bounds.MAX_HOUSE_PARTS:,} each",
         ],
-        "a building with places of its rooms": [
-            f"{bounds.MAX_HOUSE_ROOMS:,} rooms",
-            f"{bounds.MAX_REACHED:,} corners",
-        ],
+        "a building with places of its rooms": [f"{bounds.MAX_HOUSE_ROOMS:,} rooms"],
         "lists of S3DIS and of BEHAVIOR-1K": [
             size(bounds.S3DIS),
             size(bounds.BEHAVIOR),

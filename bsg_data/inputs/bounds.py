@@ -33,7 +33,6 @@ MAX_HOUSE_PARTS = 50_000  # lines of a kind that is read: objects, corners, surf
 PROCTHOR, PROCTHOR_LINES = 512 * MIB, 16 * GIB  # houses of ProcTHOR: a JSON array, JSON lines
 MAX_HOUSE = 4 * MIB  # of ProcTHOR; the largest of 150 real houses has 84 kB
 MAX_HOUSE_ROOMS = 1_000  # and of any building whose rooms are connected by their boxes
-MAX_REACHED = 10_000_000  # corners of rooms that doors and stairs are measured to
 MAX_HOUSE_THINGS = 10_000  # objects with what is in them, doors, walls; 150 real houses have 220
 MAX_CORNERS = 256  # of a floor or a footprint
 MAX_ALL_CORNERS = 200_000  # of all footprints of a graph: those that cross themselves are slow

@@ -8,7 +8,6 @@ from operator import attrgetter
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.geometry.placement import measure_area
 from bsg_data.inputs.bounds import MAX_LETTERS_OF_OBJECTS
 from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import label_of
@@ -21,6 +20,7 @@ from bsg_data.scene.scene_graph import (
     SceneGraph,
     SceneObject,
 )
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.source import SceneRef
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, field_validator
 
 from bsg_data.errors import SourceError
-from bsg_data.geometry.placement import find_storeys, measure_area, surround
+from bsg_data.geometry.placement import find_storeys, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.bounds import (
     MAX_CORNERS,
@@ -41,6 +41,7 @@ from bsg_data.inputs.documents import require_json
 from bsg_data.records import ForeignRecord, Listed, Position
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow

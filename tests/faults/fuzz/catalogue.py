@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from dsg_files import robot_graph
 from house_files import HOUSE
 
-from bsg_data.geometry.gltf import read_parts
+from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.scene.class_map import load_class_map, parse_own_map, read_own_map
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.catalogue import open_source
@@ -187,7 +187,7 @@ def _read_layout(folder: Path, data: bytes) -> object:
 
 
 def _read_mesh(folder: Path, data: bytes) -> object:
-    return list(read_parts(put(folder, ".glb", data)))
+    return survey_mesh(put(folder, ".glb", data), ["FFFFFF"])
 
 
 def _read_predictions(folder: Path, data: bytes) -> object:
