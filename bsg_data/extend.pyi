@@ -12,8 +12,8 @@ from .observation.hidden_share import ShareBelief
 from .observation.mask_hash import hash_splits
 from .observation.masks import MASKS, Mask
 from .observation.view import View
+from .places import refuse_file
 from .registry import Registry
-from .results import refuse_file
 from .scene.class_map import published_maps
 from .scene.class_space import ClassSpace
 from .scene.connections import Connections

@@ -14,7 +14,6 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.results import read_seal
 from bsg_data.scene.class_map import (
     ClassMap,
     OwnMap,
@@ -24,6 +23,7 @@ from bsg_data.scene.class_map import (
     parse_own_map,
     published_maps,
 )
+from bsg_data.seal import read_seal
 from bsg_models.belief.expectation import Expectation, mix_copies
 from bsg_models.errors import CheckpointError
 from bsg_models.inputs.hidden_shares import spread_shares, update_shares
