@@ -27,7 +27,7 @@ from bsg_data.dataset.manifest import (
     encode_manifest,
 )
 from bsg_data.extend import HM3DFolder
-from bsg_data.results import write_seal
+from bsg_data.seal import write_seal
 
 hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
 hypothesis.settings.load_profile("untimed")

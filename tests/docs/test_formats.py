@@ -23,7 +23,7 @@ from refusals import refuses
 from bsg_cli.belief import main
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.observation.partial_graph import KnownRoom
-from bsg_data.results import write_seal
+from bsg_data.seal import write_seal
 from bsg_models.belief.document import to_networkx
 from bsg_models.belief.formats import FORMATS, choose_format, read_belief, write_beliefs
 from bsg_models.belief.graph_file import open_graph_file
