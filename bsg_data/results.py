@@ -160,7 +160,8 @@ def _name_aside(folder: Path) -> Path:
 def _settle(folder: Path, kind: FolderKind) -> None:
     """Finish the replacement of a folder; results in the old one go into the new."""
     aside, staged = _name_aside(folder), name_staged(folder)
-    if not (aside / kind.mark).is_file():  # which goes last
+    is_ours = aside.is_dir() and ((aside / kind.mark).is_file() or not any(aside.iterdir()))
+    if not is_ours:  # the mark goes last
         return
     if not folder.exists() and (staged / kind.mark).is_file():
         staged.rename(folder)

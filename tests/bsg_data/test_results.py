@@ -41,6 +41,7 @@ def test_files_are_sealed_as_sha256sum_has_it(tmp_path: Path) -> None:
 def test_results_are_replaced_as_a_whole_and_by_force_alone(tmp_path: Path) -> None:
     """Those in them that have a seal of their own, such as those of a run, stay."""
     out = tmp_path / "out"
+    (tmp_path / ".out.replaced").mkdir()  # a command was killed before it removed this
     write(out, a="1", b="2")
     write(out / "inner", a="3")
     with refuses(DatasetError, "path-taken", out):
@@ -49,6 +50,7 @@ def test_results_are_replaced_as_a_whole_and_by_force_alone(tmp_path: Path) -> N
     assert names_in(out) == [SEAL, "a", "inner"]
     assert (out / "a").read_text() == "4"
     assert require_seal(out / "inner")
+    assert names_in(tmp_path) == ["out"]
 
 
 def test_what_is_not_of_these_results_stops_them(tmp_path: Path) -> None:
