@@ -10,8 +10,8 @@ from .files import write_bytes
 from .observation.mask_hash import hash_splits
 from .observation.masks import MASKS, Mask
 from .observation.view import View
+from .places import refuse_file
 from .registry import Registry
-from .results import refuse_file
 from .scene.class_map import published_maps
 from .scene.connections import Connections
 from .scene.scene_graph import AnnotatedObject, Box, MeshCoverage

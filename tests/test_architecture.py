@@ -29,7 +29,10 @@ HOUSE = (
     "bsg_data.executors bsg_data.files bsg_data.public_names bsg_data.recipes bsg_data.registry"
     " bsg_data.terms",
     "bsg_data.inputs",
+    "bsg_data.seal",
+    "bsg_data.places",
     "bsg_data.scene bsg_data.results",
+    "bsg_data.outputs",
     "bsg_data.geometry",
     "bsg_data.dataset",
     "bsg_data.sources",

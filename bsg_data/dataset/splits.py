@@ -82,7 +82,9 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
         )
         return _write_splits(dataset, manifest, recipe, assign_splits(own, recipe, sources=sources))
 
-    return update_manifest(dataset, write)
+    return update_manifest(
+        dataset, write, is_made=lambda there: there.split == recipe and there.pairs is None
+    )
 
 
 def _write_splits(

@@ -24,7 +24,7 @@ from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.inputs.bounds import ANNOTATION, MAX_INSTANCES
-from bsg_data.results import BUILD
+from bsg_data.places import BUILD
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.sources.annotation_files import (

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.files import AnyPath, encode_json, name_finished, resolve_links, write_bytes
+from bsg_data.files import AnyPath, encode_json, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import SYNTHETIC as MARK_FILE
 from bsg_data.inputs.documents import parse_json
-from bsg_data.results import BUILD, PLAN, FolderKind, write_folder
+from bsg_data.places import FolderKind
+from bsg_data.results import write_folder
 from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
 from bsg_data.synthetic.building import (
     SyntheticBuilding,
@@ -80,21 +81,18 @@ def _name_layout(scene_id: str) -> str:
     return f"{LAYOUTS}/{scene_id}.yaml"
 
 
-def _own(folder: Path) -> Callable[[str], bool]:
-    """Return whether a path below a folder of synthetic buildings is one of its files."""
-    paths = [folder / name for name in (SYNTHETIC_MARK, PLAN) if (folder / name).is_file()]
-    if not paths:
-        return lambda path: False
+def _list_own(folder: Path) -> set[str]:
+    """Return the files of a folder of synthetic buildings, by what its mark says."""
+    path = folder / SYNTHETIC_MARK
     try:
-        mark = parse_json(read_bytes(paths[0], MARK_FILE, error=DatasetError))
-        names = {*_list_names(int(mark["seed"]), mark["scenes"])}
+        mark = parse_json(read_bytes(path, MARK_FILE, error=DatasetError))
+        return {*_list_names(int(mark["seed"]), mark["scenes"])}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise DatasetError(
-            f"{paths[0]}: does not say which buildings are synthetic; move {folder} away",
+            f"{path}: does not say which buildings are synthetic; move {folder} away",
             code="mark-broken",
-            where=paths[0],
+            where=path,
         ) from error
-    return lambda path: path.startswith(f"{BUILD}/") or name_finished(path) in names
 
 
 def _list_names(seed: int, scenes: int) -> Iterator[str]:
@@ -105,4 +103,4 @@ def _list_names(seed: int, scenes: int) -> Iterator[str]:
         yield _name_layout(scene_id)
 
 
-SYNTHETIC = FolderKind("folder of synthetic buildings", mark=SYNTHETIC_MARK, owns=_own)
+SYNTHETIC = FolderKind("folder of synthetic buildings", mark=SYNTHETIC_MARK, lists=_list_own)

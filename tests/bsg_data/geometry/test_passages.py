@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_data.geometry.passages import _share_of_forests, choose_pairs, score_pairs
-from bsg_data.sources.room_layouts import read_layout
+from bsg_data.sources.layout_files import read_layout
 
 Floats = npt.NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
