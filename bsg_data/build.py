@@ -327,7 +327,8 @@ def _report(
     number: int,
 ) -> _ShardReport:
     """Write the files of a shard, and say what is in them."""
-    graphs, root = [reading.graph for reading in readings], source.path
+    graphs = [reading.graph for reading in readings]
+    root = source.path if source.path.is_dir() else source.path.parent
     return _ShardReport(
         files=write_shards(graphs, folder, number=number, class_space=class_map.space),
         totals=count_totals(graphs),

@@ -48,7 +48,7 @@ HOUSE = (
     "bsg_models.zoo",
     "bsg_models.ceci",
     "bsg_models.runs bsg_models.evaluation",
-    "bsg_models.rendering bsg_robot.answers",
+    "bsg_models.rendering",
     "bsg_models.training",
     "bsg_models.testing",
     "bsg_models.studies",

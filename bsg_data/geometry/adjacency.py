@@ -19,9 +19,9 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import SourceError
 from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
 from bsg_data.geometry.placement import STAIRS
-from bsg_data.inputs.bounds import MAX_HOUSE_ROOMS
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
 
+MAX_ROOMS = 1_000  # with a place, of which every pair is looked at
 _DOORS = (  # corrected categories
     "door",
     "door frame",
@@ -48,9 +48,9 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     distance of the rooms' centroids. Rooms without geometry stay unconnected.
     """
     placed = [room for room in graph.rooms if room.box is not None]
-    if len(placed) > MAX_HOUSE_ROOMS:
+    if len(placed) > MAX_ROOMS:
         raise SourceError(
-            f"{graph.scene_id}: expected at most {MAX_HOUSE_ROOMS:,} rooms with a place, found "
+            f"{graph.scene_id}: expected at most {MAX_ROOMS:,} rooms with a place, found "
             f"{len(placed):,}; split it into buildings",
             code="building-too-large",
             where=graph.scene_id,

@@ -6,9 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from operator import attrgetter
 
-from bsg_data.errors import SourceError
 from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.inputs.bounds import MAX_LETTERS_OF_OBJECTS
 from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import (
@@ -55,7 +53,6 @@ def assemble(
         building_kind: what the source says of the building, e.g. `office`.
     """
     listed = sorted(objects, key=attrgetter("instance_id"))
-    require_few_letters({obj.name for obj in listed}, where=f"scene {ref.scene_id}")
     told = {room.region_id: room for room in rooms}
     regions = sorted({o.region_id for o in listed if o.region_id >= 0} | set(told))
     room_of = {region: index for index, region in enumerate(regions, start=1)}
@@ -75,13 +72,6 @@ def assemble(
         building=ref.building,
     )
     return connect(graph, [(room_of[a], room_of[b]) for a, b in doors], method=method)
-
-
-def require_few_letters(names: Iterable[str], *, where: str) -> None:
-    """Refuse objects with too many long and different names: rules read each of them."""
-    if sum(map(len, names)) > MAX_LETTERS_OF_OBJECTS:
-        message = f"{where}: over {MAX_LETTERS_OF_OBJECTS:,} letters of different names of objects"
-        raise SourceError(message, code="names-too-long", where=where)
 
 
 def connect(graph: SceneGraph, pairs: Iterable[tuple[int, int]], *, method: str) -> SceneGraph:

@@ -23,7 +23,6 @@ from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.inputs.bounds import ANNOTATION, MAX_INSTANCES
 from bsg_data.places import BUILD
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject
@@ -137,7 +136,7 @@ class HM3DFolder:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
         path = self.path / ref.location
-        data = read_listed(path, ANNOTATION, expected=ref.fingerprint)
+        data = read_listed(path, expected=ref.fingerprint)
         objects, faults = parse_annotation(data, path=path)
         colourless = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
         graph = assemble(
@@ -219,8 +218,6 @@ def parse_annotation(
     first, _, below = decode(data, path=path).partition("\n")
     if HEADER not in first:
         raise malformed(path, 1, first, expected=repr(HEADER))
-    if (found := below.count("\n")) > MAX_INSTANCES:
-        raise malformed(path, 1, first, expected=f"at most {MAX_INSTANCES:,} lines, not {found:,}")
     rows = _ROWS.findall(below)
     # Not splitlines(): a name may hold a U+2028.
     lines = [(n, line) for n, line in enumerate(below.split("\n"), start=2) if line.strip()]

@@ -10,9 +10,7 @@ and, if names are to be translated too, `category`.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -28,11 +26,11 @@ from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS, SPARK_DSG
-from bsg_data.inputs.documents import parse_csv, parse_yaml, require_json
+from bsg_data.inputs.documents import parse_yaml, require_json
+from bsg_data.inputs.text_table import parse_csv
 from bsg_data.records import ForeignRecord, Listed, name_fault
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.class_space import read_published
+from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble, place_room
@@ -86,13 +84,13 @@ def _read_published(name: str) -> LabelSpace:
             where=name,
         )
     data = read_published(f"{_PREFIX}{name}{_SUFFIX}")
-    rows = list(csv.DictReader(io.StringIO(data.decode())))
+    rows = read_rows(name, data, ("number", "label", "category"))
     return LabelSpace(
         name=name,
         sha256=hashlib.sha256(data).hexdigest(),
         names={},
-        categories={row["label"]: row["category"] for row in rows},
-        usual={int(row["number"]): row["label"] for row in rows},
+        categories={label: category for _, (_, label, category) in rows},
+        usual={int(number): label for _, (number, label, _) in rows},
     )
 
 
@@ -105,7 +103,7 @@ def load_label_space(name: AnyPath) -> LabelSpace:
     path = Path(name)
     if path.suffix.casefold() not in (".yaml", ".yml", _SUFFIX):
         return _read_published(os.fspath(name))
-    data = read_bytes(path, LABEL_SPACE)
+    data = read_bytes(path)
     try:
         is_csv = path.suffix.casefold() == _SUFFIX
         document = {"label_names": _parse_csv(data)} if is_csv else parse_yaml(data)
@@ -129,7 +127,7 @@ def load_label_space(name: AnyPath) -> LabelSpace:
 def _parse_csv(data: bytes) -> list[dict[str, Any]]:
     header: list[str] = []
     found = []
-    for _, row in parse_csv(data, most_rows=MAX_LABEL_ROWS):
+    for _, row in parse_csv(data):
         if header and row:
             found.append(
                 {key: cell for key, cell in zip(header, row, strict=False) if key and cell}
@@ -176,7 +174,7 @@ class _RobotGraphs:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, SPARK_DSG, expected=ref.fingerprint)
+        data = read_listed(path, expected=ref.fingerprint)
         document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
         graph = assemble(
@@ -189,7 +187,9 @@ class _RobotGraphs:
             doors=[(file.rooms[a].index, file.rooms[b].index) for a, b in file.adjacency],
             method="robot",
         )
-        return Reading(graph)
+        said = f"{file.lost:,} edges to nodes that are not there: they are left out"
+        lost = [SkippedScene(ref.scene_id, ref.location, said)] if file.lost else []
+        return Reading(graph, left_out=tuple(lost))
 
     def _space(self) -> LabelSpace | None:
         return None if self.labels is None else load_label_space(self.labels)

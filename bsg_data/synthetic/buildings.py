@@ -8,7 +8,6 @@ from pathlib import Path
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, encode_json, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import SYNTHETIC as MARK_FILE
 from bsg_data.inputs.documents import parse_json
 from bsg_data.places import FolderKind
 from bsg_data.results import write_folder
@@ -85,7 +84,7 @@ def _list_own(folder: Path) -> set[str]:
     """Return the files of a folder of synthetic buildings, by what its mark says."""
     path = folder / SYNTHETIC_MARK
     try:
-        mark = parse_json(read_bytes(path, MARK_FILE, error=DatasetError))
+        mark = parse_json(read_bytes(path, error=DatasetError))
         return {*_list_names(int(mark["seed"]), mark["scenes"])}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise DatasetError(

@@ -24,7 +24,6 @@ from pydantic import (
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import CONFIG, MAX_NESTING
 from bsg_data.inputs.documents import parse_toml
 from bsg_data.recipes import Exploration, MaskRecipe, Seed
 from bsg_data.records import Record
@@ -104,7 +103,7 @@ def read_config(path: AnyPath) -> dict[str, Any]:
     """
     path = Path(path)
     try:
-        return parse_toml(read_bytes(path, CONFIG, error=ConfigError))
+        return parse_toml(read_bytes(path, error=ConfigError))
     except ConfigError:
         raise
     except ValueError as error:
@@ -122,7 +121,7 @@ def override(tables: Mapping[str, Any], settings: Sequence[str]) -> dict[str, An
     for setting in settings:
         path, equals, value = setting.partition("=")
         keys = path.strip().split(".")
-        if not equals or not all(keys) or len(keys) > MAX_NESTING:
+        if not equals or not all(keys):
             raise ConfigError(
                 f"--set {setting[:SHOWN]}: expected path=value, as in training.epochs=50"
             )
@@ -146,6 +145,8 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
     try:
         # Strict reading takes a tuple for a list in JSON only, and converts nothing else.
         return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)  # noqa: TID251
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deep") from None
     except ValidationError as error:
         family = _family_of(tables)
         faults = [line for fault in error.errors() for line in _explain(fault, family=family)]

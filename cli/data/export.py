@@ -23,6 +23,9 @@ def export(dataset: Path, to: str, out: Path, force: bool) -> None:
     graphml and networkx hold building, rooms and objects as one graph; they need networkx
     (the extra train). habitat has the rooms with boxes as habitat-sim's regions.
 
+    table: one <scene>.objects.csv per scene, which `--source table` reads; joined, they
+    are one table.
+
     \b
     Example:
       bsg-data export dataset --to graphml --out graphs

@@ -45,7 +45,6 @@ from bsg_data.seal import write_seal
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_models.runs.run_folder import BEST
-from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.leaderboard import LeaderboardRecipe, make_leaderboard
@@ -54,6 +53,7 @@ from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import SearchRequest
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 from bsg_robot.graph.graph_file import open_graph_file
 
 pytestmark = pytest.mark.heavy

@@ -8,8 +8,7 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import SourceError
-from bsg_data.geometry.adjacency import connect_rooms
-from bsg_data.inputs.bounds import MAX_HOUSE_ROOMS
+from bsg_data.geometry.adjacency import MAX_ROOMS, connect_rooms
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph, SceneObject
 
 Corner = tuple[float, float, float]
@@ -90,8 +89,7 @@ def test_stairs_join_the_rooms_at_their_ends(owner: int) -> None:
 
 
 def test_more_rooms_than_a_building_has_are_refused() -> None:
-    """Every room is compared with every other."""
-    many = [room(one, (0, 0, 0), (1, 1, 2)) for one in range(MAX_HOUSE_ROOMS + 1)]
+    many = [room(one, (0, 0, 0), (1, 1, 2)) for one in range(1, MAX_ROOMS + 2)]
     with refuses(SourceError, "building-too-large", "s"):
         connect_rooms(graph(many))
 

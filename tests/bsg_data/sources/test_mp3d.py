@@ -11,11 +11,9 @@ from conftest import REPOSITORY
 from house_files import HOUSE, change
 from refusals import refuses
 
-from bsg_data.errors import AnnotationError, SourceError
-from bsg_data.inputs.bounds import MAX_LINE
+from bsg_data.errors import AnnotationError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
-from bsg_data.sources import mp3d
 from bsg_data.sources.catalogue import SOURCES, open_source
 from bsg_data.sources.mp3d import _parse_house
 from bsg_data.testing import SourceContract
@@ -87,23 +85,6 @@ def test_levels_are_counted_from_the_bottom(tmp_path: Path) -> None:
         assert [room.floor_index for room in read(house).rooms] == expected
 
 
-@pytest.mark.parametrize(
-    ("name", "data", "code"),
-    [
-        ("a.house.gz", b"ASCII 1.1", "file-unreadable"),
-        ("a.house", b"ASCII 1.1\nC  0  1 caf\xe9", "line-malformed"),
-        ("a.house", b"", "line-malformed"),
-        ("house.txt", b"", "source-empty"),
-    ],
-)
-def test_a_damaged_file_or_none_is_refused(
-    tmp_path: Path, name: str, data: bytes, code: str
-) -> None:
-    (tmp_path / name).write_bytes(data)
-    with refuses(SourceError, code):
-        read(tmp_path)
-
-
 def test_oriented_boxes_are_surrounded() -> None:
     house = _parse_house(HOUSE.encode(), path=PATH)
     turned = house.objects[1][2]  # a square of 2 m turned by 45 degrees is 2 √2 m wide
@@ -119,53 +100,6 @@ def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> Non
     empty = "R  2 -1  0 0  -  0 0 0  1e+30 1e+30 1e+30  -1e+30 -1e+30 -1e+30  0  0 0 0 0"
     house = _parse_house(change("R  2", empty).encode(), path=PATH)
     assert (house.regions[2].box, house.regions[2].level) == (None, -1)
-
-
-@pytest.mark.parametrize(
-    ("line", "other"),
-    [
-        ("ASCII", "ASCII 1.0"),
-        ("H  -", "-"),
-        ("L  0", "H  -  -  1"),
-        ("R  1", "R  2 0  0 0  b"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 nan  8 4 2.5"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 0.1  8 4 1e9"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  9 0 0.1  8 4 2"),
-        ("S  1", "S  1 7  0"),
-        ("V  9", "V  9 5  F  0 0 0"),
-        ("O  0", "O  0 0 1  1 1 0.25  1 0 0  0 1 0  0.5 x 0.25"),
-        ("O  0", "O  0 0 1  1 1 0.25  9 0 0  0 1 0  1 1 1"),
-        ("E  0", "X  0"),
-    ],
-)
-def test_a_malformed_line_is_named(line: str, other: str) -> None:
-    with refuses(AnnotationError, "line-malformed"):
-        _parse_house(change(line, other).encode(), path=PATH)
-
-
-@pytest.mark.parametrize(
-    ("bound", "line"),
-    [
-        ("ROOMS", "L  {n}  0  -  4 2 0  0 0 0  8 4 3  0 0 0 0 0"),
-        ("ROOMS", "R  {n} -1  0 0  k  1 1 0  0 0 0  4 4 2.5  2.5  0 0 0 0"),
-        ("PARTS", "C  {n}  1 wall  1 wall  0 0 0 0 0"),
-        ("PARTS", "P  0 -1 -1  D  4 1 0  4.1 2 2  0 0 0 0"),
-        ("LINES", ""),
-    ],
-)
-def test_more_lines_than_a_house_has_are_refused(
-    bound: str, line: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(mp3d, f"MAX_HOUSE_{bound}", 5)
-    lines = "\n".join(line.format(n=number) for number in range(6))
-    place = f"{PATH}, line {6 if bound == 'LINES' else 7}"
-    with refuses(AnnotationError, "line-malformed", place, golden=False):
-        _parse_house(f"ASCII 1.1\n{lines}".encode(), path=PATH)
-
-
-def test_a_long_line_is_refused() -> None:
-    with refuses(AnnotationError, "line-malformed"):
-        _parse_house(b"ASCII 1.1\n" + b"9" * (MAX_LINE + 1), path=PATH)
 
 
 def without(*kinds: str) -> str:

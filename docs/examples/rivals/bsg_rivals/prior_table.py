@@ -26,7 +26,6 @@ from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import MIB
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
 from bsg_data.records import Keyed, SaidRecord, name_fault
@@ -42,7 +41,6 @@ from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.settings import ModelConfig
 from bsg_rivals.presence_odds import ANY_FRACTION, PresenceOdds, average_others
 
-_MOST_BYTES = 16 * MIB  # of a table
 _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
@@ -183,7 +181,7 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> _PriorTable:
     entry, the fault, and the nearest name.
     """
     file = Path(path) if path else HAND_TABLE
-    return _parse(read_bytes(file, _MOST_BYTES, error=ConfigError), str(file), classes)
+    return _parse(read_bytes(file, error=ConfigError), str(file), classes)
 
 
 def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> _PriorTable:
