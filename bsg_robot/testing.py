@@ -16,7 +16,7 @@ from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_robot.graph.formats import FORMATS, choose_format
+from bsg_robot.graph.formats import FORMATS, choose_format, write_beliefs
 
 
 class FormatContract:
@@ -31,11 +31,8 @@ class FormatContract:
     def write(self, beliefs: Sequence[BeliefGraph], path: Path) -> None:
         """Write one belief graph, or any number if the format holds many."""
         row = FORMATS[self.name]
-        if row.write_all is not None:
-            row.write_all(beliefs, path)
-        elif row.write is not None:
-            (belief,) = beliefs
-            row.write(belief, path)
+        if row.write_all is not None or row.write is not None:
+            write_beliefs(beliefs, path, row)
 
     def read(self, path: Path) -> list[BeliefGraph] | None:
         """Read the output of `write`; None if the format cannot be read."""

@@ -11,8 +11,9 @@ import click
 from click.core import ParameterSource
 
 import bsg_data
-from bsg_cli.choices import MASKS, complete_class_map, complete_model
+from bsg_cli.choices import complete_class_map, complete_model
 from bsg_data.errors import RecipeError
+from bsg_data.observation.masks import MASKS
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
 from bsg_models.belief.partial_graph import LOOK_CHANCE

@@ -20,7 +20,7 @@ from typing import Literal, NamedTuple
 from bsg_data.errors import ClassMapError
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 from bsg_data.scene.class_space import (
     DEFAULT_CLASS_SPACE,
     ClassSpace,

@@ -17,9 +17,8 @@ from pydantic import model_validator
 
 from bsg_data.arrays import Ints
 from bsg_data.errors import ClassMapError
-from bsg_data.first_fault import Listed
 from bsg_data.inputs.text_table import parse_csv
-from bsg_data.recipes import Record
+from bsg_data.records import Listed, Record
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
 DEFAULT_CLASS_SPACE = "hm3d45-v1"

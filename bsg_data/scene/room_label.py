@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import read_number
+from bsg_data.records import read_number
 from bsg_data.scene.class_map import load_class_map, normalise_names, read_real_words
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.spelling import ask_if_meant, nearest_names, show_value

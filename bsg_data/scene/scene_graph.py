@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 from pydantic import Field
 
 from bsg_data.arrays import Floats
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 from bsg_data.scene.class_map import Role
 
 Point = tuple[float, float, float]

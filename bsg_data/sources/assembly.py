@@ -7,7 +7,6 @@ from dataclasses import replace
 from operator import attrgetter
 
 from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.geometry.placement import measure_area
 from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import (
@@ -19,6 +18,7 @@ from bsg_data.scene.scene_graph import (
     SceneGraph,
     SceneObject,
 )
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.source import SceneRef
 
 

@@ -26,18 +26,19 @@ from typing import Annotated, Any, BinaryIO, ClassVar
 import numpy as np
 from pydantic import Field, field_validator
 
-from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import ForeignRecord, Listed, Position
-from bsg_data.geometry.placement import find_storeys, measure_area, surround
+from bsg_data.geometry.placement import find_storeys, surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.documents import require_json
+from bsg_data.records import ForeignRecord, Listed, Position
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.spelling import show_value
+from bsg_data.terms import Terms
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file

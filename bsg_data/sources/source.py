@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from bsg_data.dataset.manifest import SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph
+from bsg_data.terms import Terms
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.dataset.manifest import LICENCE_REF, SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import find_storeys
 from bsg_data.scene.class_map import ClassMap
@@ -24,6 +24,7 @@ from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.sources.table_rows import FIELDS, Facts, Row, Scene, read_scenes
+from bsg_data.terms import LICENCE_REF, Terms
 
 _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")

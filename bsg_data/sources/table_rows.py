@@ -30,10 +30,9 @@ from pydantic import (
 )
 
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Metres
 from bsg_data.inputs.parquet import refusing_damage
 from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
-from bsg_data.recipes import name_fault
+from bsg_data.records import Metres, name_fault
 from bsg_data.scene.scene_graph import Box, Point, is_scene_id
 from bsg_data.spelling import ask_if_meant, list_some, meant_names
 
@@ -212,6 +211,8 @@ def _read_parquet(path: Path, named: Mapping[str, str], _: Counter[str]) -> _Cel
             column = file.read([names[at]]).column(0).combine_chunks().dictionary_encode()
             words[field] = [*column.dictionary.to_pylist(), None]
             codes[field] = column.indices.fill_null(len(column.dictionary)).to_pylist()
+        if len({*map(len, codes.values())}) > 1:
+            raise OSError("its columns have different numbers of rows")
     return _Cells(path, header, columns, words, codes)
 
 

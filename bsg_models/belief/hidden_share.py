@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import read_number
+from bsg_data.records import read_number
 
 _CERTAIN = 1e-6  # a smaller standard deviation counts as 0: no share is known so exactly
 

@@ -29,11 +29,10 @@ from pydantic import (
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.histograms import count_cells, find_columns, to_histograms
 from bsg_data.errors import RecipeError
-from bsg_data.first_fault import MAX_METRES
 from bsg_data.inputs.bounds import MAX_CORNERS, MAX_UNREAD
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import View
-from bsg_data.recipes import name_fault
+from bsg_data.records import MAX_METRES, name_fault
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections

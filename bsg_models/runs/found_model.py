@@ -19,7 +19,7 @@ from bsg_data.errors import RecipeError, ask_to_install
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.registry import require_known
-from bsg_data.results import read_seal
+from bsg_data.seal import read_seal
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint_file import read_fields

@@ -25,7 +25,8 @@ from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_toml
-from bsg_data.recipes import Exploration, MaskRecipe, Record, Seed
+from bsg_data.recipes import Exploration, MaskRecipe, Seed
+from bsg_data.records import Record
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import RECIPES, ZOO
@@ -144,6 +145,8 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
     try:
         # Strict reading takes a tuple for a list in JSON only, and converts nothing else.
         return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)  # noqa: TID251
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deep") from None
     except ValidationError as error:
         family = _family_of(tables)
         faults = [line for fault in error.errors() for line in _explain(fault, family=family)]

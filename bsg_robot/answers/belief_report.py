@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -11,14 +12,11 @@ from typing import Any, Literal, NamedTuple
 from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import resolve_links
+from bsg_data.outputs import was_stopped, write_files
+from bsg_data.places import RESULTS, refuse_datasets, refuse_file, require_free
 from bsg_data.recipes import MaskRecipe
-from bsg_data.results import (
-    UNFINISHED,
-    list_committed,
-    refuse_datasets,
-    refuse_file,
-    write_files,
-)
+from bsg_data.results import write_results
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.masked_graph import list_withheld, mask_dataset
@@ -98,14 +96,15 @@ def report_beliefs(
     paths += [file.path.absolute() for file in request.graphs]
     for path in (path for path, times in Counter(paths).items() if times > 1):
         raise RecipeError(f"{path}: is named twice", code="output-twice", where=path)
-    singles = [path for row, path in results if not row.in_folder]
+    left = was_stopped(request.out)
     for row, path in results:
         if not _annotates(row, request):
             row.require_writer(path)
-        if row.in_folder:
-            _refuse_replacing(path, force=request.force)
+        if row.report:
+            refuse_datasets(path)
+            require_free(resolve_links(path), RESULTS, force=request.force)
         else:
-            refuse_file(path, force=request.force)
+            refuse_file(path, force=request.force or left)
     wanted = _choose_scenes(request)
     total = len(request.graphs) or len(wanted)
     streamed = _choose_streamed(results, total)
@@ -139,10 +138,10 @@ def report_beliefs(
             if progress:
                 progress(number, total)
 
-    with write_files(singles, force=request.force) as staged:
+    with _open_outputs(results, force=request.force, left=left) as staged:
         beliefs = believe_all()
         if streamed is not None:
-            write_beliefs(beliefs, staged[streamed[1]], streamed[0])
+            _write_all(streamed[0], beliefs, staged[streamed[1]])
         deque(beliefs, maxlen=0)
         for row, path in results:
             if (row, path) != streamed:
@@ -238,16 +237,26 @@ def _describe_rooms(asked: _Asked, top: int) -> Iterator[RoomBelief]:
         )
 
 
-def _refuse_replacing(path: Path, *, force: bool) -> None:
-    """Refuse to replace a folder without --force, and to write into a dataset or a run."""
-    refuse_datasets(path)
-    if path.is_dir():
-        there = {one.name for one in path.iterdir()}
+@contextmanager
+def _open_outputs(
+    results: Sequence[tuple[FormatRow, Path]], *, force: bool, left: bool
+) -> Iterator[Mapping[Path, Path]]:
+    """Yield where to write each result; files are put in place before folders."""
+    with ExitStack() as opened:
+        folders = {
+            path: opened.enter_context(write_results(path, report=row.report, force=force))
+            for row, path in results
+            if row.report
+        }
+        files = [path for row, path in results if not row.report]
+        yield {**folders, **opened.enter_context(write_files(files, force=force, left=left))}
+
+
+def _write_all(row: FormatRow, beliefs: Iterable[BeliefGraph], path: Path) -> None:
+    if row.report and row.write_all:
+        row.write_all(beliefs, path)
     else:
-        there = {path.name} if path.exists() else set()
-    if there - {UNFINISHED, *list_committed(path)} and not force:
-        message = f"{path}: is there already; --force replaces it"
-        raise DatasetError(message, code="path-taken", where=path)
+        write_beliefs(beliefs, path, row)
 
 
 def _write(
@@ -259,7 +268,7 @@ def _write(
     elif _annotates(row, request):
         annotate_hydra(views[0].belief, request.graphs[0], path)
     else:
-        write_beliefs([view.belief for view in views], path, row)
+        _write_all(row, [view.belief for view in views], path)
 
 
 def _annotates(row: FormatRow, request: BeliefRequest) -> bool:

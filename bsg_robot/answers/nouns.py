@@ -1,7 +1,8 @@
 """Say where a thing may be that no model counts, from what its name means.
 
 A noun has a vector v and a base b, distilled from word vectors, a taxonomy of things, and counts of
-other words (`scripts/measure/nouns.py`). In a room with the expected content E `[C]` its rate is
+other words (`scripts/measure/nouns.py` at commit a82ef191). In a room with the expected content E
+`[C]` its rate is
 
     λ = share exp(b + v · s),   s = P log(E + ε) + c
 

@@ -20,7 +20,7 @@ import numpy as np
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
-from bsg_data.recipes import read_number
+from bsg_data.records import read_number
 from bsg_data.sources.room_words import RoomWords
 from bsg_data.spelling import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe

@@ -14,7 +14,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
-from bsg_data.recipes import read_number
+from bsg_data.records import read_number
 from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.scene.surroundings import area_of

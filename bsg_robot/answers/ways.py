@@ -12,7 +12,7 @@ from pydantic import Field, PlainValidator, WithJsonSchema
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import read_number
+from bsg_data.records import read_number
 from bsg_data.scene.surroundings import area_of
 from bsg_data.spelling import SHOWN, show_value
 from bsg_models.belief.partial_graph import KnownRoom, Number, PartialGraph

@@ -10,10 +10,9 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from bsg_data.files import encode_json, write_bytes
-from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
-from bsg_data.recipes import SaidRecord, name_fault
+from bsg_data.records import Listed, SaidRecord, name_fault
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.spelling import SHOWN
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode

@@ -7,12 +7,14 @@ Packages add a format with an entry point of the group `bsg_robot.formats` that 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.registry import Registry
+from bsg_data.results import write_results
 from bsg_models.belief.belief_graph import BeliefGraph
 
 
@@ -30,7 +32,8 @@ class FormatRow:
     write: Callable[[BeliefGraph, Path], None] | None = None
     read: Callable[[Path], BeliefGraph] | None = None
     write_all: Callable[[Iterable[BeliefGraph], Path], None] | None = None
-    in_folder: bool = False  # `write_all` writes a folder, by `bsg_data.results.write_results`
+    # of a format whose `write_all` fills an empty folder, which gets a seal: a file that is in it
+    report: str = ""
 
     def require_writer(self, path: Path) -> None:
         """Refuse to write a new file of a format that only adds to files of another program."""
@@ -91,7 +94,8 @@ def write_beliefs(beliefs: Iterable[BeliefGraph], path: Path, row: FormatRow) ->
     """Write belief graphs in a format; several are refused if it holds one."""
     row.require_writer(path)
     if row.write_all is not None:
-        row.write_all(beliefs, path)
+        with write_results(path, report=row.report) if row.report else nullcontext(path) as place:
+            row.write_all(beliefs, place)
         return
     several = list(beliefs)
     if len(several) != 1 or row.write is None:

@@ -43,7 +43,6 @@ from pydantic import (
 
 from bsg_data.errors import RecipeError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.first_fault import Keyed, Listed, keep_one_unknown
 from bsg_data.inputs.bounds import (
     MAX_ALL_CORNERS,
     MAX_ROBOT_KINDS,
@@ -58,7 +57,7 @@ from bsg_data.inputs.bounds import (
     ROBOT,
 )
 from bsg_data.inputs.documents import read_json
-from bsg_data.recipes import SaidRecord
+from bsg_data.records import Keyed, Listed, SaidRecord, keep_one_unknown
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import (

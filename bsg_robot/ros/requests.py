@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.inputs.documents import parse_json
-from bsg_data.recipes import Record, name_fault
+from bsg_data.records import Record, name_fault
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
     Hours,

@@ -15,7 +15,7 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, Response
 from starlette.types import Message, Receive, Scope, Send
 
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 
 MOST_BYTES = 8 * 2**20  # of a question
 MOST_HELD = 256 * 2**20  # of all questions at a time

@@ -29,7 +29,8 @@ from bsg_data import (
     read_scene_graphs,
     write_synthetic,
 )
-from bsg_data.extend import ClassSpace, WithLayouts
+from bsg_data.extend import WithLayouts
+from bsg_data.scene.class_space import ClassSpace
 from bsg_models import Predictor, mask_scene
 from bsg_models.belief.hidden_share import ShareBelief
 from bsg_robot import SeenBuilding, open_graph, read_robot_graph
@@ -197,7 +198,7 @@ def _make_building() -> tuple[SceneGraph, ClassSpace]:
     """Return a synthetic building of six rooms with places, and its class space."""
     with tempfile.TemporaryDirectory() as name:
         folder, dataset = Path(name, "buildings"), Path(name, "dataset")
-        list(write_synthetic(folder, scenes=6, seed=7))
+        list(write_synthetic(folder, scenes=4, seed=5))
         build_dataset(WithLayouts(open_source("hm3d", folder), folder / "layouts"), dataset)
         graphs = (graph for graph in read_scene_graphs(dataset) if len(graph.rooms) == 6)
         return next(graphs), read_manifest(dataset).class_space

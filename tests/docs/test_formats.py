@@ -22,7 +22,7 @@ from refusals import refuses
 
 from bsg_cli.belief import main
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.results import write_seal
+from bsg_data.seal import write_seal
 from bsg_models.belief.partial_graph import KnownRoom
 from bsg_models.studies.sealed_results import check_results
 from bsg_robot.answers import belief_report

@@ -9,8 +9,8 @@ import pytest
 from conftest import REPOSITORY
 
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.results import read_seal
 from bsg_data.scene.class_map import map_into
+from bsg_data.seal import read_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.runs import found_model
 from bsg_models.runs.checkpoint_file import read_fields

@@ -13,7 +13,8 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.recipes import PairsRecipe
-from bsg_data.results import SEAL, name_staged
+from bsg_data.results import name_staged
+from bsg_data.seal import SEAL
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
 from bsg_models.runs.checkpoint import load_checkpoint

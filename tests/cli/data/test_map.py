@@ -26,18 +26,6 @@ def test_coverage_adds_up_and_is_that_of_the_map_the_dataset_was_built_with(data
     assert json.loads(again.stdout) == {built[0]: built[1]}
 
 
-def test_maps_are_compared_over_one_dataset(dataset: Path) -> None:
-    maps = ("--class-map", "hm3d45-v1", "--class-map", "hm3d-wide-v1", "--classes")
-    found = json.loads(run("map", "coverage", dataset, *maps, "--json").stdout)
-    chairs = {version: one["classes"]["chair"] for version, one in found.items()}
-    assert chairs["hm3d45-v1"] == {"instances": 24, "rooms": 12, "buildings": 12, "doubles": 12}
-    assert chairs["hm3d-wide-v1"] == chairs["hm3d45-v1"]
-    text = run("map", "coverage", dataset, *maps).stdout
-    (row,) = (line.split() for line in text.splitlines() if line.startswith("chair "))
-    assert row == ["chair", "24", "24", "12", "12", "12", "12"]
-    assert "two or more" not in run("map", "coverage", dataset, *maps[:-1]).stdout
-
-
 def test_a_dataset_of_several_maps_is_told_from_one_map(dataset: Path, tmp_path: Path) -> None:
     assert run("map", "coverage", dataset, "--class-map", "hm3d45-v1").stderr == ""
     run("synth", "--out", tmp_path / "made", "--scenes", "2")

@@ -25,11 +25,10 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.first_fault import Keyed
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
-from bsg_data.recipes import SaidRecord, name_fault
+from bsg_data.records import Keyed, SaidRecord, name_fault
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.spelling import SHOWN, ask_if_meant
