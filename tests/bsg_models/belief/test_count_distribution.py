@@ -196,7 +196,7 @@ def test_what_is_kept_of_another_distribution_is_what_would_be_computed() -> Non
             np.testing.assert_array_equal(getattr(kept, name), getattr(replace(kept), name))
 
 
-MOST = 120  # true counts that are summed over
+MOST = 600  # true counts that are summed over
 
 
 def sum_over_true_counts(true: CountDistribution, seen: np.ndarray, share: float) -> np.ndarray:

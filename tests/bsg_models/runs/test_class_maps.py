@@ -8,8 +8,8 @@ import pytest
 from conftest import write_twelve
 
 from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
-from bsg_data.extend import HM3DFolder
 from bsg_data.scene.class_map import OwnMap, load_class_map
+from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header
 from bsg_models.runs.predictor import Predictor, choose_class_map
