@@ -10,9 +10,10 @@ class.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from bsg_data.dataset.manifest import SkippedScene, Terms
@@ -70,43 +71,29 @@ _NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
 _FIRST_OF_NEXT = {800: "train", 900: "val", 1000: "test"}
 
 
-@dataclass(frozen=True)
 class HM3DFolder:
     """A folder with HM3D's annotation texts at any depth below it.
 
     `bsg-data synth` writes a `synthetic.json` above its buildings, so they are never read as real
     ones.
+
+    Attributes:
+        path: the folder.
+        meshes: whether to read the mesh beside an annotation, if there is one.
+        snap_colours: largest distance per channel between a texel of a JPEG texture and an
+            instance's colour; None leaves out meshes with such textures.
+        kind: `synthetic` for buildings of `bsg-data synth`, otherwise `hm3d`.
     """
 
-    path: Path  # the folder
-    meshes: bool = True  # whether to read the mesh beside an annotation, if there is one
-    # largest distance per channel between a texel of a JPEG texture and an instance's colour; None
-    # leaves out meshes with such textures
-    snap_colours: int | None = None
-
     def __init__(self, path: AnyPath, meshes: bool = True, snap_colours: int | None = None) -> None:
-        object.__setattr__(self, "path", Path(path))
-        object.__setattr__(self, "meshes", meshes)
-        object.__setattr__(self, "snap_colours", snap_colours)
+        self.path, self.meshes, self.snap_colours = Path(path), meshes, snap_colours
+        self.kind = "synthetic" if _find_marks(self.path) else "hm3d"
 
     @property
     def options(self) -> dict[str, int | str]:
         """The options about meshes."""
         snap = {} if self.snap_colours is None else {"snap_colours": self.snap_colours}
         return {"meshes": int(self.meshes), **snap}
-
-    @property
-    def kind(self) -> str:
-        """`synthetic` for buildings of `bsg-data synth`, otherwise `hm3d`."""
-        return "synthetic" if self._marks_above() else "hm3d"
-
-    def _marks_above(self) -> list[Path]:
-        links = sorted(path for path in self.path.glob("*") if path.is_symlink())[:1]
-        real = (resolve_links(path) for path in (self.path, *links))  # buildings may be linked
-        above = dict.fromkeys(
-            (self.path, *(folder for path in real for folder in path.parents[:2]))
-        )
-        return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
     def find(self) -> FoundScenes:
         """Find every `*.semantic.txt` and `*_semantic.txt` below the folder."""
@@ -117,16 +104,17 @@ class HM3DFolder:
             what = "is a file, not a folder" if self.path.is_file() else "no such folder"
             message = f"{self.path}: {what}{zipped}"
             raise SourceError(message, code="source-missing", where=self.path)
-        self._refuse_unfinished_or_mixed()
         expected = (
             "no scene found; looked in every folder below it for <hash>.semantic.txt or "
             "<hash>_semantic.txt, as in hm3d/train/00006-HkseAnWCgqk/HkseAnWCgqk.semantic.txt. The "
             "annotations come in HM3D's `semantic-annots` archives, which are downloaded beside "
             "the meshes"
         )
-        files, unreadable = list_files(self.path, _SUFFIXES, expected=expected)
+        listed, unreadable = list_files(self.path, (*_SUFFIXES, SYNTHETIC_MARK), expected=expected)
+        self._refuse_unfinished_or_mixed([one for one in listed if one.name == SYNTHETIC_MARK])
+        root = self.path.resolve().name
         found = keep_one_copy(
-            [*map(self._refer, files)],
+            [self._refer(file, root) for file in listed if file.name.endswith(_SUFFIXES)],
             path=self.path,
             expected=expected,
             digest=lambda ref: hash_file(self.path / ref.location),
@@ -167,9 +155,9 @@ class HM3DFolder:
         mesh = annotation.with_suffix(".glb")
         return mesh if self.meshes and (mesh.exists() or mesh.is_symlink()) else None
 
-    def _refuse_unfinished_or_mixed(self) -> None:
-        above = self._marks_above()
-        for mark in (*above, *sorted(self.path.rglob(SYNTHETIC_MARK))):
+    def _refuse_unfinished_or_mixed(self, below: list[Path]) -> None:
+        above = _find_marks(self.path)
+        for mark in (*above, *below):
             if not above:
                 raise SourceError(
                     f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
@@ -184,13 +172,13 @@ class HM3DFolder:
                     where=mark.parent,
                 )
 
-    def _refer(self, path: Path) -> SceneRef:
+    def _refer(self, path: Path, root: str) -> SceneRef:
         relative = path.relative_to(self.path)
         suffix = next(suffix for suffix in _SUFFIXES if path.name.endswith(suffix))
         building = path.name.removesuffix(suffix)
         parent = path.parent.resolve().name
         scene_id = parent if split_scene_id(parent)[1] == building else building
-        folders = (self.path.resolve().name, *relative.parts[:-1])
+        folders = (root, *relative.parts[:-1])
         return SceneRef(
             scene_id=scene_id,
             location=relative.as_posix(),
@@ -200,6 +188,17 @@ class HM3DFolder:
             geometry=_state_of(self._find_mesh(path)),
             building=split_scene_id(building)[1],
         )
+
+
+def _find_marks(path: Path) -> list[Path]:
+    """Return the marks of synthetic buildings in a folder and above it."""
+    try:
+        links = [entry.path for entry in os.scandir(path) if entry.is_symlink()]
+    except OSError:  # `find` says why
+        links = []
+    real = map(resolve_links, (path, *sorted(links)[:1]))  # buildings may be linked
+    above = dict.fromkeys((path, *(folder for one in real for folder in one.parents[:2])))
+    return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
 
 def _state_of(mesh: Path | None) -> str | None:
