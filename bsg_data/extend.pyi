@@ -17,14 +17,24 @@ from .results import refuse_file
 from .scene.class_map import published_maps
 from .scene.class_space import ClassSpace
 from .scene.connections import Connections
-from .scene.scene_graph import AnnotatedObject, Box, MeshCoverage
+from .scene.scene_graph import Box, MeshCoverage
 from .scene.surroundings import KNOWN_SOURCES
 from .sources.assembly import assemble
 from .sources.catalogue import SOURCES
 from .sources.hm3d import HM3DFolder
 from .sources.room_layouts import WithLayouts
 from .sources.room_words import WithRoomLabels
-from .sources.source import FoundScenes, Reading, SceneRef, Source, SourceRow
+from .sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    Source,
+    SourceRow,
+    stack_boxes,
+    stack_points,
+)
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [
@@ -32,7 +42,8 @@ __all__ = [
     "KNOWN_SOURCES",
     "MASKS",
     "SOURCES",
-    "AnnotatedObject",
+    "AnnotatedRoom",
+    "Annotation",
     "Box",
     "ClassSpace",
     "Connections",
@@ -67,5 +78,7 @@ __all__ = [
     "plot_frequencies",
     "published_maps",
     "refuse_file",
+    "stack_boxes",
+    "stack_points",
     "write_bytes",
 ]

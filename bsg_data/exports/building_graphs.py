@@ -16,8 +16,8 @@ from typing import Any
 
 import pyarrow as pa
 
+from bsg_data.dataset.scenes import make_tables
 from bsg_data.dataset.schema import EDGES, TABLES
-from bsg_data.dataset.shards import make_tables
 from bsg_data.exports.catalogue import EncodedScene, ExportRow
 from bsg_data.files import encode_json
 from bsg_data.scene.scene_graph import SceneGraph

@@ -12,25 +12,26 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.compute as pc
+
 from bsg_data.dataset.manifest import SkippedScene, Terms
-from bsg_data.errors import SourceError
+from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.inputs.bounds import ANNOTATION, MAX_INSTANCES
+from bsg_data.inputs.bounds import ANNOTATION
 from bsg_data.results import BUILD
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.sources.annotation_files import (
     SPLITS,
-    decode,
     fingerprint,
     keep_one_copy,
     list_files,
@@ -38,9 +39,10 @@ from bsg_data.sources.annotation_files import (
     read_listed,
     require_fingerprint,
     require_lasting,
+    show_line,
 )
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.source import Annotation, FoundScenes, Reading, SceneRef, SourceRow
 
 HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
 CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"
@@ -62,6 +64,8 @@ HEADER = "HM3D Semantic Annotations"
 _ROWS = re.compile(  # id, colour or what stands there instead, name, region
     r'^([0-9]{1,9}),(?:([0-9A-Fa-f]{1,6})|([^,"\n]*)),"(.*)",(-?[0-9]{1,9})[^\S\n]*$', re.MULTILINE
 )
+_NO_TEXT = re.compile("[\udc80-\udcff]")  # a surrogate stands for a byte that is no UTF-8
+_Row = tuple[str, str | None, str, str, str]  # the groups of `_ROWS`
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
 _VERSION = re.compile(r"v[0-9]+\.[0-9]+")
 # Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
@@ -125,19 +129,13 @@ class HM3DFolder:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
         path = self.path / ref.location
         data = read_listed(path, ANNOTATION, expected=ref.fingerprint)
-        objects, faults = parse_annotation(data, path=path)
-        colourless = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
-        graph = assemble(
-            objects,
-            ref=ref,
-            kind=self.kind,
-            class_map=class_map,
-            sha256=hashlib.sha256(data).hexdigest(),
-        )
+        annotation, faults = parse_annotation(data, path=path)
+        left_out = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
+        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         mesh = self._find_mesh(path)
         require_fingerprint(path.with_suffix(".glb"), str(_state_of(mesh)), str(ref.geometry))
         if mesh is None:
-            return Reading(graph, left_out=colourless)
+            return Reading(graph, left_out=left_out)
         try:
             if not mesh.is_file():
                 raise MeshError(f"{mesh}: not a file, or a link that leads nowhere")
@@ -147,9 +145,9 @@ class HM3DFolder:
             require_lasting(error, mesh)
             where = mesh.relative_to(self.path).as_posix()
             skip = SkippedScene(scene_id=ref.scene_id, location=where, reason=str(error))
-            return Reading(graph, left_out=(*colourless, skip))
+            return Reading(graph, left_out=(*left_out, skip))
         placed = connect_rooms(place_scene(graph, survey))
-        return Reading(placed, survey.coverage, left_out=colourless)
+        return Reading(placed, survey.coverage, left_out=left_out)
 
     def _find_mesh(self, annotation: Path) -> Path | None:
         mesh = annotation.with_suffix(".glb")
@@ -205,43 +203,71 @@ def _state_of(mesh: Path | None) -> str | None:
     return None if mesh is None else fingerprint(mesh)
 
 
-def parse_annotation(
-    data: bytes, *, path: Path
-) -> tuple[tuple[AnnotatedObject, ...], tuple[str, ...]]:
+def parse_annotation(data: bytes, *, path: Path) -> tuple[Annotation, tuple[str, ...]]:
     """Parse the bytes of one `semantic.txt`.
 
+    A line that is malformed, or has the id of an earlier one, is left out. An object whose colour
+    no mesh can have, or an earlier one has, is kept without a colour.
+
     Returns:
-        The objects, sorted by id; what is wrong with colours. An object whose colour no mesh can
-        have, or an earlier one has, is kept without a colour.
+        The annotation; what is wrong with lines.
+
+    Raises:
+        AnnotationError: if the first line is none of HM3D's, or no line is well-formed.
     """
-    first, _, below = decode(data, path=path).partition("\n")
+    first, _, below = data.decode("utf-8-sig", "surrogateescape").partition("\n")
     if HEADER not in first:
         raise malformed(path, 1, first, expected=repr(HEADER))
-    if (found := below.count("\n")) > MAX_INSTANCES:
-        raise malformed(path, 1, first, expected=f"at most {MAX_INSTANCES:,} lines, not {found:,}")
-    rows = _ROWS.findall(below)
-    # Not splitlines(): a name may hold a U+2028.
-    lines = [(n, line) for n, line in enumerate(below.split("\n"), start=2) if line.strip()]
-    if len(rows) < len(lines):
-        number, line = next(one for one in lines if not _ROWS.fullmatch(one[1]))
-        raise malformed(path, number, line, expected=_EXPECTED)
+    rows, faults = _ROWS.findall(below), list[str]()
+    if not _is_whole(rows, below):
+        rows, faults = _sift(below)
     if not rows:
-        raise malformed(path, 1, first, expected="at least one annotated instance below")
-    objects: dict[int, AnnotatedObject] = {}
-    colours: set[str | None] = {None}
+        said = f"{path}: {faults[0]}" if faults else f"{path}: expected lines below the first"
+        raise AnnotationError(said, code="line-malformed", where=f"{path}, line 2")
+    ids, colours, _, names, regions = zip(*rows, strict=True)
+    annotation = Annotation(
+        list(map(int, regions)),
+        names,
+        ids=list(map(int, ids)),
+        colours=pc.utf8_lpad(pc.utf8_upper(pa.array(colours, pa.string())), 6, padding="0"),
+        sha256=hashlib.sha256(data).hexdigest(),
+    )
+    return annotation, tuple(faults)
+
+
+def _is_whole(rows: Sequence[_Row], below: str) -> bool:
+    """Say whether every line is a row, of text, with an id and a colour that no other has."""
+    if len(rows) <= below.rstrip("\n").count("\n") or _NO_TEXT.search(below):
+        return False
+    ids, colours = ({int(row[at] or "0", base) for row in rows} for at, base in ((0, 10), (1, 16)))
+    return len(ids) == len(colours) == len(rows) and all(row[1] for row in rows)
+
+
+def _sift(below: str) -> tuple[list[_Row], list[str]]:
+    """Return the rows of lines that are well-formed, and what is wrong with lines."""
+    rows: dict[int, _Row] = {}
     faults: list[str] = []
-    for (number, line), (digits, said, other, name, region) in zip(lines, rows, strict=True):
-        instance, colour = int(digits), said.upper().zfill(6) if said else None
+    colours = {""}
+    for number, line in enumerate(below.split("\n"), start=2):  # a name may hold a U+2028
+        if not line.strip():
+            continue
+        match, expected = _ROWS.fullmatch(line), ""
+        if match is None or _NO_TEXT.search(line):
+            expected = _EXPECTED if match is None else "UTF-8 text"
+        elif int(match[1]) in rows:
+            expected = "an id of no earlier line"
+        if match is None or expected:
+            faults.append(f"line {number}: expected {expected}, found {show_line(line)}: left out")
+            continue
+        digits, said, other, name, region = match.groups(default="")
+        colour = said.upper().zfill(6) if said else ""
         if colour in colours:
             why = "expected a colour HEXRGB of no earlier line"
             shown = (said or other)[:20]
             faults.append(f"line {number}: {why}, found {shown!r}: kept without a colour")
-            colour = None
+        rows[int(digits)] = (digits, None if colour in colours else colour, "", name, region)
         colours.add(colour)
-        if instance in objects:
-            raise malformed(path, number, line, expected="an id of no earlier line")
-        objects[instance] = AnnotatedObject(instance, int(region), name, colour)
-    return tuple(objects[key] for key in sorted(objects)), tuple(faults)
+    return list(rows.values()), faults
 
 
 def split_scene_id(scene_id: str) -> tuple[int | None, str]:

@@ -27,18 +27,25 @@ from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.first_fault import ForeignRecord, Listed
-from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS, SPARK_DSG
 from bsg_data.inputs.documents import parse_csv, parse_yaml, require_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.class_space import read_published
-from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
-from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.dsg_file import DSGNode, parse_dsg
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+    stack_boxes,
+    stack_points,
+)
 
 _PREFIX, _SUFFIX = "labels-", ".csv"
 _WITH_MESH = "_with_mesh"  # Hydra writes dsg.json and, with the mesh, dsg_with_mesh.json
@@ -180,17 +187,19 @@ class _RobotGraphs:
         data = read_listed(path, SPARK_DSG, expected=ref.fingerprint)
         document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
-        graph = assemble(
-            _list_objects(file, self._space()),
-            ref=ref,
-            kind=self.kind,
-            sha256=hashlib.sha256(data).hexdigest(),
-            class_map=class_map,
-            rooms=find_storeys([_room(node) for node in file.rooms]),
+        space = self._space()
+        annotation = Annotation(
+            [-1 if node.room is None else file.rooms[node.room].index for node in file.objects],
+            [name_object(node, space) for node in file.objects],
+            ids=[node.index for node in file.objects],
+            centroids=stack_points(None if n.box else n.position for n in file.objects),
+            boxes=stack_boxes(node.box for node in file.objects),
+            rooms=map(_describe_room, file.rooms),
             doors=[(file.rooms[a].index, file.rooms[b].index) for a, b in file.adjacency],
             method="robot",
+            sha256=hashlib.sha256(data).hexdigest(),
         )
-        return Reading(graph)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
     def _space(self) -> LabelSpace | None:
         return None if self.labels is None else load_label_space(self.labels)
@@ -201,22 +210,13 @@ def _is_second(name: str, names: set[str]) -> bool:
     return name.endswith(_WITH_MESH) and name.removesuffix(_WITH_MESH) in names
 
 
-def _room(node: DSGNode) -> Room:
-    room = Room(0, node.index, source_label=node.label_name or node.name, centroid=node.position)
-    return room if node.box is None else place_room(room, node.box)
-
-
-def _list_objects(file: DSGFile, space: LabelSpace | None) -> list[AnnotatedObject]:
-    return [
-        AnnotatedObject(
-            instance_id=node.index,
-            region_id=-1 if node.room is None else file.rooms[node.room].index,
-            name=name_object(node, space),
-            centroid=node.position if node.box is None else node.box.centre,
-            box=node.box,
-        )
-        for node in file.objects
-    ]
+def _describe_room(node: DSGNode) -> AnnotatedRoom:
+    return AnnotatedRoom(
+        region=node.index,
+        source_label=node.label_name or node.name,
+        centroid=None if node.box else node.position,
+        box=node.box,
+    )
 
 
 def name_object(node: DSGNode, space: LabelSpace | None) -> str:

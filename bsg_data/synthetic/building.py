@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from importlib import resources
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import ConfigDict
@@ -20,7 +20,6 @@ from pydantic import ConfigDict
 from bsg_data.arrays import Counts, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.recipes import Record
-from bsg_data.scene.scene_graph import AnnotatedObject
 
 MAX_SCENES = 10_000_000  # the digits of a scene id number no more
 NULL_REGION = -1
@@ -80,6 +79,15 @@ def load_rates() -> SyntheticRates:
     return SyntheticRates.model_validate_json(path.read_text(encoding="utf-8"))
 
 
+class SyntheticObject(NamedTuple):
+    """One line of an annotation; a region below 0 is the null region."""
+
+    instance_id: int
+    region_id: int
+    name: str
+    colour: str  # hexadecimal
+
+
 @dataclass(frozen=True, slots=True)
 class SyntheticBuilding:
     """One synthetic building; its room types are (region id, index of the latent type)."""
@@ -87,7 +95,7 @@ class SyntheticBuilding:
     scene_id: str  # five digits or more, a dash and the hash: 00017-8bHk3aXq1Zc
     hash: str
     split: str
-    rows: tuple[AnnotatedObject, ...]
+    rows: tuple[SyntheticObject, ...]
     room_types: tuple[tuple[int, int], ...] = field(repr=False)
 
 
@@ -204,7 +212,7 @@ def _draw_names(
 
 def _number_rows(
     rates: SyntheticRates, named: list[_Named], rng: np.random.Generator
-) -> tuple[AnnotatedObject, ...]:
+) -> tuple[SyntheticObject, ...]:
     """Fill the null region, move strays away from their rooms, and give ids and colours."""
     listed = list(named)
     if rng.random() < rates.null_region:
@@ -214,7 +222,7 @@ def _number_rows(
         listed.insert(int(rng.integers(len(listed) + 1)), moved)
     colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
     rows = [
-        AnnotatedObject(index, region, name, colour=f"{colour:X}")
+        SyntheticObject(index, region, name, colour=f"{colour:X}")
         for index, ((name, region), colour) in enumerate(zip(listed, colours, strict=True), 1)
     ]
     if rng.random() < rates.shuffled:

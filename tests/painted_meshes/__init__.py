@@ -24,8 +24,7 @@ import numpy.typing as npt
 
 from bsg_data.geometry.placement import STAIRS
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import AnnotatedObject
-from bsg_data.synthetic.building import load_rates, synthesise
+from bsg_data.synthetic.building import SyntheticObject, load_rates, synthesise
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.floor_plan import draw_floor_plan
 from painted_meshes.glb import SIZES, UpAxis, encode_mesh, measure_truth
@@ -57,7 +56,7 @@ def write_painted(
 
 
 def paint_building(
-    rows: Sequence[AnnotatedObject], painting: Painting, *, seed: int, number: int
+    rows: Sequence[SyntheticObject], painting: Painting, *, seed: int, number: int
 ) -> tuple[bytes, dict[str, Any]]:
     """Return the GLB of a building and its true geometry; equal arguments give equal bytes.
 
@@ -77,7 +76,7 @@ def paint_building(
 
 
 def _list_fixtures(
-    rows: Sequence[AnnotatedObject], regions: list[int], rng: np.random.Generator
+    rows: Sequence[SyntheticObject], regions: list[int], rng: np.random.Generator
 ) -> list[Fixture]:
     class_map, place = load_class_map("hm3d45-v1"), {r: room for room, r in enumerate(regions)}
     fixtures = []
@@ -92,7 +91,7 @@ def _list_fixtures(
 
 
 def _draw_colours(
-    rows: Sequence[AnnotatedObject], rng: np.random.Generator
+    rows: Sequence[SyntheticObject], rng: np.random.Generator
 ) -> npt.NDArray[np.uint8]:
     """Return the colour of every label `[L, 3]`: background, instances by id, unlisted ones."""
     listed = {row.instance_id: int(str(row.colour), 16) for row in rows}
