@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
-from itertools import chain
+from itertools import chain, pairwise
 from operator import attrgetter
 from typing import Any, TypeVar, cast, overload
 
@@ -18,6 +18,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.arrays import Bools, Ints, find_runs
+from bsg_data.dataset.manifest import Totals
 from bsg_data.dataset.schema import OBJECTS, ROOMS, SCENES, TABLES
 from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject, is_placed
 
@@ -104,6 +105,21 @@ def make_tables(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[
     }
 
 
+def count_totals(tables: Mapping[str, pa.Table]) -> Totals:
+    """Return the sums over the scenes of a shard, by its tables."""
+    scenes, rooms, objects, edges = (tables[name] for name in TABLES)
+    return Totals(
+        scenes=len(scenes),
+        rooms=len(rooms),
+        labelled=len(rooms) - rooms["label"].null_count,
+        objects=len(objects),
+        classified=len(objects) - objects["class_index"].null_count,
+        unmapped=objects["category"].null_count,
+        placed=sum(scenes["has_geometry"].to_pylist()),
+        adjacent=len(take_adjacent(edges)),
+    )
+
+
 def _scene_columns(graphs: Sequence[SceneGraph], objects: pa.Table) -> _Columns:
     ends = np.cumsum([0, *(len(graph.objects) for graph in graphs)])
     is_known = {name: objects[name].is_valid().to_numpy() for name in _TELLING}
@@ -113,7 +129,10 @@ def _scene_columns(graphs: Sequence[SceneGraph], objects: pa.Table) -> _Columns:
         "num_rooms": [len(graph.rooms) for graph in graphs],
         "num_objects": np.diff(ends),
         "num_classified": _sum_up(is_known["class_index"], ends),
-        "has_geometry": (placed > 0) | [any(map(is_placed, graph.rooms)) for graph in graphs],
+        "has_geometry": [
+            bool(number) or any(map(is_placed, graph.rooms))
+            for number, graph in zip(placed, graphs, strict=True)
+        ],
     }
 
 
@@ -222,7 +241,7 @@ def divide(table: pa.Table) -> Iterator[tuple[str, pa.Table]]:
     """Yield the rows of one scene after another; rows that lie apart are two groups."""
     names = table["scene_id"].combine_chunks()
     starts, _ = find_runs(names.dictionary_encode().indices.to_numpy())
-    for start, end in zip(starts, [*starts[1:], len(table)], strict=True):
+    for start, end in pairwise([*starts.tolist(), len(table)]):
         yield names[start].as_py(), table.slice(start, end - start)
 
 

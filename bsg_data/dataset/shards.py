@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.dataset.manifest import FORMAT_VERSION, FileEntry, Manifest, read_manifest
-from bsg_data.dataset.scenes import assemble_graphs, make_tables
+from bsg_data.dataset.scenes import assemble_graphs
 from bsg_data.dataset.schema import (
     SPLITS,
     TABLES,
@@ -37,9 +37,9 @@ Held: TypeAlias = Mapping[str, bytes]  # path of a file below its dataset → it
 
 
 def write_shards(
-    graphs: Sequence[SceneGraph], folder: AnyPath, *, number: int, class_space: ClassSpace
+    tables: Mapping[str, pa.Table], folder: AnyPath, *, number: int, class_space: ClassSpace
 ) -> tuple[FileEntry, ...]:
-    """Write the shard with a number, of some scenes in the order given."""
+    """Write the tables of the shard with a number."""
     return tuple(
         write_parquet(
             Path(folder),
@@ -48,7 +48,7 @@ def write_shards(
             table=name,
             class_space=class_space,
         )
-        for name, table in make_tables(graphs, class_space.classes).items()
+        for name, table in tables.items()
     )
 
 

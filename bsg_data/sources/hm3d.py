@@ -65,7 +65,8 @@ _ROWS = re.compile(  # id, colour or what stands there instead, name, region
     r'^([0-9]{1,9}),(?:([0-9A-Fa-f]{1,6})|([^,"\n]*)),"(.*)",(-?[0-9]{1,9})[^\S\n]*$', re.MULTILINE
 )
 _NO_TEXT = re.compile("[\udc80-\udcff]")  # a surrogate stands for a byte that is no UTF-8
-_Row = tuple[str, str | None, str, str, str]  # the groups of `_ROWS`
+# ids, colours, names and regions
+_Columns = tuple[Sequence[int], pa.Array, Sequence[str], Sequence[int]]
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
 _VERSION = re.compile(r"v[0-9]+\.[0-9]+")
 # Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
@@ -218,46 +219,47 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[Annotation, tuple[str,
     first, _, below = data.decode("utf-8-sig", "surrogateescape").partition("\n")
     if HEADER not in first:
         raise malformed(path, 1, first, expected=repr(HEADER))
-    rows, faults = _ROWS.findall(below), list[str]()
-    if not _is_whole(rows, below):
-        rows, faults = _sift(below)
-    if not rows:
-        said = f"{path}: {faults[0]}" if faults else f"{path}: expected lines below the first"
-        raise AnnotationError(said, code="line-malformed", where=f"{path}, line 2")
-    ids, colours, _, names, regions = zip(*rows, strict=True)
-    annotation = Annotation(
-        list(map(int, regions)),
-        names,
-        ids=list(map(int, ids)),
-        colours=pc.utf8_lpad(pc.utf8_upper(pa.array(colours, pa.string())), 6, padding="0"),
-        sha256=hashlib.sha256(data).hexdigest(),
-    )
-    return annotation, tuple(faults)
+    columns, faults = _read_whole(below), list[str]()
+    if columns is None:
+        columns, faults = _sift(below)
+    if columns is None:
+        said = faults[0] if faults else "line 1: expected at least one annotated instance below"
+        raise AnnotationError(f"{path}, {said}", code="line-malformed", where=path)
+    ids, colours, names, regions = columns
+    sha256 = hashlib.sha256(data).hexdigest()
+    return Annotation(regions, names, ids=ids, colours=colours, sha256=sha256), tuple(faults)
 
 
-def _is_whole(rows: Sequence[_Row], below: str) -> bool:
-    """Say whether every line is a row, of text, with an id and a colour that no other has."""
+def _read_whole(below: str) -> _Columns | None:
+    """Return the columns of lines without a fault; None if any line has one."""
+    rows = _ROWS.findall(below)
     if len(rows) <= below.rstrip("\n").count("\n") or _NO_TEXT.search(below):
-        return False
-    ids, colours = ({int(row[at] or "0", base) for row in rows} for at, base in ((0, 10), (1, 16)))
-    return len(ids) == len(colours) == len(rows) and all(row[1] for row in rows)
+        return None
+    digits, said, _, names, regions = zip(*rows, strict=True)
+    ids, colours = list(map(int, digits)), _pad(said)
+    is_whole = len(set(ids)) == len(colours.unique()) == len(rows) and "" not in said
+    return (ids, colours, names, list(map(int, regions))) if is_whole else None
 
 
-def _sift(below: str) -> tuple[list[_Row], list[str]]:
-    """Return the rows of lines that are well-formed, and what is wrong with lines."""
-    rows: dict[int, _Row] = {}
+def _pad(colours: Sequence[str | None]) -> pa.Array:
+    """Return colours with all six digits."""
+    return pc.utf8_lpad(pc.utf8_upper(pa.array(colours, pa.string())), width=6, padding="0")
+
+
+def _sift(below: str) -> tuple[_Columns | None, list[str]]:
+    """Return the columns of well-formed lines, None without any, and what is wrong with lines."""
+    rows: dict[int, tuple[str | None, str, int]] = {}
     faults: list[str] = []
     colours = {""}
     for number, line in enumerate(below.split("\n"), start=2):  # a name may hold a U+2028
-        if not line.strip():
-            continue
         match, expected = _ROWS.fullmatch(line), ""
         if match is None or _NO_TEXT.search(line):
             expected = _EXPECTED if match is None else "UTF-8 text"
         elif int(match[1]) in rows:
             expected = "an id of no earlier line"
         if match is None or expected:
-            faults.append(f"line {number}: expected {expected}, found {show_line(line)}: left out")
+            if line.strip():
+                faults.append(f"line {number}: expected {expected}, found {show_line(line)}")
             continue
         digits, said, other, name, region = match.groups(default="")
         colour = said.upper().zfill(6) if said else ""
@@ -265,9 +267,12 @@ def _sift(below: str) -> tuple[list[_Row], list[str]]:
             why = "expected a colour HEXRGB of no earlier line"
             shown = (said or other)[:20]
             faults.append(f"line {number}: {why}, found {shown!r}: kept without a colour")
-        rows[int(digits)] = (digits, None if colour in colours else colour, "", name, region)
+        rows[int(digits)] = (None if colour in colours else colour, name, int(region))
         colours.add(colour)
-    return list(rows.values()), faults
+    if not rows:
+        return None, faults
+    found, names, regions = zip(*rows.values(), strict=True)
+    return (list(rows), _pad(found), names, regions), faults
 
 
 def split_scene_id(scene_id: str) -> tuple[int | None, str]:

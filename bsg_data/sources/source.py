@@ -12,15 +12,17 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
-import pyarrow as pa
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.scene_graph import Box, MeshCoverage, Point, SceneGraph
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _NOWHERE = (math.nan, math.nan, math.nan)
 

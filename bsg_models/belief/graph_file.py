@@ -15,8 +15,8 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import RobotGraphError, parse_robot_graph
 from bsg_data.sources.dsg_file import is_dsg, parse_dsg
+from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.room_words import RoomWords, read_room_words
-from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.hydra import BINARY, convert, describe_hydra, find_document, note_hydra
 
 

@@ -28,7 +28,7 @@ from bsg_data.observation.robot_json import (
     RobotGraphError,
 )
 from bsg_data.sources.dsg_file import DSGFile, DSGNode
-from bsg_data.sources.spark_dsg import LabelSpace, name_object
+from bsg_data.sources.label_space import LabelSpace, name_object
 from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.errors import HydraError
 

@@ -22,6 +22,7 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.checks.graphs import find_faults
 from bsg_data.dataset.manifest import CARD
+from bsg_data.dataset.scenes import make_tables
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
@@ -64,7 +65,7 @@ def read_all(path: Path) -> dict[str, SceneGraph]:
 def test_a_table_worked_out_by_hand(tmp_path: Path) -> None:
     graphs = read_all(write_table(tmp_path, *ROWS))
     flat, house = graphs.values()
-    assert list(find_faults(flat)) == []
+    assert list(find_faults(make_tables([flat], load_class_map().classes))) == []
     bath, hall, kitchen = flat.rooms
     assert [(r.region_id, r.source_label, r.label, r.floor_index) for r in flat.rooms] == [
         (0, "bath", "bathroom", 0),
@@ -182,19 +183,6 @@ def test_names_of_connected_rooms_count_as_rows(
     path = tmp_path / "objects.csv"
     path.write_text("scene,room,category,connected\na,2,,\n" + "a,1,,2;2;2;2\n" * 5)
     with pytest.raises(SourceError, match="names of connected rooms"):
-        open_source("table", path).find()
-
-
-def test_letters_of_different_names_have_a_bound(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Rules read each name: a million of a hundred letters took minutes."""
-    monkeypatch.setattr("bsg_data.sources.assembly.MAX_LETTERS_OF_OBJECTS", 20)
-    path = tmp_path / "objects.csv"
-    path.write_text("scene,room,category\n" + "a,1,abcdefghij\n" * 5)
-    assert len(open_source("table", path).find().scenes) == 1
-    path.write_text(path.read_text() + "a,1,abcdefghik\nb,1,abcdefghil\n")
-    with pytest.raises(SourceError, match="letters of different names"):
         open_source("table", path).find()
 
 
