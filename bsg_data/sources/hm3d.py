@@ -222,9 +222,10 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[Annotation, tuple[str,
     columns, faults = _read_whole(below), list[str]()
     if columns is None:
         columns, faults = _sift(below)
+    if columns is None and faults:
+        raise AnnotationError(f"{path}, {faults[0]}", code="line-malformed", where=path)
     if columns is None:
-        said = faults[0] if faults else "line 1: expected at least one annotated instance below"
-        raise AnnotationError(f"{path}, {said}", code="line-malformed", where=path)
+        raise malformed(path, 1, first, expected="at least one annotated instance below")
     ids, colours, names, regions = columns
     sha256 = hashlib.sha256(data).hexdigest()
     return Annotation(regions, names, ids=ids, colours=colours, sha256=sha256), tuple(faults)
