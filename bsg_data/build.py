@@ -296,7 +296,9 @@ class _Shard:
         self, readings: Sequence[Reading], skipped: Sequence[SkippedScene], class_map: ClassMap
     ) -> _ShardReport:
         """Write the files of the shard, and say what is in them."""
-        graphs, root, space = [one.graph for one in readings], self.source.path, class_map.space
+        graphs, space = [one.graph for one in readings], class_map.space
+        path = self.source.path
+        root = path if path.is_dir() else path.parent
         tables = make_tables(graphs, space.classes)
         return _ShardReport(
             files=write_shards(tables, self.folder, number=self.number, class_space=space),

@@ -40,7 +40,6 @@ from bsg_data.files import (
     write_bytes,
 )
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.inputs.bounds import KIB
 
 SEAL = "SHA256SUMS"
 UNFINISHED = ".bsg-unfinished"
@@ -65,7 +64,7 @@ _MARK = re.compile(
     |\ARRF2.{1,200}belief-scene-graphs""",
     re.DOTALL | re.VERBOSE,
 )
-_ENDS = 256 * KIB  # bytes at both ends of a file, where it says so
+_ENDS = 2**18  # bytes at both ends of a file, where it says so
 _AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 

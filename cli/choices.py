@@ -17,7 +17,6 @@ from click.shell_completion import CompletionItem
 from bsg_data import registry
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import MANIFEST_FILE
 from bsg_data.observation.masks import MASKS
 from bsg_data.scene.class_map import list_class_maps
 from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
@@ -120,7 +119,7 @@ def classes_of_dataset(ctx: click.Context) -> tuple[str, ...]:
     """
     try:
         path = Path(ctx.params["dataset"]) / "dataset.json"
-        data = read_bytes(path, MANIFEST_FILE)
+        data = read_bytes(path)
         return tuple(map(str, json.loads(data)["class_space"]["classes"]))
     except (BSGError, ValueError, KeyError, TypeError, RecursionError):
         return load_class_space(DEFAULT_CLASS_SPACE).classes

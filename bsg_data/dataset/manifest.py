@@ -30,7 +30,6 @@ from bsg_data.errors import (
 )
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
-from bsg_data.inputs.bounds import MANIFEST_FILE, MAX_ROWS, MAX_SHARDS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.results import name_staged
@@ -137,10 +136,10 @@ FORMAT_VERSION: Final = 1
 SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
 MANIFEST = "dataset.json"
 CARD, CROISSANT = "README.md", "croissant.json"
+MAX_SHARDS = 100_000  # the names of their files number no more
 STAGED = ".staged"  # folder of what a command is about to add
 
-# The table of scenes has a row for each, and no file of more rows is read.
-ScenesPerShard = Annotated[int, Field(ge=1, le=MAX_ROWS)]
+ScenesPerShard = Annotated[int, Field(ge=1)]
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
 FILE_PATH = re.compile(
@@ -272,8 +271,8 @@ def add_fingerprints(fingerprints: Iterable[str]) -> str:
 
 def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
     """Return how many shards a dataset has."""
-    if not 1 <= scenes_per_shard <= MAX_ROWS:
-        raise RecipeError(f"scenes_per_shard: expected 1 to {MAX_ROWS:,}, found {scenes_per_shard}")
+    if scenes_per_shard < 1:
+        raise RecipeError(f"scenes_per_shard: expected 1 or more, found {scenes_per_shard}")
     shards = -(-scenes // scenes_per_shard)
     if shards > MAX_SHARDS:
         raise RecipeError(
@@ -345,7 +344,7 @@ def read_hashed_manifest(dataset: Path) -> tuple[Manifest, str]:
     path = dataset / MANIFEST
     if not path.is_file():
         raise _missing(dataset)
-    data = read_bytes(path, MANIFEST_FILE, error=DatasetError)
+    data = read_bytes(path, error=DatasetError)
     return _parse_manifest(path, data), hashlib.sha256(data).hexdigest()
 
 
@@ -418,7 +417,7 @@ def _end(covered: bytes) -> bytes:
 
 def hash_manifest(dataset: Path) -> str:
     """Return the sha256 of `dataset.json`, which identifies the whole dataset."""
-    return hash_file(dataset / MANIFEST, MANIFEST_FILE)
+    return hash_file(dataset / MANIFEST)
 
 
 def require_class_space(manifest: Manifest, other: ClassSpace, *, what: str) -> None:

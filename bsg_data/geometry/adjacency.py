@@ -18,9 +18,9 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import SourceError
 from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
 from bsg_data.geometry.placement import STAIRS
-from bsg_data.inputs.bounds import MAX_HOUSE_ROOMS, MAX_REACHED
 from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
 
+MAX_ROOMS = 1_000  # with a place, of which every pair is looked at
 _DOORS = (  # corrected categories
     "door",
     "door frame",
@@ -47,16 +47,16 @@ def connect_rooms(graph: SceneGraph) -> SceneGraph:
     distance of the rooms' centroids. Rooms without geometry stay unconnected.
     """
     placed = [room for room in graph.rooms if room.box is not None]
-    if len(placed) > MAX_HOUSE_ROOMS:
+    if len(placed) > MAX_ROOMS:
         raise SourceError(
-            f"{graph.scene_id}: expected at most {MAX_HOUSE_ROOMS:,} rooms with a place, found "
+            f"{graph.scene_id}: expected at most {MAX_ROOMS:,} rooms with a place, found "
             f"{len(placed):,}; split it into buildings",
             code="building-too-large",
             where=graph.scene_id,
         )
     boxes = np.array([[r.box.minimum, r.box.maximum] for r in placed if r.box]).reshape(-1, 2, 3)
     floors = np.array([room.floor_z or 0.0 for room in placed])
-    ways = _Ways(graph.scene_id, placed, boxes.copy(), floors)
+    ways = _Ways(placed, boxes.copy(), floors)
     seen = dict.fromkeys(ways.by_stairs(graph.objects), "stairs")
     seen |= dict.fromkeys(ways.by_doors(graph.objects), "door")
     boxes[:, 0, 2] = np.minimum(floors, boxes[:, 1, 2])
@@ -87,13 +87,11 @@ def measure_distance(one: Room, other: Room) -> float | None:
 class _Ways:
     """Finds the rooms behind the doors and at the ends of the stairs of a building."""
 
-    def __init__(self, scene_id: str, rooms: Sequence[Room], boxes: Floats, floors: Floats) -> None:
-        self._scene_id, self._boxes, self._floors = scene_id, boxes, floors
+    def __init__(self, rooms: Sequence[Room], boxes: Floats, floors: Floats) -> None:
+        self._boxes, self._floors = boxes, floors
         self._place = {room.room_index: number for number, room in enumerate(rooms)}
-        self._corners = np.array([len(room.footprint or ()) for room in rooms])
         self._footprints = [room.footprint for room in rooms]
         self._shapes: Any = None
-        self._left = MAX_REACHED
 
     def by_doors(self, objects: Iterable[SceneObject]) -> Iterator[tuple[int, int]]:
         """Yield the pairs, ascending places in the rooms, that a door stands between."""
@@ -133,14 +131,6 @@ class _Ways:
         near = np.flatnonzero(others)
         if not len(near):
             return
-        self._left -= int(self._corners[near].sum())
-        if self._left < 0:
-            raise SourceError(
-                f"{self._scene_id}: its doors and stairs are within reach of more than "
-                f"{MAX_REACHED:,} corners of rooms; split it into buildings",
-                code="building-too-large",
-                where=self._scene_id,
-            )
         if self._shapes is None:
             self._shapes = np.array([shapely.Polygon(corners) for corners in self._footprints])
         gaps = shapely.distance(shapely.box(a, b, c, d), self._shapes[near])

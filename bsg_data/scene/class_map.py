@@ -21,7 +21,6 @@ from typing import Any, Literal, NamedTuple
 from bsg_data.errors import ClassMapError
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import CLASS_MAP
 from bsg_data.recipes import Record
 from bsg_data.scene.class_space import (
     DEFAULT_CLASS_SPACE,
@@ -344,7 +343,7 @@ def read_own_map(path: Path) -> OwnMap:
             where=path,
         )
     found = {
-        name: read_bytes(file, CLASS_MAP, error=ClassMapError)
+        name: read_bytes(file, error=ClassMapError)
         for name, suffix in _FILES.items()
         if (file := path.with_suffix(suffix)).is_file()
     }

@@ -18,8 +18,7 @@ from pydantic import model_validator
 from bsg_data.arrays import Ints
 from bsg_data.errors import ClassMapError
 from bsg_data.first_fault import Listed
-from bsg_data.inputs.bounds import MAX_MAP_ROWS
-from bsg_data.inputs.documents import parse_csv
+from bsg_data.inputs.text_table import parse_csv
 from bsg_data.recipes import Record
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
@@ -124,7 +123,7 @@ def parse_class_space(name: str, data: bytes) -> tuple[ClassSpace, tuple[str, ..
 def read_rows(file: str, data: bytes, header: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Read a CSV file of `mappings/` as numbered rows; `ClassMapError` names the line at fault."""
     try:
-        first, *rows = parse_csv(data, most_rows=MAX_MAP_ROWS) or [(1, [])]
+        first, *rows = [*parse_csv(data)] or [(1, [])]
     except ValueError as error:
         raise ClassMapError(f"{file}: not a readable CSV file ({error})") from error
     if tuple(first[1]) != header:

@@ -188,10 +188,10 @@ def state_of(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-def read_listed(path: Path, bound: int, *, expected: str) -> bytes:
+def read_listed(path: Path, *, expected: str) -> bytes:
     """Read a file that has the fingerprint of when it was listed; unpacked."""
     require_fingerprint(path, fingerprint(path), expected)
-    return read_bytes(path, bound)
+    return read_bytes(path)
 
 
 def fetch_listed(

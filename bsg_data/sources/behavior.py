@@ -24,7 +24,6 @@ from pydantic import AfterValidator, Field
 from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import ForeignRecord, Keyed
-from bsg_data.inputs.bounds import BEHAVIOR, MAX_LISTED, MAX_LISTED_SCENES
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import is_scene_id
@@ -79,20 +78,8 @@ _Count = Annotated[int, Field(ge=0, le=_MAX_OBJECTS)]
 _RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
 
 
-def _require_few(scenes: dict[str, _RoomLists]) -> dict[str, _RoomLists]:
-    """Refuse a short list of very many objects: a model with its count is one word."""
-    rooms = [room for scene in scenes.values() for room in scene.values()]
-    if (found := len(rooms) + sum(sum(room.values()) for room in rooms)) > MAX_LISTED:
-        raise ValueError(f"expected at most {MAX_LISTED:,} rooms and objects, found {found:,}")
-    return scenes
-
-
 class _Listing(ForeignRecord, strict=True):
-    scenes: Annotated[
-        Keyed[_Scene, Keyed[str, Keyed[_Name, _Count]]],
-        Field(min_length=1, max_length=MAX_LISTED_SCENES),
-        AfterValidator(_require_few),
-    ]
+    scenes: Annotated[Keyed[_Scene, Keyed[str, Keyed[_Name, _Count]]], Field(min_length=1)]
 
 
 def _find_floor(scene: str) -> tuple[str, int]:
@@ -189,7 +176,7 @@ class _BehaviorRooms:
 def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomLists]:
     """Read the list, once for each state of the file."""
     expected = f"scenes → room → category-model → number, as in {_FILE} of the package bddl"
-    document = read_json(path, BEHAVIOR)
+    document = read_json(path)
     code = "listing-malformed"
     return validate(_Listing, document, where=path, expected=expected, code=code).scenes
 

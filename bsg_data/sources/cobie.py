@@ -12,14 +12,13 @@ import hashlib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounds import COBIE, MAX_SHEET_ROOMS
 from bsg_data.inputs.spreadsheet import read_sheets
 from bsg_data.scene.class_map import UNKNOWN, ClassMap
 from bsg_data.scene.room_label import is_understood, label_of
@@ -47,6 +46,7 @@ _SILENT = frozenset(
         *("unknown", "undefined", "unspecified", "unassigned", "unclassified", "unset"),
     }
 )
+_SEVERAL = -1  # spaces have this name
 _LONGEST_SILENT = 40  # characters, with what is between the words
 _WORD = re.compile(r"[^\W_]+")
 _FORMULA = re.compile(r"#[A-Z0/]+[!?]")  # the error of a formula: `#REF!`, `#NAME?`
@@ -95,25 +95,18 @@ class _CobieSheets:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; what refers to nothing is counted in the reading's `left_out`."""
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, COBIE, expected=ref.fingerprint)
+        data = read_listed(path, expected=ref.fingerprint)
         sheets = _read_sheets(data, path)
-        if not _index(sheets["space"]):
+        spaces = _list_spaces(sheets["space"])
+        if not spaces:
             raise SourceError(
                 f"{path}: expected a sheet Space with a column Name and a row for each room",
                 code="sheet-missing",
                 where=path,
             )
-        if len(sheets["space"]) > MAX_SHEET_ROOMS:
-            raise SourceError(
-                f"{path}: expected at most {MAX_SHEET_ROOMS:,} rows of the sheet Space, found "
-                f"{len(sheets['space']):,}; split it into buildings",
-                code="sheet-too-large",
-                where=path,
-            )
         notes: Counter[str] = Counter()
-        rooms = _list_rooms(sheets, notes)
-        regions = {name: number for number, name in enumerate(_index(sheets["space"]))}
-        objects, doors = _list_components(sheets, regions, class_map, notes)
+        rooms = _list_rooms(spaces, sheets, notes)
+        objects, doors = _list_components(sheets, _number_spaces(spaces), class_map, notes)
         annotation = Annotation(
             [region for region, _ in objects],
             [name for _, name in objects],
@@ -175,21 +168,36 @@ def _key(name: str) -> str:
 
 def _index(rows: Iterable[_Row]) -> dict[str, _Row]:
     """Return the rows of a sheet by name; of several with one name, the first."""
-    found: dict[str, _Row] = {}
+    return {_key(row["name"]): row for row in reversed([*rows]) if "name" in row}
+
+
+def _list_spaces(rows: Iterable[_Row]) -> list[_Row]:
+    """Return the spaces with a name; of several with one name on one floor, the first."""
+    found: dict[tuple[str, str], _Row] = {}
     for row in rows:
         if "name" in row:
-            found.setdefault(_key(row["name"]), row)
-    return found
+            found.setdefault((_key(row["name"]), _key(row.get("floorname", ""))), row)
+    return list(found.values())
 
 
-def _list_rooms(sheets: _Sheets, notes: Counter[str]) -> list[AnnotatedRoom]:
-    spaces = _index(sheets["space"])
+def _number_spaces(spaces: Sequence[_Row]) -> dict[str, int]:
+    """Return the number of the space of a name; `_SEVERAL` if spaces on several floors have it."""
+    regions: dict[str, int] = {}
+    for number, row in enumerate(spaces):
+        name = _key(row["name"])
+        regions[name] = _SEVERAL if name in regions else number
+    return regions
+
+
+def _list_rooms(
+    spaces: Sequence[_Row], sheets: _Sheets, notes: Counter[str]
+) -> list[AnnotatedRoom]:
     lost = len(sheets["space"]) - len(spaces)
-    notes["spaces have no name or that of an earlier one: they are left out"] += lost
-    levels, unit = _rank_floors(sheets, spaces.values()), _find_unit(sheets["facility"])
+    notes["spaces have no name or that of an earlier one of their floor: they are left out"] += lost
+    levels, unit = _rank_floors(sheets, spaces), _find_unit(sheets["facility"])
     is_unit_said = "areaunits" in _first(sheets["facility"])
     rooms = []
-    for number, row in enumerate(spaces.values()):
+    for number, row in enumerate(spaces):
         label, common = _name_room(row)
         floor = levels.get(_key(row.get("floorname", "")))
         said = [row[name] for name in ("netarea", "grossarea") if name in row]
@@ -218,11 +226,11 @@ def _list_rooms(sheets: _Sheets, notes: Counter[str]) -> list[AnnotatedRoom]:
 def _name_room(space: _Row) -> tuple[str, str | None]:
     """Return the first of kind, description, name and tag that says what a room is, and its label.
 
-    The tag is what the sign at the door says: mostly a number.
+    The tag is what the sign at the door says: mostly a number, and a name with it.
     """
     kind = _strip_code(space.get("category", ""))
-    said = (kind, *(space.get(column, "") for column in ("description", "name", "roomtag")))
-    words = [word for word in said if word]
+    said = (kind, *(space.get(column, "") for column in ("description", "name")))
+    words = [word for word in (*said, _strip_numbers(space.get("roomtag", ""))) if word]
     found = ((word, label_of("cobie", word)) for word in words)
     unknown = (word for word in words if not is_understood("cobie", word))  # not a number
     return next(((word, label) for word, label in found if label), (next(unknown, words[0]), None))
@@ -234,6 +242,12 @@ def _strip_code(category: str) -> str:
     if not (_CODE.fullmatch(code) and any(letter.isdigit() for letter in code) and title.strip()):
         return category
     return "" if _is_silent(title) else title.strip()
+
+
+def _strip_numbers(tag: str) -> str:
+    """Return a tag without its words with digits, unless these are all: `Entry Lobby 20INT.04`."""
+    words = [word for word in tag.split() if not any(letter.isdigit() for letter in word)]
+    return " ".join(words) or tag
 
 
 def _rank_floors(sheets: _Sheets, spaces: Iterable[_Row]) -> dict[str, int]:
@@ -295,11 +309,15 @@ def _find_rooms(said: str, regions: Mapping[str, int], notes: Counter[str]) -> l
     """Return the rooms that a component lists, once each; commas or semicolons are between them."""
     pieces = (piece for piece in re.split("[,;]", said) if not _is_silent(piece))
     names = [said] if _key(said) in regions else list(pieces)
-    known = [regions[_key(name)] for name in names if _key(name) in regions]
+    known = [(name, regions[_key(name)]) for name in names if _key(name) in regions]
     if not names:
         notes["components name no space: they belong to the building"] += 1
     notes["names of spaces of components are not in the sheet Space"] += len(names) - len(known)
-    return list(dict.fromkeys(known))
+    for name in (name for name, region in known if region == _SEVERAL):
+        notes[
+            f"components are in {name.strip()}, as spaces of several floors are called: in no room"
+        ] += 1
+    return list(dict.fromkeys(region for _, region in known if region != _SEVERAL))
 
 
 def _name_type(row: _Row, class_map: ClassMap) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -129,6 +129,7 @@ class DSGFile:
     objects: tuple[DSGNode, ...]  # in the order of their ids
     adjacency: tuple[tuple[int, int], ...]  # pairs of numbers of rooms, ascending and once each
     links: int = 0  # edges between two objects, of which neither is the parent
+    lost: int = 0  # edges to nodes that are not there, which are left out
     # what its metadata say under `bsg`; empty without
     said: Mapping[str, Any] = field(default_factory=dict)
 
@@ -154,17 +155,20 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     graph = validate(_Graph, document, where=path, expected=expected, code="dsg-malformed")
     for fault in _find_faults(graph):
         raise SourceError(f"{path}: {fault}", code="dsg-malformed", where=path)
+    known = {node.id for node in graph.nodes}
+    edges = [edge for edge in graph.edges if edge.source in known and edge.target in known]
     rooms, objects = (_nodes_of(graph, name) for name in ("ROOMS", "OBJECTS"))
     number_of = {node.id: number for number, node in enumerate(rooms)}
-    room_of = _find_rooms(graph, _find_parents(graph), number_of)
-    ends = [(number_of.get(edge.source), number_of.get(edge.target)) for edge in graph.edges]
+    room_of = _find_rooms(graph, _find_parents(graph.nodes, edges), number_of)
+    ends = [(number_of.get(edge.source), number_of.get(edge.target)) for edge in edges]
     things = {node.id for node in objects}
     joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
     return DSGFile(
         rooms=_describe(rooms, graph, {}),
         objects=_describe(objects, graph, room_of),
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
-        links=sum(edge.source in things and edge.target in things for edge in graph.edges),
+        links=sum(edge.source in things and edge.target in things for edge in edges),
+        lost=len(graph.edges) - len(edges),
         said=_what_is_said(graph.metadata.bsg if graph.metadata else None),
     )
 
@@ -178,9 +182,6 @@ def _find_faults(graph: _Graph) -> Iterator[str]:
     known = {node.id for node in graph.nodes}
     if len(known) < len(graph.nodes):
         yield "expected nodes with an id each, found an id twice"
-    for number, edge in enumerate(graph.edges):
-        if not {edge.source, edge.target} <= known:
-            yield f"edges.{number}: expected two nodes that are there"
 
 
 def _what_is_said(entries: Any) -> dict[str, Any]:
@@ -199,11 +200,11 @@ def _nodes_of(graph: _Graph, name: str) -> list[_Node]:
     return sorted(found, key=lambda node: node.id)
 
 
-def _find_parents(graph: _Graph) -> dict[int, int]:
+def _find_parents(nodes: Iterable[_Node], edges: Iterable[_Edge]) -> dict[int, int]:
     """Return the parent of every node that has one: the node of a higher layer, by an edge."""
-    layer = {node.id: node.layer for node in graph.nodes}
+    layer = {node.id: node.layer for node in nodes}
     parents: dict[int, int] = {}
-    for edge in graph.edges:
+    for edge in edges:
         child, parent = sorted((edge.source, edge.target), key=layer.__getitem__)
         if layer[child] < layer[parent]:
             parents[child] = min(parent, parents.get(child, parent))

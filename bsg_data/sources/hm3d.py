@@ -27,7 +27,6 @@ from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.inputs.bounds import ANNOTATION
 from bsg_data.results import BUILD
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import (
@@ -129,7 +128,7 @@ class HM3DFolder:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
         path = self.path / ref.location
-        data = read_listed(path, ANNOTATION, expected=ref.fingerprint)
+        data = read_listed(path, expected=ref.fingerprint)
         annotation, faults = parse_annotation(data, path=path)
         left_out = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
         graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)

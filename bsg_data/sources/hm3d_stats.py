@@ -7,7 +7,6 @@ sixth name without a column.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
 from collections.abc import Callable, Iterator
@@ -18,7 +17,7 @@ from typing import ClassVar
 
 from bsg_data.errors import AnnotationError
 from bsg_data.inputs.bounded_file import read_member
-from bsg_data.inputs.bounds import STATISTICS
+from bsg_data.inputs.text_table import parse_csv
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import (
     decode,
@@ -89,7 +88,7 @@ def _read_scene_lines(
 ) -> dict[str, list[tuple[int, str]]]:
     """Read the numbered lines of every scene, sorted by id, once for each state of the zip."""
     scenes: dict[str, list[tuple[int, str]]] = {}
-    text = decode(read_member(path, MEMBER, STATISTICS), path=path / MEMBER)
+    text = decode(read_member(path, MEMBER), path=path / MEMBER)
     header, *lines = text.replace("\r\n", "\n").split("\n")
     if tuple(header.split(",")[: len(HEADER)]) != HEADER:
         raise malformed(path / MEMBER, 1, header, expected=",".join(HEADER))
@@ -132,9 +131,10 @@ def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[tuple[
 
 def _split_row(line: str, fault: Callable[[str, str], AnnotationError]) -> list[str]:
     try:
-        row = next(csv.reader([line], strict=True))
-    except csv.Error as error:
-        raise fault(line, f"a row of comma separated values ({error})") from error
+        _, row = next(parse_csv([line]))
+    except ValueError as error:
+        why = str(error).partition(": ")[2]
+        raise fault(line, f"a row of comma separated values ({why})") from error
     if len(row) != len(HEADER) or not _WHOLE.fullmatch(row[1]) or not _WHOLE.fullmatch(row[3]):
         raise fault(line, f"{','.join(HEADER)}, with whole numbers as region and # Objects")
     return row

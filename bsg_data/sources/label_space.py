@@ -9,9 +9,7 @@ CSV with the columns `label,name` and, if names are to be translated too, `categ
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,10 +24,10 @@ from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
 from bsg_data.first_fault import ForeignRecord, Listed
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import LABEL_SPACE, MAX_LABEL_ROWS
-from bsg_data.inputs.documents import parse_csv, parse_yaml
+from bsg_data.inputs.documents import parse_yaml
+from bsg_data.inputs.text_table import parse_csv
 from bsg_data.recipes import name_fault
-from bsg_data.scene.class_space import read_published
+from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.sources.dsg_file import DSGNode
 
 _PREFIX, _SUFFIX = "labels-", ".csv"
@@ -78,13 +76,13 @@ def _read_published(name: str) -> LabelSpace:
             where=name,
         )
     data = read_published(f"{_PREFIX}{name}{_SUFFIX}")
-    rows = list(csv.DictReader(io.StringIO(data.decode())))
+    rows = read_rows(name, data, ("number", "label", "category"))
     return LabelSpace(
         name=name,
         sha256=hashlib.sha256(data).hexdigest(),
         names={},
-        categories={row["label"]: row["category"] for row in rows},
-        usual={int(row["number"]): row["label"] for row in rows},
+        categories={label: category for _, (_, label, category) in rows},
+        usual={int(number): label for _, (number, label, _) in rows},
     )
 
 
@@ -97,7 +95,7 @@ def load_label_space(name: AnyPath) -> LabelSpace:
     path = Path(name)
     if path.suffix.casefold() not in (".yaml", ".yml", _SUFFIX):
         return _read_published(os.fspath(name))
-    data = read_bytes(path, LABEL_SPACE)
+    data = read_bytes(path)
     try:
         is_csv = path.suffix.casefold() == _SUFFIX
         document = {"label_names": _parse_csv(data)} if is_csv else parse_yaml(data)
@@ -121,7 +119,7 @@ def load_label_space(name: AnyPath) -> LabelSpace:
 def _parse_csv(data: bytes) -> list[dict[str, Any]]:
     header: list[str] = []
     found = []
-    for _, row in parse_csv(data, most_rows=MAX_LABEL_ROWS):
+    for _, row in parse_csv(data):
         if header and row:
             found.append(
                 {key: cell for key, cell in zip(header, row, strict=False) if key and cell}

@@ -9,17 +9,9 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from bsg_data.errors import SourceError
-from bsg_data.inputs.bounded_file import PACKED, read_bytes
-from bsg_data.inputs.bounds import LABEL_TABLE, MAX_LABEL_ROWS
-from bsg_data.inputs.documents import parse_csv
+from bsg_data.inputs.text_table import hint_separator, read_csv
 from bsg_data.spelling import SHOWN, list_some, meant_names, show_value
 
-SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
-_MARKS = {  # in a header that is one column → what to do
-    ";": "save it with commas, or with tabs as .tsv",
-    "\t": "its columns are separated by tabs: name the file .tsv",
-    ",": "its columns are separated by commas: name the file .csv",
-}
 _NAMED = 20  # columns that an error names
 Key = TypeVar("Key")
 
@@ -45,14 +37,14 @@ def read_label_table(
     Raises:
         SourceError: if it is no such table; it names the line.
     """
-    rows = _read_rows(path)
-    header = [name.strip() for name in rows[0][1]] if rows else []
+    rows = read_csv(path)
+    header = [name.strip() for name in next(rows, (0, list[str]()))[1]]
     wanted = _find_columns(path, header, columns)
     labels: dict[Key, tuple[str, str]] = {}
-    for where, row in rows[1:]:
-        if len(row) != len(header):
-            message = f"{where}: expected {len(header)} fields, as the header; found {len(row)}"
-            raise SourceError(message, code="row-ragged", where=where)
+    for number, row in rows:
+        if not any(map(str.strip, row)):
+            continue
+        where = f"{path}, line {number}"
         *cells, label = (row[column].strip() for column in wanted)
         first, line = labels.setdefault(key_of(where, cells), (label, where))
         if first != label:
@@ -67,28 +59,6 @@ def read_label_table(
             )
     unread = (name for column, name in enumerate(header) if column not in wanted)
     return LabelTable(labels, tuple(unread))
-
-
-def separator_of(path: Path) -> str:
-    """Return what separates the columns of a text table, by the name of its file."""
-    return "\t" if path.name.casefold().removesuffix(PACKED).endswith(".tsv") else ","
-
-
-def hint_separator(header: Sequence[str]) -> str:
-    """Return what to do about a header that is one column; empty if it has no other separator."""
-    marks = _MARKS.items() if len(header) == 1 else ()
-    return next((said for mark, said in marks if mark in header[0]), "")
-
-
-def _read_rows(path: Path) -> list[tuple[str, list[str]]]:
-    """Return the rows that are not empty, each with its line."""
-    data = read_bytes(path, LABEL_TABLE)
-    try:
-        rows = parse_csv(data, most_rows=MAX_LABEL_ROWS, separator=separator_of(path))
-        return [(f"{path}, line {line}", row) for line, row in rows if any(map(str.strip, row))]
-    except ValueError as error:
-        said = f"no table ({error}); save it as CSV in UTF-8"
-        raise SourceError(f"{path}: {said}", code="csv-malformed", where=path) from error
 
 
 def _find_columns(

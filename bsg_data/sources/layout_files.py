@@ -25,7 +25,6 @@ from bsg_data.errors import SourceError
 from bsg_data.first_fault import MAX_METRES, ForeignRecord, Keyed, Listed, Metres, Position
 from bsg_data.geometry.placement import measure_area, surround
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import LAYOUT
 from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.scene_graph import Box, Point
@@ -178,7 +177,7 @@ def read_layout(path: Path) -> RoomLayout:
 
 
 def _read_yaml(path: Path) -> RoomLayout:
-    parsed = _Layout.model_validate(parse_yaml(read_bytes(path, LAYOUT, error=LayoutError)))
+    parsed = _Layout.model_validate(parse_yaml(read_bytes(path, error=LayoutError)))
     rooms = {int(name[len("room_") :]): room.laid for name, room in parsed.rooms.items()}
     if parsed.connections is None:
         return RoomLayout(rooms, by_region=False)
@@ -190,7 +189,7 @@ def _read_yaml(path: Path) -> RoomLayout:
 
 
 def _read_regions(path: Path) -> RoomLayout:
-    parsed = _Regions.model_validate(read_json(path, LAYOUT, error=LayoutError))
+    parsed = _Regions.model_validate(read_json(path, error=LayoutError))
     rooms: dict[int, LaidRoom] = {}
     for region in parsed.region_annotations:
         number = int(region.name[len("region_") :])

@@ -27,13 +27,6 @@ from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.first_fault import MAX_METRES
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.placement import measure_area, surround
-from bsg_data.inputs.bounds import (
-    HOUSE,
-    MAX_HOUSE_LINES,
-    MAX_HOUSE_PARTS,
-    MAX_HOUSE_ROOMS,
-    MAX_LINE,
-)
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box
@@ -122,7 +115,7 @@ class _MatterportHouses:
         Regions of junk are no rooms, and their objects belong to the building.
         """
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, HOUSE, expected=ref.fingerprint)
+        data = read_listed(path, expected=ref.fingerprint)
         house = _parse_house(data, path=path)
         boxes = stack_boxes(box for _, _, box in house.objects)
         annotation = Annotation(
@@ -181,9 +174,6 @@ class House:
         Raises:
             ValueError: that says what was expected.
         """
-        most = MAX_HOUSE_ROOMS if kind in ("L", "R") else MAX_HOUSE_PARTS
-        if kind in _READ and self.counted[kind] >= most:
-            raise ValueError(f"at most {most:,} lines of {kind}")
         if kind in set("LRSCO") and _whole(line, 1, "its index") != self.counted[kind]:
             raise ValueError(f"the next index, {self.counted[kind]}")
         if kind == "L":
@@ -252,17 +242,12 @@ def _parse_house(data: bytes, *, path: Path) -> House:
 
 def _read_lines(data: bytes, path: Path) -> Iterator[tuple[int, str]]:
     """Yield the lines of a file with their numbers, which begin at 1."""
-    file = io.BytesIO(data)
-    for number, line in enumerate(iter(lambda: file.readline(MAX_LINE + 1), b""), start=1):
-        expected = "UTF-8 text"
+    for number, line in enumerate(io.BytesIO(data), start=1):
         try:
-            if len(line) > MAX_LINE or number > MAX_HOUSE_LINES:
-                expected = f"at most {MAX_HOUSE_LINES:,} lines of {MAX_LINE:,} bytes"
-                raise ValueError(expected)
             text = line.decode("utf-8-sig" if number == 1 else "utf-8")
         except ValueError as error:
             shown = line.decode("utf-8", "backslashreplace").rstrip("\n")
-            raise malformed(path, number, shown, expected=expected) from error
+            raise malformed(path, number, shown, expected="UTF-8 text") from error
         yield number, text.rstrip("\n")
 
 

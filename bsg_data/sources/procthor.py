@@ -11,8 +11,8 @@ Doors, windows and walls are no objects there, and so none here.
 
 from __future__ import annotations
 
+import codecs
 import hashlib
-import io
 import json
 import os
 import re
@@ -24,21 +24,13 @@ from pathlib import Path
 from typing import Annotated, Any, BinaryIO, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import Field, field_validator
 
 from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.first_fault import ForeignRecord, Listed, Position
 from bsg_data.geometry.placement import measure_area, surround
 from bsg_data.inputs.bounded_file import open_stream
-from bsg_data.inputs.bounds import (
-    MAX_CORNERS,
-    MAX_HOUSE,
-    MAX_HOUSE_ROOMS,
-    MAX_HOUSE_THINGS,
-    PROCTHOR,
-    PROCTHOR_LINES,
-)
 from bsg_data.inputs.documents import require_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box
@@ -72,9 +64,7 @@ _Name = Annotated[str, Field(min_length=1, max_length=200)]
 class _Room(ForeignRecord):
     id: Annotated[str, Field(pattern=r"^room\|[0-9]{1,6}$")]
     room_type: Annotated[_Name, Field(alias="roomType")]
-    corners: Annotated[
-        Listed[Position], Field(alias="floorPolygon", min_length=3, max_length=MAX_CORNERS)
-    ]
+    corners: Annotated[Listed[Position], Field(alias="floorPolygon", min_length=3)]
 
     @property
     def number(self) -> int:
@@ -88,7 +78,7 @@ class _Door(ForeignRecord):
 
 class _Wall(ForeignRecord):
     room_id: Annotated[str | None, Field(alias="roomId")] = None
-    polygon: Annotated[Listed[Position], Field(max_length=MAX_CORNERS)] = ()
+    polygon: Listed[Position] = ()
 
 
 class _Thing(ForeignRecord):
@@ -105,19 +95,11 @@ def _unpack(things: Iterable[_Thing]) -> Iterator[_Thing]:
         yield from _unpack(thing.children)
 
 
-def _require_few(things: tuple[_Thing, ...]) -> tuple[_Thing, ...]:
-    if (found := sum(1 for _ in _unpack(things))) > MAX_HOUSE_THINGS:
-        raise ValueError(f"expected at most {MAX_HOUSE_THINGS:,} with children, found {found:,}")
-    return things
-
-
 class _House(ForeignRecord):
-    rooms: Annotated[Listed[_Room], Field(min_length=1, max_length=MAX_HOUSE_ROOMS)]
-    doors: Annotated[Listed[_Door], Field(max_length=MAX_HOUSE_THINGS)] = ()
-    walls: Annotated[Listed[_Wall], Field(max_length=MAX_HOUSE_THINGS)] = ()
-    objects: Annotated[
-        Listed[_Thing], Field(max_length=MAX_HOUSE_THINGS), AfterValidator(_require_few)
-    ] = ()
+    rooms: Annotated[Listed[_Room], Field(min_length=1)]
+    doors: Listed[_Door] = ()
+    walls: Listed[_Wall] = ()
+    objects: Listed[_Thing] = ()
 
     @field_validator("rooms")
     @classmethod
@@ -232,14 +214,10 @@ def _stream(file: Path) -> _Houses:
         after = f", after {unit} {number}" if number else ""
         return SourceError(f"{file}{after}{said.removeprefix(str(file))}", **fault)
 
-    with open_stream(file, PROCTHOR_LINES if is_lines else PROCTHOR, error=refuse) as opened:
-        texts = iter(lambda: opened.readline(MAX_HOUSE + 1), b"") if is_lines else _split(opened)
+    with open_stream(file, error=refuse) as opened:
+        texts = opened if is_lines else _split(opened)
         try:
             for number, text in enumerate(texts, start=1):
-                if len(text) > MAX_HOUSE:
-                    where = f"{file}, {unit} {number}"
-                    message = f"{where}: a house has at most {MAX_HOUSE:,} bytes"
-                    raise SourceError(message, code="house-too-large", where=where)
                 if text.strip():
                     yield number, text.strip()
         except (ValueError, RecursionError) as error:
@@ -248,7 +226,7 @@ def _stream(file: Path) -> _Houses:
 
 def _split(opened: BinaryIO) -> Iterator[bytes]:
     """Yield the houses of an array, or one house that has more than a line; hold few at a time."""
-    source = io.TextIOWrapper(opened, "utf-8-sig", newline="")
+    source = codecs.getreader("utf-8-sig")(opened)
     text, more = source.read(_BLOCK).lstrip(), True
     is_array = text.startswith("[")
     at = int(is_array)
@@ -258,9 +236,8 @@ def _split(opened: BinaryIO) -> Iterator[bytes]:
         try:
             _, stop = _DECODER.raw_decode(text, at)
         except json.JSONDecodeError as fault:
-            if not more or len(text) - at > MAX_HOUSE:
-                limit = f"expected a house of at most {MAX_HOUSE:,} bytes: "
-                raise ValueError(f"{limit if more else ''}{fault.msg}") from fault
+            if not more:
+                raise ValueError(fault.msg) from fault
             stop = len(text)
         if more and stop == len(text):  # what follows may belong to it
             block = source.read(max(_BLOCK, stop - at))

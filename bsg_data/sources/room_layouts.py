@@ -11,10 +11,10 @@ from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
 from bsg_data.geometry.placement import find_storeys, measure_area
+from bsg_data.inputs import text_table
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Room, SceneGraph
-from bsg_data.sources import label_table
 from bsg_data.sources.annotation_files import (
     fingerprint,
     list_files,
@@ -211,7 +211,7 @@ class WithLayouts(Wrapper):
 
 
 def _is_table(path: Path) -> bool:
-    return path.name.casefold().endswith(label_table.SUFFIXES) and not path.is_dir()
+    return path.name.casefold().endswith(text_table.SUFFIXES) and not path.is_dir()
 
 
 def _list_layouts(path: Path) -> _Listing:

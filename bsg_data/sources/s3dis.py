@@ -14,12 +14,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, Field, RootModel
+from pydantic import AfterValidator, RootModel
 
 from bsg_data.dataset.manifest import Terms
-from bsg_data.errors import SourceError
 from bsg_data.first_fault import Listed
-from bsg_data.inputs.bounds import MAX_LISTED, MAX_LISTED_SCENES, S3DIS
 from bsg_data.inputs.documents import read_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
@@ -44,7 +42,7 @@ def _require_instance(name: str) -> str:
 
 
 _Instance = Annotated[str, AfterValidator(_require_instance)]
-_Listing = RootModel[Annotated[Listed[_Instance], Field(max_length=MAX_LISTED)]]
+_Listing = RootModel[Listed[_Instance]]
 _Area = tuple[tuple[str, str], ...]  # (room, category) of every instance, sorted
 
 
@@ -88,14 +86,11 @@ class _S3DISAreas:
 def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
     """Read the list, once for each state of the file."""
     expected = "a list of category_number_room_number_area, such as chair_1_office_3_1"
-    document, code = read_json(path, S3DIS), "listing-malformed"
+    document, code = read_json(path), "listing-malformed"
     areas: dict[str, list[tuple[str, str]]] = {}
     for name in validate(_Listing, document, where=path, expected=expected, code=code).root:
         if name != _UNLABELLED and (match := _INSTANCE.fullmatch(name)):
             areas.setdefault(f"area_{match[5]}", []).append((f"{match[3]}_{match[4]}", match[1]))
-    if len(areas) > MAX_LISTED_SCENES:
-        said = f"expected at most {MAX_LISTED_SCENES:,} areas, found {len(areas):,}"
-        raise SourceError(f"{path}: {said}", code=code, where=path)
     return {area: tuple(sorted(content)) for area, content in areas.items()}
 
 

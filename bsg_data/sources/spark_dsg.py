@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.inputs.bounds import SPARK_DSG
 from bsg_data.inputs.documents import require_json
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import find_files, read_listed
@@ -66,7 +65,7 @@ class _RobotGraphs:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
         path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, SPARK_DSG, expected=ref.fingerprint)
+        data = read_listed(path, expected=ref.fingerprint)
         document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
         space = self._space()
@@ -81,7 +80,10 @@ class _RobotGraphs:
             method="robot",
             sha256=hashlib.sha256(data).hexdigest(),
         )
-        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
+        said = f"{file.lost:,} edges to nodes that are not there: they are left out"
+        lost = [SkippedScene(ref.scene_id, ref.location, said)] if file.lost else []
+        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
+        return Reading(graph, left_out=tuple(lost))
 
     def _space(self) -> LabelSpace | None:
         return None if self.labels is None else load_label_space(self.labels)

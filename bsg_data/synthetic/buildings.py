@@ -8,7 +8,6 @@ from pathlib import Path
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json, name_finished, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import SYNTHETIC as MARK_FILE
 from bsg_data.inputs.documents import parse_json
 from bsg_data.results import BUILD, PLAN, FolderKind, write_folder
 from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
@@ -93,7 +92,7 @@ def _own(folder: Path) -> Callable[[str], bool]:
     if not paths:
         return lambda path: False
     try:
-        mark = parse_json(read_bytes(paths[0], MARK_FILE, error=DatasetError))
+        mark = parse_json(read_bytes(paths[0], error=DatasetError))
         names = {*_list_names(int(mark["seed"]), mark["scenes"])}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise DatasetError(

@@ -11,7 +11,7 @@ from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
-from bsg_data.inputs.documents import parse_json
+from bsg_data.inputs.documents import require_json
 from bsg_data.observation.partial_graph import PartialGraph
 from bsg_data.observation.robot_json import RobotGraphError, parse_robot_graph
 from bsg_data.sources.dsg_file import is_dsg, parse_dsg
@@ -94,21 +94,16 @@ def _read_document(path: Path, named: Path) -> Any:
     data = _read_standard_input() if path == Path("-") else read_bytes(path, SPARK_DSG)
     if path.suffix == BINARY:
         data = convert(path)
-    try:
-        if b'"nodes"' in data:
-            document = parse_json(data, once=False)
-            if is_dsg(document):
-                return document
-            del document  # one at a time: two of them would take twice the memory
-        if len(data) > ROBOT:
-            raise RobotGraphError(
-                f"{named}: expected at most {ROBOT:,} bytes", code="file-too-large", where=named
-            )
-        return parse_json(data)
-    except ValueError as error:
+    if b"nodes" in data.replace(b"\0", b""):  # also in UTF-16
+        document = require_json(data, named, once=False, is_bounded=True, error=RobotGraphError)
+        if is_dsg(document):
+            return document
+        del document  # one at a time: two of them would take twice the memory
+    if len(data) > ROBOT:
         raise RobotGraphError(
-            f"{named}: no JSON ({str(error)[:200]})", code="json-malformed", where=named
-        ) from error
+            f"{named}: expected at most {ROBOT:,} bytes", code="file-too-large", where=named
+        )
+    return require_json(data, named, is_bounded=True, error=RobotGraphError)
 
 
 def _read_standard_input() -> bytes:

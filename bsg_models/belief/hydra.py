@@ -120,6 +120,9 @@ def note_hydra(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:
             f"{edges} between objects not read: Spark-DSG does not say which of the two lies on "
             "the other; say `on` in the metadata of an object (docs/belief.md)"
         )
+    if dsg.lost:
+        edges = "1 edge" if dsg.lost == 1 else f"{dsg.lost:,} edges"
+        yield f"{edges} left out: a node of each is not in the file"
     bare = [
         obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.said)
     ]

@@ -29,8 +29,7 @@ import pyarrow.parquet as pq
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.files import open_beside
-from bsg_data.inputs.bounds import DATASET_TABLE, KIB, MAX_STREAMED_ROWS, MIB
-from bsg_data.inputs.parquet import open_parquet_file, refusing_damage
+from bsg_data.inputs.parquet import refusing_damage
 from bsg_models.belief.count_distribution import MIN_RATE
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import PredictionError
@@ -40,8 +39,7 @@ NODE = ("scene_id", "draw", "node_index")
 KEYS = (*NODE, "class")
 WRITTEN = 16  # number of the columns p0, p1, … that are written
 _TEXTS, _NUMBERS = ("scene_id", "class"), ("draw", "node_index")
-_SPARE, _ROW, _LONGEST = 16 * MIB, KIB, 1_000  # bytes of a file, of each row, and of a name
-_READ = (*KEYS, "presence", "expected", "total")  # and p0, p1, …
+_LONGEST = 1_000  # bytes of a name
 _EXACTLY = re.compile(r"p(?:0|[1-9][0-9]*)")
 _MOST_EXACTLY = 256
 _MOST = 1e9  # objects of a class in a node
@@ -77,7 +75,7 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
             f"{path}: holds no file *.parquet", code="predictions-none", where=path
         )
     with ExitStack() as stack:
-        opened = [stack.enter_context(_open(file, most_rows)) for file in files]
+        opened = [stack.enter_context(_open(file)) for file in files]
         rows = sum(file.metadata.num_rows for file in opened)
         if rows > most_rows:
             raise PredictionError(
@@ -98,15 +96,10 @@ def read_predictions(path: Path, *, most_rows: int) -> Predictions:
     return Predictions(path, tuple(files), pd.concat(frames, keys=files), masks)
 
 
-def _open(path: Path, most_rows: int) -> pq.ParquetFile:
-    return open_parquet_file(
-        path,
-        most=MAX_STREAMED_ROWS,
-        bound=min(DATASET_TABLE, _SPARE + _ROW * most_rows),
-        is_read=lambda name: name in _READ or _EXACTLY.fullmatch(name) is not None,
-        dictionaries=_TEXTS,
-        error=PredictionError,
-    )
+def _open(path: Path) -> pq.ParquetFile:
+    with refusing_damage(path, error=PredictionError):
+        words = [name for name in _TEXTS if name in pq.read_schema(path).names]
+        return pq.ParquetFile(path, read_dictionary=words)
 
 
 def _read(path: Path, file: pq.ParquetFile) -> pd.DataFrame:

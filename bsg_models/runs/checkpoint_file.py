@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from bsg_data.errors import ask_to_upgrade
-from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
 from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
 
@@ -51,9 +50,9 @@ def open_checkpoint(path: Path) -> Iterator[tuple[BinaryIO, dict[str, Any]]]:
 def _read_header(file: BinaryIO, path: Path) -> bytes:
     """Return the JSON of a safetensors file, which begins with its length."""
     size, length = os.fstat(file.fileno()).st_size, int.from_bytes(file.read(_LENGTH), "little")
-    if size > CHECKPOINT or length > min(size - _LENGTH, CHECKPOINT_HEADER):
+    if length > size - _LENGTH:
         raise CheckpointError(
-            f"{path}: not a readable checkpoint (it is cut off, too large, or not safetensors)"
+            f"{path}: not a readable checkpoint (it is cut off or not safetensors)"
         )
     return file.read(length)
 

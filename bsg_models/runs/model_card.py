@@ -18,7 +18,6 @@ from pydantic import ValidationError
 from bsg_data.dataset.manifest import LICENCE_REF, is_address
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
-from bsg_data.inputs.bounds import CARD
 from bsg_data.inputs.documents import parse_yaml
 from bsg_data.recipes import Record, name_fault
 from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code
@@ -293,7 +292,7 @@ def write_model_card(found: FoundModel, fields: Mapping[str, Any]) -> str:
     if found.kind == "shipped":
         return read_shipped_card(found.name)
     if found.kind in ("hub", "hub folder") and beside.is_file():
-        return read_bytes(beside, CARD, error=CheckpointError).decode("utf-8", "replace")
+        return read_bytes(beside, error=CheckpointError).decode("utf-8", "replace")
     purpose = f"A trained {fields['config']['name']}."
     record = read_record(found.path.parent) if found.kind == "run" else None
     known = record.trained_on if record else ()

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from pydantic import Field, ValidationError
 
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import RUN_RECORD
 from bsg_data.recipes import Record, name_fault
 from bsg_models.errors import TrainingError
 
@@ -99,6 +98,6 @@ def read_record(run: Path) -> TrainingRecord | None:
     if not path.is_file():
         return None
     try:
-        return TrainingRecord.model_validate_json(read_bytes(path, RUN_RECORD, error=TrainingError))
+        return TrainingRecord.model_validate_json(read_bytes(path, error=TrainingError))
     except ValidationError as error:
         raise TrainingError(f"{path}: is no record of a training ({name_fault(error)})") from error

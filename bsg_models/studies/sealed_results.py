@@ -11,7 +11,6 @@ from pathlib import Path
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
-from bsg_data.inputs.bounds import RESULTS
 from bsg_data.inputs.documents import parse_json
 from bsg_data.results import SEAL, require_seal
 from bsg_models.runs.checkpoint_file import read_fields
@@ -73,7 +72,7 @@ def _measures_other_weights(results: Path) -> bool:
     if not (report.is_file() and best.is_file()):
         return False
     try:
-        measured = parse_json(read_bytes(report, RESULTS, error=DatasetError))["checkpoints_sha256"]
+        measured = parse_json(read_bytes(report, error=DatasetError))["checkpoints_sha256"]
         return hash_file(best) not in measured
     except (BSGError, OSError, LookupError, TypeError, ValueError):
         return False  # the seal speaks of damage

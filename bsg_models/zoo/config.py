@@ -24,7 +24,6 @@ from pydantic import (
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import CONFIG, MAX_NESTING
 from bsg_data.inputs.documents import parse_toml
 from bsg_data.recipes import Exploration, MaskRecipe, Record, Seed
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
@@ -103,7 +102,7 @@ def read_config(path: AnyPath) -> dict[str, Any]:
     """
     path = Path(path)
     try:
-        return parse_toml(read_bytes(path, CONFIG, error=ConfigError))
+        return parse_toml(read_bytes(path, error=ConfigError))
     except ConfigError:
         raise
     except ValueError as error:
@@ -121,7 +120,7 @@ def override(tables: Mapping[str, Any], settings: Sequence[str]) -> dict[str, An
     for setting in settings:
         path, equals, value = setting.partition("=")
         keys = path.strip().split(".")
-        if not equals or not all(keys) or len(keys) > MAX_NESTING:
+        if not equals or not all(keys):
             raise ConfigError(
                 f"--set {setting[:SHOWN]}: expected path=value, as in training.epochs=50"
             )

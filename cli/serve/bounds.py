@@ -15,11 +15,10 @@ from starlette.datastructures import Headers
 from starlette.responses import JSONResponse, Response
 from starlette.types import Message, Receive, Scope, Send
 
-from bsg_data.inputs.bounds import MIB
 from bsg_data.recipes import Record
 
-MOST_BYTES = 8 * MIB  # of a question
-MOST_HELD = 256 * MIB  # of all questions at a time
+MOST_BYTES = 8 * 2**20  # of a question
+MOST_HELD = 256 * 2**20  # of all questions at a time
 SECONDS_TO_ASK = 30.0
 _BUSY = "too many large questions at a time; ask again"
 ENDING = "the service ends; ask again when it runs"

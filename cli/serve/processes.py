@@ -23,9 +23,8 @@ from bsg_cli.serve.answer import Answer, call
 from bsg_cli.serve.bounds import ENDING, confess, refuse
 from bsg_cli.serve.turns import Turns
 from bsg_data.errors import BSGError
-from bsg_data.inputs.bounds import KIB
 
-SMALL = 32 * KIB  # a question that has a process kept free of larger ones
+SMALL = 32 * 2**10  # a question that has a process kept free of larger ones
 SECONDS_TO_WAIT, SECONDS_TO_ANSWER = 60.0, 10.0
 SECONDS_TO_LOAD = 60.0  # a model, at the start
 SECONDS_TO_END = 7  # for what is under way when the service is asked to end

@@ -19,7 +19,6 @@ from bsg_cli.serve.processes import Processes
 from bsg_cli.serve.tools import make_server
 from bsg_cli.terminal import ENDED, INTERRUPTED, print_note
 from bsg_data.files import encode_json
-from bsg_data.inputs.bounds import MIB
 from bsg_data.inputs.documents import parse_json
 from bsg_data.spelling import SHOWN
 
@@ -83,7 +82,7 @@ class _BoundedLines:
         return ""
 
     def _read_end(self, line: bytes) -> bytes:
-        while not line.endswith(b"\n") and (piece := self._said.readline(MIB)):
+        while not line.endswith(b"\n") and (piece := self._said.readline(2**20)):
             line = line[-_ENDS:] + piece
         return line[-_ENDS:]
 

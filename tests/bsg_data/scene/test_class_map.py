@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import ClassMapError
-from bsg_data.inputs.bounds import MAX_MAP_ROWS
 from bsg_data.scene import class_map as class_map_module
 from bsg_data.scene.class_map import (
     Classified,
@@ -152,7 +151,6 @@ def test_a_malformed_map_is_refused(tmp_path: Path, spellings: str, classes: str
         ("a.csv", f"raw_category,category,class\n{'x' * 90_000},a,\n{'X' * 90_000},a,chair\n"),
         ("a.csv", f"{'x' * 90_000}\n"),
         ("a.classes.csv", f"index,class,definition\n0,{'x' * 90_000},\n{'9' * 90_000},b,\n"),
-        ("a.csv", "raw_category,category,class\n" + "a,a,\n" * MAX_MAP_ROWS),
     ],
 )
 def test_errors_of_a_map_cut_what_they_repeat(tmp_path: Path, file: str, text: str) -> None:

@@ -12,10 +12,8 @@ from house_files import HOUSE, change
 from refusals import refuses
 
 from bsg_data.errors import AnnotationError, SourceError
-from bsg_data.inputs.bounds import MAX_LINE
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
-from bsg_data.sources import mp3d
 from bsg_data.sources.catalogue import SOURCES, open_source
 from bsg_data.sources.mp3d import _parse_house
 from bsg_data.testing import SourceContract
@@ -141,31 +139,6 @@ def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> Non
 def test_a_malformed_line_is_named(line: str, other: str) -> None:
     with refuses(AnnotationError, "line-malformed"):
         _parse_house(change(line, other).encode(), path=PATH)
-
-
-@pytest.mark.parametrize(
-    ("bound", "line"),
-    [
-        ("ROOMS", "L  {n}  0  -  4 2 0  0 0 0  8 4 3  0 0 0 0 0"),
-        ("ROOMS", "R  {n} -1  0 0  k  1 1 0  0 0 0  4 4 2.5  2.5  0 0 0 0"),
-        ("PARTS", "C  {n}  1 wall  1 wall  0 0 0 0 0"),
-        ("PARTS", "P  0 -1 -1  D  4 1 0  4.1 2 2  0 0 0 0"),
-        ("LINES", ""),
-    ],
-)
-def test_more_lines_than_a_house_has_are_refused(
-    bound: str, line: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(mp3d, f"MAX_HOUSE_{bound}", 5)
-    lines = "\n".join(line.format(n=number) for number in range(6))
-    place = f"{PATH}, line {6 if bound == 'LINES' else 7}"
-    with refuses(AnnotationError, "line-malformed", place, golden=False):
-        _parse_house(f"ASCII 1.1\n{lines}".encode(), path=PATH)
-
-
-def test_a_long_line_is_refused() -> None:
-    with refuses(AnnotationError, "line-malformed"):
-        _parse_house(b"ASCII 1.1\n" + b"9" * (MAX_LINE + 1), path=PATH)
 
 
 def without(*kinds: str) -> str:

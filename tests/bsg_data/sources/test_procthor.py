@@ -15,10 +15,9 @@ from refusals import refuses
 from bsg_data.checks.graphs import find_faults
 from bsg_data.dataset.scenes import make_tables
 from bsg_data.errors import SourceChangedError, SourceError
-from bsg_data.inputs import bounded_file
-from bsg_data.inputs.bounds import MAX_HOUSE, MAX_HOUSE_ROOMS, MAX_HOUSE_THINGS
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
+from bsg_data.sources import procthor
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.source import Source
 from bsg_data.testing import SourceContract
@@ -134,7 +133,7 @@ def test_every_file_of_a_folder_is_read_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """Scenes are ordered by their number in their file: three files are read in turns."""
-    houses, size = many(300), 0
+    houses = many(300)
     for number in range(3):
         part = houses[number::3]
         path = tmp_path / f"{number}.{name}"
@@ -143,22 +142,20 @@ def test_every_file_of_a_folder_is_read_once(
             write_lines(path, *part)
         else:
             path.write_bytes(gzip.compress(text) if name.endswith(".gz") else text)
-        unpack = gzip.decompress if name.endswith(".gz") else bytes
-        size += len(unpack(path.read_bytes()))
     source = open_source("procthor", tmp_path)
     scenes = source.find().scenes
     assert len(scenes) == 300
-    taken = []
+    opened = []
+    open_stream = procthor.open_stream
 
-    class Counted(bounded_file._Counted):
-        def readinto(self, buffer: memoryview) -> int:
-            taken.append(super().readinto(buffer))
-            return taken[-1]
+    def count(path: Path, **options: Any) -> Any:
+        opened.append(path)
+        return open_stream(path, **options)
 
-    monkeypatch.setattr(bounded_file, "_Counted", Counted)
+    monkeypatch.setattr(procthor, "open_stream", count)
     found = {source.read(ref, load_class_map()).graph.objects[0].instance_id for ref in scenes}
     assert found == {1}
-    assert 0 < sum(taken) <= size, "no byte is unpacked twice"
+    assert len(opened) == 3
 
 
 def test_an_array_is_read_house_by_house(tmp_path: Path) -> None:
@@ -219,11 +216,6 @@ def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
         ({"rooms": [room(4, "Bedroom", (0, 0), (1e9, 0), (2, 0))]}, "house-malformed"),
         ({"rooms": [room(4, "B", (0, 0), (1, 0), (2, 2))] * 2}, "house-malformed"),
         ({"objects": [{"id": "4|0", "assetId": "Bed_1"}]}, "house-malformed"),
-        ({"walls": [{}] * (MAX_HOUSE_THINGS + 1)}, "house-malformed"),
-        (
-            {"objects": [thing("a", "Bed_1", *[thing("b", "Cup_1")] * MAX_HOUSE_THINGS)]},
-            "house-malformed",
-        ),
         ({"objects": [thing("4|0", "Bed_1", x=float("nan"))]}, "json-malformed"),
     ],
 )
@@ -244,11 +236,8 @@ def test_a_malformed_house_is_left_out_by_name(
         ("open.json", b"[[]", "json-malformed"),
         ("after.json", b"[{}] {}", "json-malformed"),
         ("half.json", b'[{}, {"a": 1', "json-malformed"),
-        ("wrong.json", b"[{}, {'a': 1}" + b", {}" * MAX_HOUSE + b"]", "json-malformed"),
-        ("long.json", b'[{}, "' + b"1" * MAX_HOUSE + b'"]', "house-too-large"),
         ("bad.json", b'[{"rooms": \xff}]', "json-malformed"),
         ("empty.jsonl", b"\n\n", "source-empty"),
-        ("long.jsonl", b"1" * (MAX_HOUSE + 1), "house-too-large"),
     ],
 )
 def test_files_that_are_cut_off_or_none(tmp_path: Path, name: str, data: bytes, code: str) -> None:
@@ -259,7 +248,7 @@ def test_files_that_are_cut_off_or_none(tmp_path: Path, name: str, data: bytes, 
 
 def test_things_of_no_room_are_looked_for_in_each_floor_together(tmp_path: Path) -> None:
     """By one test for each of them and each floor, this took minutes."""
-    rooms = [room(n, "Bedroom", (0, 0), (2, 0), (2, 2)) for n in range(MAX_HOUSE_ROOMS)]
+    rooms = [room(n, "Bedroom", (0, 0), (2, 0), (2, 2)) for n in range(1_000)]
     things = [thing("astray", "Cup_1", x=60), thing("inside", "Cup_2", x=1.5)] * 4_900
     path = write_lines(tmp_path / "h.jsonl", house(rooms=rooms, objects=things))
     source = open_source("procthor", path)

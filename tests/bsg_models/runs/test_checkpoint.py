@@ -16,7 +16,6 @@ from safetensors.numpy import load_file, save_file
 
 from bsg_cli.belief import main
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.inputs.bounds import CHECKPOINT, CHECKPOINT_HEADER
 from bsg_data.observation.observation import Observation
 from bsg_models.belief.expectation import from_totals
 from bsg_models.errors import CheckpointError, PredictionError
@@ -111,16 +110,14 @@ def test_a_header_of_another_program_or_version_is_refused(
         (10, 17),
         (0, 4),
         (2**63, 100),
-        (10, CHECKPOINT + 1),
-        (CHECKPOINT_HEADER + 1, CHECKPOINT),
     ],
 )
-def test_what_is_cut_off_or_too_large_is_not_read(tmp_path: Path, header: int, size: int) -> None:
+def test_what_is_cut_off_is_not_read(tmp_path: Path, header: int, size: int) -> None:
     path = tmp_path / "model.safetensors"
     with path.open("wb") as file:  # takes no room on the disk
         file.write(header.to_bytes(8, "little"))
         file.truncate(size)
-    with pytest.raises(CheckpointError, match="cut off, too large, or not safetensors"):
+    with pytest.raises(CheckpointError, match="cut off or not safetensors"):
         load_checkpoint(path)
 
 

@@ -27,7 +27,6 @@ from pydantic import Field, ValidationError, model_validator
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.first_fault import Keyed
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.bounds import MIB
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
 from bsg_data.recipes import SaidRecord, name_fault
@@ -42,7 +41,6 @@ from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.settings import ModelConfig
 from bsg_rivals.presence_odds import ANY_FRACTION, PresenceOdds, average_others
 
-_MOST_BYTES = 16 * MIB  # of a table
 _HAND_TABLE = "hand-prior-v2.json"
 _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 
@@ -185,7 +183,7 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> _PriorTable:
     """
     if not path:
         return _parse(read_published(_HAND_TABLE), f"mappings/{_HAND_TABLE}", classes)
-    return _parse(read_bytes(Path(path), _MOST_BYTES, error=ConfigError), path, classes)
+    return _parse(read_bytes(Path(path), error=ConfigError), path, classes)
 
 
 def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> _PriorTable:

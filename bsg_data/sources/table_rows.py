@@ -1,0 +1,467 @@
+"""Read the rows of a table of objects, CSV or parquet, by buildings.
+
+Every different cell of a column is cleaned and checked once. Then buildings, and the rooms of each,
+get one name for all spellings of it.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from array import array
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, TypeVar
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    FailFast,
+    Field,
+    TypeAdapter,
+    ValidationError,
+)
+
+from bsg_data.errors import SourceError
+from bsg_data.first_fault import Metres
+from bsg_data.inputs.parquet import refusing_damage
+from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
+from bsg_data.recipes import name_fault
+from bsg_data.scene.scene_graph import Box, Point, is_scene_id
+from bsg_data.spelling import ask_if_meant, list_some, meant_names
+
+_SUFFIXES = (*SUFFIXES, ".parquet")
+_REQUIRED = ("scene", "room", "category")
+_FACTS = ("room_label", "floor", "floor_area")  # of a room
+_CENTROID = ("x", "y", "z")
+_BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in _CENTROID)
+_WHOLE = re.compile(r"-?[0-9]+(\.0+)?")  # pandas writes 3.0 for 3 where a column has gaps
+_SLACK = 1e-4  # metres that a centroid may stand outside its box: files round
+_LONGEST = 200  # characters of a name; the longest of HM3D has 61
+_MOST = 100_000  # objects of a row
+_NAMED = 5  # things in a note; the others are counted
+_SHOWN = 20  # columns in an error or a note
+# What `pandas.read_csv` takes for missing, and pandas' missing time.
+_MISSING = {
+    *("", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN"),
+    *("<NA>", "N/A", "NA", "NULL", "NaN", "NaT", "None", "n/a", "nan", "null"),
+}
+_CONTROL = re.compile("[\0-\x1f\x7f-\x9f\u2028\u2029]")
+
+
+def _on_one_line(name: str) -> str:
+    if _CONTROL.search(name):
+        raise ValueError(f"expected a name on one line, without control characters; found {name!r}")
+    return name
+
+
+def _as_scene(name: str) -> str:
+    if not is_scene_id(name):
+        raise ValueError(f"expected a name that a file can have, found {name!r}")
+    return name
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+_Kind = TypeVar("_Kind")
+_Listed = Annotated[list[_Kind | None], FailFast()]
+# Other formats than CSV have numbers in columns of names.
+_Name = Annotated[str, Field(max_length=_LONGEST), AfterValidator(_on_one_line)]
+_TYPES: Mapping[str, Any] = {  # of the columns that are read
+    "scene": Annotated[_Name, AfterValidator(_as_scene)],  # the name of a building
+    "room": _Name,  # none for an object of the building
+    "category": _Name,  # the name of the object; none for a room alone
+    "count": Annotated[int, Field(ge=0, le=_MOST)],  # how many such objects there are; none: one
+    "room_label": _Name,  # what the room is, e.g. `kitchen`
+    "floor": Annotated[int, Field(ge=-1000, le=1000)],  # the level, counted as one likes
+    "floor_area": Annotated[float, Field(gt=0, le=1e7)],  # of the room, square metres
+    # names of rooms that connect to the room
+    "connected": Annotated[tuple[_Name, ...], BeforeValidator(_as_list)],
+    **dict.fromkeys((*_CENTROID, *_BOX), Metres),  # where the object is, and its box; Z up
+}
+FIELDS = tuple(_TYPES)
+_OPTIONAL = tuple(name for name in FIELDS if name not in _REQUIRED)
+_COLUMNS: Mapping[str, TypeAdapter[Any]] = {
+    name: TypeAdapter(_Listed[kind], config=ConfigDict(coerce_numbers_to_str=True))  # type: ignore[valid-type]
+    for name, kind in _TYPES.items()
+}
+
+
+class Row(NamedTuple):
+    """One row of a scene: an object, equal objects, or a room alone."""
+
+    number: int  # in the file, from 0
+    room: str  # empty for an object of the building
+    category: str  # empty for a room alone
+    times: int  # how many such objects
+    room_label: str | None
+    floor: int | None
+    floor_area: float | None
+    connected: tuple[str, ...]
+    centroid: Point | None  # as it is given
+    box: Box | None
+
+    @property
+    def place(self) -> Point | None:
+        """Where it is: the middle of its box if it has no other place."""
+        return self.centroid or (self.box.centre if self.box else None)
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What the row says of one object, in an order of its own."""
+        box = (*self.box.minimum, *self.box.maximum) if self.box else ()
+        return (
+            (self.room, self.category, self.centroid or (), box),
+            (self.room_label or "", str(self.floor), str(self.floor_area), self.connected),
+        )
+
+
+Facts = dict[str, dict[str, Any]]  # room → what some row says of it, a column of `_FACTS` each
+Scene = tuple[Sequence[Row], Facts]
+
+
+@lru_cache(maxsize=1)
+def read_scenes(
+    path: Path, size: int, changed: int, named: tuple[tuple[str, str], ...]
+) -> tuple[Mapping[str, Scene], Sequence[str]]:
+    """Read the scenes, and notes of what differs from the file, once for each state of it."""
+    name, notes = path.name.casefold(), Counter[str]()
+    if not name.endswith(_SUFFIXES):
+        expected = f"a file that ends in {', '.join(_SUFFIXES)}"
+        raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
+    read = _read_parquet if name.endswith(".parquet") else _read_text
+    cells = read(path, dict(named), notes)
+    spelt: dict[str, list[Row]] = {}
+    for scene, row in _list_rows(cells, notes):
+        spelt.setdefault(scene, []).append(row)
+    names = _settle({spelling: len(rows) for spelling, rows in spelt.items()})
+    scenes: dict[str, list[Row]] = {}
+    for spelling, scene in names.items():
+        scenes.setdefault(scene, []).extend(spelt.pop(spelling))
+    found: dict[str, Scene] = {}
+    several: list[str] = []  # rooms
+    for scene in sorted(scenes):
+        settled, rooms = _settle_rooms(scenes.pop(scene))
+        several += (f"{said} in {scene}" for said in _list_several(rooms))
+        found[scene] = settled, _gather_facts(settled, cells, scene)
+    said = [
+        _note_unread(_list_unread(cells.header, cells.columns), cells.columns),
+        _note("buildings of several spellings, each read as one", _list_several(names)),
+        _note("rooms of several spellings, each read as one", several),
+        *(f"{what}: {times:,}" for what, times in sorted(notes.items())),
+    ]
+    return found, [note for note in said if note]
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """The columns of a file that are read."""
+
+    path: Path
+    header: Sequence[str]
+    columns: Mapping[str, int]  # field → the number of its column
+    words: Mapping[str, Sequence[Any]]  # field → its different cells
+    codes: Mapping[str, Sequence[int]]  # field → which of these is in a row
+    lines: Sequence[int] = ()  # of the rows of a text
+
+    def where(self, row: int, *, within: str = "") -> str:
+        """Return how errors name a row."""
+        place = f"line {self.lines[row]}" if self.lines else f"row {row + 1}"
+        return f"{self.path}{within}, {place}"
+
+
+def _read_text(path: Path, named: Mapping[str, str], notes: Counter[str]) -> _Cells:
+    rows = read_csv(path)
+    _, names = next(rows, (0, list[str]()))
+    header = [name.strip() for name in names]
+    columns, lines = _find_columns(path, header, named), array("q")
+    words: dict[str, dict[str, int]] = {field: {} for field in columns}
+    codes = {field: array("q") for field in columns}
+    read = [(words[field], codes[field], at) for field, at in columns.items()]
+    for line, row in rows:
+        if row == names:
+            notes["rows that repeat the header, left out"] += 1  # tables that were joined
+            continue
+        lines.append(line)
+        for known, numbers, at in read:
+            numbers.append(known.setdefault(row[at], len(known)))
+    return _Cells(path, header, columns, {field: [*words[field]] for field in words}, codes, lines)
+
+
+def _read_parquet(path: Path, named: Mapping[str, str], _: Counter[str]) -> _Cells:
+    words: dict[str, Sequence[Any]] = {}
+    codes: dict[str, Sequence[int]] = {}
+    with refusing_damage(path), pq.ParquetFile(path) as file:
+        names = file.schema_arrow.names
+        columns = _find_columns(path, header := [name.strip() for name in names], named)
+        for field, at in columns.items():
+            if pa.types.is_nested(file.schema_arrow.field(at).type):
+                message = (
+                    f"{path}, column {names[at]}: expected text, found lists; put ; between names"
+                )
+                raise SourceError(message, code="table-lists", where=path)
+            column = file.read([names[at]]).column(0).combine_chunks().dictionary_encode()
+            words[field] = [*column.dictionary.to_pylist(), None]
+            codes[field] = column.indices.fill_null(len(column.dictionary)).to_pylist()
+    return _Cells(path, header, columns, words, codes)
+
+
+def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
+    """Return field → number of its column, spelt as asked, else in other letters or spaces."""
+    exact, alike = _index(header), _index(map(_fold, header))
+    columns: dict[str, int] = {}
+    for field in FIELDS:
+        asked = named.get(field, field).strip()
+        found = exact.get(asked) or alike.get(_fold(asked), [])
+        if len(found) > 1:
+            spellings = {header[at] for at in found} - {asked}
+            shown = f", as {list_some(sorted(spellings), _SHOWN)}" if spellings else ""
+            message = f"{path}: the column {asked!r} twice{shown}"
+            raise SourceError(message, code="column-twice", where=path)
+        if found:
+            columns[field] = found[0]
+    groups = [group for group in (_CENTROID, _BOX) if set(group) & set(columns)]
+    for field in (*named, *_REQUIRED, *chain.from_iterable(groups)):
+        if field not in columns:
+            raise _lack_column(path, field, named.get(field, field), header, columns)
+    return columns
+
+
+def _index(names: Iterable[str]) -> dict[str, list[int]]:
+    numbers: dict[str, list[int]] = {}
+    for number, name in enumerate(names):
+        numbers.setdefault(name, []).append(number)
+    return numbers
+
+
+def _lack_column(
+    path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
+) -> SourceError:
+    near = meant_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
+    hint = f"name yours by --option {field}=COLUMN"
+    if near:
+        hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"
+    hint = hint_separator(header) or hint
+    return SourceError(
+        f"{path}: no column {asked!r}{hint and f'; {hint}'}. Expected a header with "
+        f"{', '.join(_REQUIRED)}, and any of {', '.join(_OPTIONAL)}; found "
+        f"{list_some(header, _SHOWN) or 'none'}",
+        code="column-missing",
+        where=path,
+    )
+
+
+def _list_unread(header: Sequence[str], columns: Mapping[str, int]) -> list[str]:
+    read = set(columns.values())
+    return [name for number, name in enumerate(header) if number not in read]
+
+
+def _list_rows(cells: _Cells, notes: Counter[str]) -> Iterator[tuple[str, Row]]:
+    """Yield the rows that say something, each with its scene; count those that do not."""
+    absent = [None] * len(cells.codes["scene"])
+    columns = [
+        _read_column(cells, field, notes) if field in cells.columns else absent for field in FIELDS
+    ]
+    for number, (scene, *said) in enumerate(zip(*columns, strict=True)):
+        if said.count(None) == len(said):
+            if scene is not None:  # else the row is empty, as at the ends of spreadsheets
+                notes["rows of a building alone, left out"] += 1
+            continue
+        room, category, count, *facts = said[:7]
+        point, box = tuple(said[7:10]), tuple(said[10:])
+        for fault in _find_faults(scene, room, category, count, facts, point, box):
+            where = cells.where(number)
+            raise SourceError(f"{where}: {fault}", code="row-malformed", where=where)
+        if count == 0 and room is None:
+            notes["rows of no object and no room (count is 0), left out"] += 1
+            continue
+        label, floor, area, connected = facts
+        yield (
+            scene,
+            Row(
+                number,
+                room or "",
+                "" if count == 0 else category or "",
+                count or 1,
+                label,
+                floor,
+                area,
+                connected or (),
+                None if point[0] is None else point,
+                None if box[0] is None else Box(box[:3], box[3:]),
+            ),
+        )
+
+
+def _find_faults(
+    scene: str | None,
+    room: str | None,
+    category: str | None,
+    count: int | None,
+    facts: Sequence[Any],
+    point: Sequence[Any],
+    box: Sequence[Any],
+) -> Iterator[str]:
+    """Yield how the cells of a row do not fit together."""
+    if scene is None:
+        yield "scene: expected the name of a building, found none"
+    if room is None and category is None:
+        yield "category: expected an object, or a room in the column room"
+    if room is None and facts.count(None) < len(facts):
+        yield "room: expected the room that the row describes, found none"
+    if count and category is None:
+        yield f"count: expected none without a category, found {count}"
+    for group, values in ((_CENTROID, point), (_BOX, box)):
+        if (absent := values.count(None)) == len(values):
+            continue
+        if absent:
+            lacking = group[values.index(None)]
+            yield f"{lacking}: expected a number, as in the rest of {group}"
+        if category is None:
+            yield f"category: expected the object that is at {group[0]}"
+        if count not in (None, 1):
+            yield f"count: expected 1, as the object has a place; found {count}"
+    if None in box:
+        return
+    for axis, value, low, high in zip(_CENTROID, point, box[:3], box[3:], strict=True):
+        if low > high:
+            yield f"box_max_{axis}: expected {low} or more, found {high}"
+        if value is not None and not low - _SLACK <= value <= high + _SLACK:
+            yield f"{axis}: expected {low} to {high}, its box; found {value}"
+
+
+def _read_column(cells: _Cells, field: str, notes: Counter[str]) -> list[Any]:
+    """Return what each row says in a column; an error names the first row of a cell."""
+    codes = cells.codes[field]
+    times = Counter(codes)
+    words = [
+        _clean(word, field, notes, times[code]) for code, word in enumerate(cells.words[field])
+    ]
+    try:
+        checked = _COLUMNS[field].validate_python(words)
+    except ValidationError as error:
+        at, _, said = name_fault(error).partition(": ")
+        code, *inner = at.split(".")
+        where = cells.where(codes.index(int(code)))
+        message = f"{where}, column {'.'.join((field, *inner))}: {said}"
+        raise SourceError(message, code="row-malformed", where=where) from error
+    return [checked[code] for code in codes]
+
+
+def _clean(cell: Any, field: str, notes: Counter[str], times: int) -> Any:
+    """Return what a cell says; None if nothing. All kinds of files come through here."""
+    if isinstance(cell, bytes):  # as some programs write text
+        cell = cell.decode("utf-8", "replace")
+    if isinstance(cell, str) and field == "connected":
+        said = (_clean(one, "", notes, times) for one in cell.split(";"))
+        return sorted(one for one in said if one is not None) or None
+    if isinstance(cell, str):
+        text = cell.strip()
+        if text in _MISSING:
+            if text:
+                notes[f"cells that say {text}, read as empty"] += times
+            return None
+        composed = unicodedata.normalize("NFC", text)
+        if composed != text:
+            notes["cells in another Unicode form, read as NFC"] += times
+        return composed
+    return None if cell is None or cell != cell else cell
+
+
+def _settle(times: Mapping[str, int]) -> dict[str, str]:
+    """Return spelling → name, which is its most frequent spelling; whole numbers lose a `.0`.
+
+    >>> _settle({"Hall": 1, "hall": 2, "bath": 1}), _settle({"3.0": 1, "12.0": 1})
+    ({'Hall': 'hall', 'hall': 'hall', 'bath': 'bath'}, {'3.0': '3', '12.0': '12'})
+    """
+    is_whole = all(map(_WHOLE.fullmatch, times))
+    keys = {one: one.partition(".")[0] if is_whole else _fold(one) for one in times}
+    names: dict[str, str] = {}
+    for spelling in sorted(times, key=lambda one: (-times[one], one)):
+        names.setdefault(keys[spelling], keys[spelling] if is_whole else spelling)
+    return {spelling: names[key] for spelling, key in keys.items()}
+
+
+def _fold(name: str) -> str:
+    """Return the form by which names are compared: without case, spare spaces, unseen signs."""
+    if not name.isascii():
+        seen = "".join(c for c in name if unicodedata.category(c) != "Cf")
+        name = unicodedata.normalize("NFC", seen.casefold())
+    return " ".join(name.casefold().split())
+
+
+def _settle_rooms(rows: Sequence[Row]) -> tuple[Sequence[Row], dict[str, str]]:
+    """Return the rows of a building with one name for every room, and the names."""
+    times = Counter(row.room for row in rows if row.room)
+    times.update(chain.from_iterable(row.connected for row in rows))
+    names = _settle(times)
+    if all(spelling == name for spelling, name in names.items()):
+        return rows, names
+    renamed = (
+        row._replace(
+            room=names.get(row.room, ""), connected=tuple(names[other] for other in row.connected)
+        )
+        for row in rows
+    )
+    return [*renamed], names
+
+
+def _list_several(names: Mapping[str, str]) -> list[str]:
+    """Return the names that are no numbers and have several spellings, each with these."""
+    spellings: dict[str, list[str]] = {}
+    for spelling, name in sorted(names.items()):
+        if not _WHOLE.fullmatch(name):
+            spellings.setdefault(name, []).append(spelling)
+    several = {name: spelt for name, spelt in spellings.items() if len(spelt) > 1}
+    return [f"{name} ({list_some(spelt, _NAMED)})" for name, spelt in sorted(several.items())]
+
+
+def _note_unread(unread: Sequence[str], columns: Container[str]) -> str:
+    free = [field for field in _OPTIONAL if field not in columns]
+    hints = [ask_if_meant(column, free) for column in unread[:_SHOWN]]
+    shown = [
+        f"{column} ({hint})" if hint else column
+        for column, hint in zip(unread, hints, strict=False)
+    ]
+    return _note("columns that are not read", [*shown, *unread[_SHOWN:]], most=_SHOWN)
+
+
+def _note(what: str, things: Sequence[str], *, most: int = _NAMED) -> str:
+    return f"{what}: {list_some(things, most)}" if things else ""
+
+
+def _gather_facts(rows: Sequence[Row], cells: _Cells, scene: str) -> Facts:
+    """Return what the rows of a scene say of its rooms; refuse rows that disagree."""
+    facts: Facts = {row.room: {} for row in rows if row.room}
+    for row in rows:
+        said = {name: value for name in _FACTS if (value := getattr(row, name)) is not None}
+        for name, value in said.items():
+            known = facts[row.room].setdefault(name, value)
+            if value != known and _fold(str(value)) != _fold(str(known)):
+                at_line = cells.where(row.number, within=f": scene {scene}")
+                raise SourceError(
+                    f"{at_line}, column {name}: expected {known!r} for room {row.room!r}, as an "
+                    f"earlier one says; found {value!r}",
+                    code="rows-disagree",
+                    where=at_line,
+                )
+            facts[row.room][name] = min(value, known)  # in whatever order the rows stand
+        for other in row.connected:
+            if other not in facts or other == row.room:
+                at_line = cells.where(row.number, within=f": scene {scene}")
+                raise SourceError(
+                    f"{at_line}, column connected: expected names of other rooms with ; between "
+                    f"them; found {other!r}. A room without objects is a row without a category",
+                    code="room-unknown",
+                    where=at_line,
+                )
+    return facts
