@@ -87,14 +87,15 @@ class _Rows:
     def boxes(self, name: str) -> tuple[Floats, Bools, Bools]:
         """Return boxes `[n, 2, 3]`; which are there; and which are there and possible."""
         boxes = np.stack([self.points(f"{name}_min"), self.points(f"{name}_max")], axis=1)
-        there = ~np.isnan(boxes).all(axis=(1, 2))
-        sound = np.isfinite(boxes).all(axis=(1, 2)) & (boxes[:, 0] <= boxes[:, 1]).all(axis=1)
-        return boxes, there, sound
+        is_finite = np.isfinite(boxes).all(axis=(1, 2))
+        is_box = is_finite & (boxes[:, 0] <= boxes[:, 1]).all(axis=1)
+        return boxes, np.asarray(~np.isnan(boxes).all(axis=(1, 2))), np.asarray(is_box)
 
     def is_area(self, column: str) -> Bools:
         """Say which areas are not known, or above 0."""
         areas = self.array(column)
-        return self.table[column].is_null().to_numpy() | ((areas > 0) & (areas < np.inf))
+        is_null = self.table[column].is_null().to_numpy()
+        return np.asarray(is_null | ((areas > 0) & (areas < np.inf)))
 
 
 def _find_room_faults(rooms: _Rows) -> Iterator[_Fault]:

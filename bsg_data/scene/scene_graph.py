@@ -144,7 +144,7 @@ class SceneGraph:
     @property
     def has_geometry(self) -> bool:
         """Say whether any room or object has a centroid, a box or a footprint."""
-        return any(map(is_placed, (*self.rooms, *self.objects)))
+        return any(map(is_placed, self.rooms)) or any(map(is_placed, self.objects))
 
     def edges(self) -> Iterator[Edge]:
         """Yield building → rooms, rooms → objects, then adjacency."""

@@ -194,7 +194,7 @@ def _find_marks(path: Path) -> list[Path]:
         links = [entry.path for entry in os.scandir(path) if entry.is_symlink()]
     except OSError:  # `find` says why
         links = []
-    real = map(resolve_links, (path, *sorted(links)[:1]))  # buildings may be linked
+    real = map(resolve_links, [path, *map(Path, sorted(links)[:1])])  # buildings may be linked
     above = dict.fromkeys((path, *(folder for one in real for folder in one.parents[:2])))
     return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
