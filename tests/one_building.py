@@ -13,7 +13,6 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.schema import pairs_schema
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.pairs import stream_pairs
-from bsg_data.observation.partial_graph import KnownRoom
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import EVIDENCE, Surroundings

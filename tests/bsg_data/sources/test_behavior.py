@@ -103,24 +103,6 @@ def test_a_name_says_building_and_kind(tmp_path: Path) -> None:
     assert found == {"Beechwood": "home", **kinds}
 
 
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ("", "json-malformed"),
-        ('{"scenes": {}}', "listing-malformed"),
-        ('{"scenes": {"a": {"kitchen_0": {"bed-x": 1.5}}}}', "listing-malformed"),
-        ('{"scenes": {"../a": {"kitchen_0": {}}}}', "listing-malformed"),
-        ('{"scenes": {"a": {"kitchen_0": {"a-x": 50000, "b-x": 50000}}}}', "listing-malformed"),
-        (json.dumps({"scenes": {f"a{n}": {} for n in range(1001)}}), "listing-malformed"),
-    ],
-)
-def test_a_malformed_list_is_refused(tmp_path: Path, text: str, code: str) -> None:
-    path = tmp_path / "list.json"
-    path.write_text(text, "utf-8")
-    with refuses(SourceError, code, path):
-        open_source("behavior", path).find()
-
-
 def test_names_without_a_model_leave_their_scene_out(tmp_path: Path) -> None:
     source = open_source("behavior", write_list(tmp_path, {"school_gym": {"gym_0": {"bed": 1}}}))
     (school,) = source.find().scenes

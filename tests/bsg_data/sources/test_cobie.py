@@ -255,12 +255,6 @@ def test_spaces_of_one_name_on_two_floors_are_two_rooms_and_their_things_in_none
     assert said in [skip.reason for skip in reading.left_out]
 
 
-def test_a_file_that_is_no_spreadsheet(tmp_path: Path) -> None:
-    (tmp_path / "b.xlsx").write_bytes(b"PK no zip")
-    with refuses(SourceError, "spreadsheet-malformed", tmp_path / "b.xlsx"):
-        read(tmp_path / "b.xlsx")
-
-
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
 def test_the_real_clinic() -> None:
     reading = read(SAMPLE)

@@ -233,22 +233,3 @@ def test_statistics_by_hand(tmp_path: Path) -> None:
     ]
     with refuses(SourceError, "source-empty"):
         HM3DStatistics(write_zip(tmp_path / "empty.zip")).find()
-
-
-@pytest.mark.parametrize(
-    "row",
-    [
-        "s,0,1,2,chair_1",
-        "s,0,1,1,chair",
-        "s,zero,1,1,chair_1",
-        "s,1,1,1,chair_9",
-        "s,7,1,1,chair_1",
-        's,0,1,1,"chair_1',
-    ],
-)
-def test_a_malformed_row_of_statistics_is_named(tmp_path: Path, row: str) -> None:
-    path = write_zip(tmp_path / "s.zip", "s,7,1,1,bed_9", row)
-    source = HM3DStatistics(path)
-    (ref,) = source.find().scenes
-    with refuses(AnnotationError, "line-malformed", f"{path / MEMBER}, line 3"):
-        source.read(ref, load_class_map())

@@ -11,7 +11,7 @@ from conftest import REPOSITORY
 from house_files import HOUSE, change
 from refusals import refuses
 
-from bsg_data.errors import AnnotationError, SourceError
+from bsg_data.errors import AnnotationError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
 from bsg_data.sources.catalogue import SOURCES, open_source
@@ -85,23 +85,6 @@ def test_levels_are_counted_from_the_bottom(tmp_path: Path) -> None:
         assert [room.floor_index for room in read(house).rooms] == expected
 
 
-@pytest.mark.parametrize(
-    ("name", "data", "code"),
-    [
-        ("a.house.gz", b"ASCII 1.1", "file-unreadable"),
-        ("a.house", b"ASCII 1.1\nC  0  1 caf\xe9", "line-malformed"),
-        ("a.house", b"", "line-malformed"),
-        ("house.txt", b"", "source-empty"),
-    ],
-)
-def test_a_damaged_file_or_none_is_refused(
-    tmp_path: Path, name: str, data: bytes, code: str
-) -> None:
-    (tmp_path / name).write_bytes(data)
-    with refuses(SourceError, code):
-        read(tmp_path)
-
-
 def test_oriented_boxes_are_surrounded() -> None:
     house = _parse_house(HOUSE.encode(), path=PATH)
     turned = house.objects[1][2]  # a square of 2 m turned by 45 degrees is 2 √2 m wide
@@ -117,28 +100,6 @@ def test_a_portal_may_be_written_as_an_r_and_an_empty_region_inside_out() -> Non
     empty = "R  2 -1  0 0  -  0 0 0  1e+30 1e+30 1e+30  -1e+30 -1e+30 -1e+30  0  0 0 0 0"
     house = _parse_house(change("R  2", empty).encode(), path=PATH)
     assert (house.regions[2].box, house.regions[2].level) == (None, -1)
-
-
-@pytest.mark.parametrize(
-    ("line", "other"),
-    [
-        ("ASCII", "ASCII 1.0"),
-        ("H  -", "-"),
-        ("L  0", "H  -  -  1"),
-        ("R  1", "R  2 0  0 0  b"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 nan  8 4 2.5"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 0.1  8 4 1e9"),
-        ("R  1", "R  1 0  0 0  b  6 2 0  9 0 0.1  8 4 2"),
-        ("S  1", "S  1 7  0"),
-        ("V  9", "V  9 5  F  0 0 0"),
-        ("O  0", "O  0 0 1  1 1 0.25  1 0 0  0 1 0  0.5 x 0.25"),
-        ("O  0", "O  0 0 1  1 1 0.25  9 0 0  0 1 0  1 1 1"),
-        ("E  0", "X  0"),
-    ],
-)
-def test_a_malformed_line_is_named(line: str, other: str) -> None:
-    with refuses(AnnotationError, "line-malformed"):
-        _parse_house(change(line, other).encode(), path=PATH)
 
 
 def without(*kinds: str) -> str:

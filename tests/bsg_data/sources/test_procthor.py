@@ -14,7 +14,7 @@ from refusals import refuses
 
 from bsg_data.checks.graphs import find_faults
 from bsg_data.dataset.scenes import make_tables
-from bsg_data.errors import SourceChangedError, SourceError
+from bsg_data.errors import SourceChangedError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources import procthor
@@ -207,43 +207,6 @@ def test_a_file_that_was_changed_since_is_noticed(tmp_path: Path) -> None:
     for number, ref in enumerate((first, second), start=1):
         with refuses(SourceChangedError, "source-changed", f"{path}: h.jsonl:{number}"):
             source.read(ref, load_class_map())
-
-
-@pytest.mark.parametrize(
-    ("changes", "code"),
-    [
-        ({"rooms": [room(4, "Bedroom", (0, 0), (1, 0), (2, 0))]}, "floor-empty"),
-        ({"rooms": [room(4, "Bedroom", (0, 0), (1e9, 0), (2, 0))]}, "house-malformed"),
-        ({"rooms": [room(4, "B", (0, 0), (1, 0), (2, 2))] * 2}, "house-malformed"),
-        ({"objects": [{"id": "4|0", "assetId": "Bed_1"}]}, "house-malformed"),
-        ({"objects": [thing("4|0", "Bed_1", x=float("nan"))]}, "json-malformed"),
-    ],
-)
-def test_a_malformed_house_is_left_out_by_name(
-    tmp_path: Path, changes: dict[str, Any], code: str
-) -> None:
-    source = open_source("procthor", write_lines(tmp_path / "h.jsonl", house(), house(**changes)))
-    (second,) = (ref for ref in source.find().scenes if ref.location == "h.jsonl:2")
-    with refuses(SourceError, code, "h.jsonl:2"):
-        source.read(second, load_class_map())
-
-
-@pytest.mark.parametrize(
-    ("name", "data", "code"),
-    [
-        ("plain.jsonl.gz", b"{}\n", "file-unreadable"),
-        ("cut.jsonl.gz", gzip.compress(b'{"a": 1}\n' * 4000, mtime=0)[:-20], "file-unreadable"),
-        ("open.json", b"[[]", "json-malformed"),
-        ("after.json", b"[{}] {}", "json-malformed"),
-        ("half.json", b'[{}, {"a": 1', "json-malformed"),
-        ("bad.json", b'[{"rooms": \xff}]', "json-malformed"),
-        ("empty.jsonl", b"\n\n", "source-empty"),
-    ],
-)
-def test_files_that_are_cut_off_or_none(tmp_path: Path, name: str, data: bytes, code: str) -> None:
-    (tmp_path / name).write_bytes(data)
-    with refuses(SourceError, code):
-        open_source("procthor", tmp_path / name).find()
 
 
 def test_things_of_no_room_are_looked_for_in_each_floor_together(tmp_path: Path) -> None:

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 from conftest import SHARED
-from refusals import refuses
 
-from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.catalogue import open_source
 from bsg_data.testing import SourceContract
@@ -45,24 +43,6 @@ def test_a_scene_is_an_area(tmp_path: Path) -> None:
         (2, "unknown", "nameless"): 1,
         (3, "wall", "structure"): 1,
     }
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        '{"a": 1}',
-        '["chair_1_office"]',
-        "[1]",
-        json.dumps(["chair_1_office_1_1"] * 100_001),
-        json.dumps([f"chair_1_office_1_{area}" for area in range(1001)]),
-    ],
-    ids=("no list", "no area", "no label", "many", "many areas"),
-)
-def test_a_malformed_list_is_refused(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "semantic_labels.json"
-    path.write_text(text, "utf-8")
-    with refuses(SourceError, "listing-malformed"):
-        open_source("s3dis", path).find()
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")

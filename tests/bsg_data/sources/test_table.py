@@ -112,67 +112,6 @@ def test_a_row_of_a_building_alone_says_nothing_and_is_counted(tmp_path: Path) -
     assert "rows of a building alone, left out: 2" in [note.reason for note in found.unused]
 
 
-@pytest.mark.parametrize(
-    "row",
-    [
-        "../up,1,bed,,,,,,,,,,,,,,",
-        "a,1,bed,,1.5,,,,,,,,,,,,",
-        "a,1,bed,,,,,1,2,,,,,,,,",
-        "a,1,bed,,,,,,,,0,0,1,1,1,0,",
-        "a,1,bed,,,,,2,0,0,0,0,0,1,1,1,",
-        "a,,bed,,0,,,,,,,,,,,,",
-        f"a,1,{'b' * 201},,,,,,,,,,,,,,",
-        "a,1,bed,,,,,nan,2,1,,,,,,,",
-        "NULL,1,bed,,,,,,,,,,,,,,",
-        "a,kit\x07chen,bed,,,,,,,,,,,,,,",
-        "a,1,bed,,,,2;\x85 3\x9b,,,,,,,,,,",
-    ],
-)
-def test_a_malformed_row_is_named_by_its_line(tmp_path: Path, row: str) -> None:
-    path = write_table(tmp_path, "a,0,bed,bath,,,,,,,,,,,,,", row)
-    with refuses(SourceError, "row-malformed", f"{path}, line 3"):
-        open_source("table", path).find()
-
-
-@pytest.mark.parametrize(
-    ("row", "code"),
-    [
-        ("a,1,bed,,,,1,,,,,,,,,,", "room-unknown"),
-        ("a,1,bed,,,,2,,,,,,,,,,", "room-unknown"),
-        ("a,0,bed,kitchen,,,,,,,,,,,,,", "rows-disagree"),
-    ],
-)
-def test_rows_that_do_not_agree_are_named(tmp_path: Path, row: str, code: str) -> None:
-    path = write_table(tmp_path, "a,0,bed,bath,,,,,,,,,,,,,", row)
-    with refuses(SourceError, code, f"{path}: scene a, line 3"):
-        open_source("table", path).find()
-
-
-@pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        (b"", "column-missing"),
-        (b"scene,room,category,x,y\n", "column-missing"),
-        (b"scene,room,category\n", "source-empty"),
-        (b"scene,room,category\na,1\n", "row-ragged"),
-        (b'scene,room,category\na,1,"bed\n', "csv-malformed"),
-        (b"scene,room,category\na,1,\xff\n", "csv-malformed"),
-        ("scene,room,category\n1,1,1\na,Küche,Herd\n".encode("cp1252"), "csv-malformed"),
-        (b"scene,room,category\na,ha\0ll,bed\n", "row-malformed"),
-        (b"scene\troom\tcategory\na\thall\tbed\n", "column-missing"),
-        (b"scene_id,room,category\na,1,bed\n", "column-missing"),
-        (b"Scene,SCENE,room,category\na,a,1,bed\n", "column-twice"),
-        (b"scene,room,category\n,,\n", "source-empty"),
-        (b"scene,room,category,count\na,,bed,0\n", "source-empty"),
-    ],
-)
-def test_a_file_that_is_no_table_is_refused(tmp_path: Path, text: bytes, code: str) -> None:
-    path = tmp_path / "objects.csv"
-    path.write_bytes(text)
-    with refuses(SourceError, code):
-        open_source("table", path).find()
-
-
 GIVEN = {"licence": "CC-BY-4.0", "homepage": "https://example.org", "citation": "Doe, 2026"}
 
 
@@ -369,15 +308,6 @@ def test_a_row_of_n_objects_is_n_rows(tmp_path: Path) -> None:
     path = write_table(tmp_path, *many, header="scene,room,category")
     assert graph == read_all(path)["a"]
     assert notes == ["rows of no object and no room (count is 0), left out: 1"]
-
-
-@pytest.mark.parametrize(
-    "row", ["chair,3,1,1,1", "chair,0,1,1,1", "chair,-1,,,", "chair,1.5,,,", ",2,,,", "bed,9e9,,,"]
-)
-def test_an_impossible_count_is_refused_with_its_line(tmp_path: Path, row: str) -> None:
-    path = write_table(tmp_path, f"a,1,{row}", header="scene,room,category,count,x,y,z")
-    with refuses(SourceError, "row-malformed", f"{path}, line 2"):
-        open_source("table", path).find()
 
 
 @pytest.mark.parametrize(

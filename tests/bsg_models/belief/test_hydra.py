@@ -361,7 +361,7 @@ def test_a_graph_that_is_too_large_is_refused_before_it_is_parsed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(graph_file, "ROBOT", 20)
-    monkeypatch.setattr(graph_file, "parse_json", None)
+    monkeypatch.setattr(graph_file, "require_json", None)
     path = tmp_path / "a.json"
     path.write_text('{"kitchen": ["sink"], "hall": []}', "utf-8")
     with refuses(RobotGraphError, "file-too-large", path):
