@@ -189,21 +189,17 @@ def with_a_box(column: str, value: object) -> Change:
     ("file", "change", "expected"),
     [
         (OBJECTS, with_a_box("box_min_x", 99.0), "its box or its largest part is impossible"),
-        (OBJECTS, with_a_box("part_max_z", 99.0), "its box or its largest part is impossible"),
         (OBJECTS, with_a_box("centroid_y", None), "its box or its largest part is impossible"),
-        (OBJECTS, with_a_box("box_max_x", np.inf), "its box or its largest part is impossible"),
         (OBJECTS, with_a_box("box_min_x", None), "its box or its largest part is impossible"),
         (OBJECTS, with_a_box("area", 0.0), "area is not above 0"),
         (ROOMS, with_a_box("floor_area", np.inf), "its geometry is impossible"),
         (ROOMS, with_a_box("box_max_z", -99.0), "its geometry is impossible"),
         (ROOMS, with_a_box("footprint", [1.0, 2.0, 3.0]), "its geometry is impossible"),
-        (ROOMS, with_a_box("floor_index", -1), "its geometry is impossible"),
         (ROOMS, with_a_box("box_max_x", 900.0), "its geometry is impossible"),
         (SCENES, setting("up_axis", "w"), "up_axis is none of"),
         (SCENES, setting("up_axis", None), "has a mesh in the manifest but no up_axis, or reverse"),
         (EDGES, adjacent("method", "guess"), "unknown method or distance"),
         (EDGES, adjacent("distance_m", 1.0), "unknown method or distance"),
-        (EDGES, adjacent("distance_m", None), "unknown method or distance"),
         (EDGES, adjacent("source_index", 0), "must join two rooms, lower index first, once"),
         (EDGES, adjacent("target_index", 999), "must join two rooms, lower index first, once"),
     ],
@@ -242,13 +238,6 @@ def _in_shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def in_shards(_in_shards: Path, tmp_path: Path) -> Path:
     """Ten buildings in four parts, split, with two draws; each test has its own copy."""
     return Path(shutil.copytree(_in_shards, tmp_path / "in_shards"))
-
-
-def test_the_truth_is_the_same_however_little_of_it_is_held(
-    in_shards: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("bsg_data.dataset.dataset.HELD_BYTES", 1)
-    assert check_dataset(in_shards) == ()
 
 
 @pytest.mark.parametrize(
