@@ -50,5 +50,6 @@ EXPORTS = Registry(
         "graphml": "bsg_data.exports.building_graphs:GRAPHML",
         "networkx": "bsg_data.exports.building_graphs:NODE_LINK",
         "habitat": "bsg_data.exports.habitat:ROW",
+        "table": "bsg_data.exports.object_table:ROW",
     },
 )

@@ -212,6 +212,8 @@ def _read_parquet(path: Path, named: Mapping[str, str], _: Counter[str]) -> _Cel
             column = file.read([names[at]]).column(0).combine_chunks().dictionary_encode()
             words[field] = [*column.dictionary.to_pylist(), None]
             codes[field] = column.indices.fill_null(len(column.dictionary)).to_pylist()
+        if len({*map(len, codes.values())}) > 1:
+            raise OSError("its columns have different numbers of rows")
     return _Cells(path, header, columns, words, codes)
 
 

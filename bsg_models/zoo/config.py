@@ -144,6 +144,8 @@ def validate_config(tables: Mapping[str, Any], *, source: str) -> RunConfig:
     try:
         # Strict reading takes a tuple for a list in JSON only, and converts nothing else.
         return RunConfig.model_validate_json(json.dumps(tables, default=str), strict=True)  # noqa: TID251
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deep") from None
     except ValidationError as error:
         family = _family_of(tables)
         faults = [line for fault in error.errors() for line in _explain(fault, family=family)]

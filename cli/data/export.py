@@ -28,6 +28,9 @@ def export(dataset: Path, to: str, out: Path, force: bool) -> None:
     habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim;
     it needs geometry.
 
+    table: one <scene>.objects.csv per scene, which `--source table` reads; joined, they
+    are one table.
+
     \b
     Example:
       bsg-data export dataset --to graphml --out graphs

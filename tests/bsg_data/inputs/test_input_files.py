@@ -145,7 +145,9 @@ def test_a_cell_is_the_text_that_programs_show(tmp_path: Path, cell: str, text: 
     assert read_cells(tmp_path / "a.xlsx", cells) == [{0: text}]
 
 
-@pytest.mark.parametrize("cell", ['<c t="s"><v>99</v></c>', "</c>"])
+@pytest.mark.parametrize(
+    "cell", ['<c t="s"><v>99</v></c>', "</c>", '<c r="XFD1048576" t="b"><v>1</v></c>']
+)
 def test_a_damaged_sheet_is_a_value_error(tmp_path: Path, cell: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         read_cells(tmp_path / "a.xlsx", cell)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import re
 import zipfile
 from collections.abc import Callable
 from functools import cache
@@ -143,10 +142,18 @@ def _read_configuration(folder: Path, data: bytes) -> object:
     return validate_config(tables, source=str(path))
 
 
-def _read_behavior(folder: Path, data: bytes) -> object:
-    """Read a list; where it has large numbers they are not made into as many objects."""
-    source = open_source("behavior", put(folder, ".json", data))
-    return source.find() if re.search(rb"[0-9]{4}", data) else read_source(source, load_map())
+def _read(source: str, suffix: str, **by_first: str) -> Callable[[Path, bytes], object]:
+    """Return the reader of a source; its file has a suffix of its own if it begins with a letter.
+
+    The letter `z` stands for gzip.
+    """
+
+    def read(folder: Path, data: bytes) -> object:
+        first = data[:1].replace(b"\x1f", b"z").decode("latin-1")
+        path = put(folder, by_first.get(first, suffix), data)
+        return read_source(open_source(source, path), load_map())
+
+    return read
 
 
 def _read_annotation(folder: Path, data: bytes) -> object:
@@ -156,21 +163,6 @@ def _read_annotation(folder: Path, data: bytes) -> object:
 def _read_statistics(folder: Path, data: bytes) -> object:
     packed = data if data[:1] == b"P" else _pack(data)
     return read_source(HM3DStatistics(put(folder, "HM3DSem-v0.2.zip", packed)), load_map())
-
-
-def _read_table(folder: Path, data: bytes) -> object:
-    suffix = {b"P": ".parquet", b"\x1f": ".tsv.gz"}.get(data[:1], ".csv")
-    return read_source(open_source("table", put(folder, suffix, data)), load_map())
-
-
-def _read_houses(folder: Path, data: bytes) -> object:
-    suffix = {b"[": ".json", b"\x1f": ".jsonl.gz"}.get(data[:1], ".jsonl")
-    return read_source(open_source("procthor", put(folder, suffix, data)), load_map())
-
-
-def _read_house(folder: Path, data: bytes) -> object:
-    suffix = ".house.gz" if data[:1] == b"\x1f" else ".house"
-    return read_source(open_source("mp3d", put(folder, suffix, data)), load_map())
 
 
 def _read_labels(folder: Path, data: bytes) -> object:
@@ -198,10 +190,6 @@ def _read_robot(folder: Path, data: bytes) -> object:
     return read_robot_graph(put(folder, "graph.json", data), class_map=load_map())
 
 
-def _read_dsg(folder: Path, data: bytes) -> object:
-    return read_source(open_source("spark-dsg", put(folder, ".json", data)), load_map())
-
-
 def _seeds(*data: bytes) -> Callable[[], dict[str, bytes]]:
     return lambda: {str(number): one for number, one in enumerate(data)}
 
@@ -225,7 +213,9 @@ TARGETS = (
         _read_annotation,
         _seeds(_ANNOTATION.encode(), _ANNOTATION.replace("\n", "\r\n").encode("utf-8-sig")),
     ),
-    Target("behavior", _read_behavior, _seeds(encode({"success": True, "scenes": _SCENES}))),
+    Target(
+        "behavior", _read("behavior", ".json"), _seeds(encode({"success": True, "scenes": _SCENES}))
+    ),
     Target("belief-json", _read_belief, lambda: {"belief": _make_belief()}, most=60_000),
     Target("class-map", _read_class_map, _seeds(_MAP, b"\0".join((_MAP, _CLASSES, _STRUCTURE)))),
     Target(
@@ -233,13 +223,15 @@ TARGETS = (
         _read_configuration,
         lambda: {"ceci-sage": write_toml(find_config("ceci-sage")).encode()},
     ),
-    Target("house", _read_house, _packed_too(HOUSE.encode()), most=4_000),
+    Target(
+        "house", _read("mp3d", ".house", z=".house.gz"), _packed_too(HOUSE.encode()), most=4_000
+    ),
     Target("label-space", _read_labels, _seeds(_HYDRA, _LABELS)),
     Target("layout", _read_layout, _seeds(_LAYOUT)),
     Target("mesh", _read_mesh, lambda: {"colours": _make_mesh()}, most=4_000),
     Target(
         "object-table",
-        _read_table,
+        _read("table", ".csv", P=".parquet", z=".tsv.gz"),
         lambda: {
             "text": _TABLE,
             "packed": gzip.compress(b"scene\troom\tcategory\na\t1\tchair\n", mtime=0),
@@ -249,7 +241,7 @@ TARGETS = (
     Target("predictions", _read_predictions, lambda: {"": _to_parquet(_PREDICTIONS)}, most=4_000),
     Target(
         "procthor",
-        _read_houses,
+        _read("procthor", ".jsonl", z=".jsonl.gz", **{"[": ".json"}),
         _seeds(_HOUSES, b"[" + encode(_PROCTHOR) + b"]", gzip.compress(_HOUSES, mtime=0)),
     ),
     Target(
@@ -258,7 +250,12 @@ TARGETS = (
         _seeds(_ROBOT, b'\xef\xbb\xbf{"scene_id": "s", "rooms": []}'),
         most=8_000,
     ),
-    Target("spark-dsg", _read_dsg, lambda: {"graph": encode(robot_graph())}, most=8_000),
+    Target(
+        "spark-dsg",
+        _read("spark-dsg", ".json"),
+        lambda: {"graph": encode(robot_graph())},
+        most=8_000,
+    ),
     Target(
         "statistics-zip",
         _read_statistics,
