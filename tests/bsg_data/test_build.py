@@ -284,12 +284,9 @@ def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["root"]
 
 
-@pytest.mark.parametrize("scenes_per_shard", [0, 10_000_001])
-def test_a_shard_of_a_number_of_scenes_that_cannot_be_is_refused_at_once(
-    hm3d_folder: Path, tmp_path: Path, scenes_per_shard: int
-) -> None:
+def test_a_shard_of_no_scenes_is_refused_at_once(hm3d_folder: Path, tmp_path: Path) -> None:
     with pytest.raises(RecipeError):
-        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=scenes_per_shard)
+        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=0)
     assert not list(tmp_path.glob("*out*"))
 
 
