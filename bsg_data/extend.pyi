@@ -32,8 +32,6 @@ from .sources.source import (
     SceneRef,
     Source,
     SourceRow,
-    stack_boxes,
-    stack_points,
 )
 from .testing import ExportContract, MaskContract, SourceContract
 
@@ -78,7 +76,5 @@ __all__ = [
     "plot_frequencies",
     "published_maps",
     "refuse_file",
-    "stack_boxes",
-    "stack_points",
     "write_bytes",
 ]

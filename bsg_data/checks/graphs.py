@@ -52,8 +52,8 @@ class _Rows:
 
     def find_foreign(self) -> Iterator[_Fault]:
         """Yield rows that are of no scene, or not beside the others of theirs."""
-        yield from self.report(self.scene < 0, "is of no scene")
-        yield from self.report(np.diff(self.scene, prepend=-1) < 0, "is not in the order of scenes")
+        wrong = (self.scene < 0) | (np.diff(self.scene, prepend=-1) < 0)
+        yield from self.report(wrong, "is of no scene, or not in their order")
 
     def report(self, wrong: Bools | pa.ChunkedArray, rule: str) -> Iterator[_Fault]:
         """Yield a fault for each row that is marked."""

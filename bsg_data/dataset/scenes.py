@@ -45,8 +45,8 @@ class Objects(Sequence[SceneObject]):
             return objects
         turned = zip(*objects, strict=True) if objects else ([] for _ in SceneObject._fields)
         held = dict(zip(SceneObject._fields, map(list, turned), strict=True))
-        places = _spread_places(held.pop("centroid"), held.pop("box"))
-        columns = held | places | _spread_boxes("part", held.pop("part_box"))
+        places = spread_places(held.pop("centroid"), held.pop("box"))
+        columns = held | places | spread_boxes("part", held.pop("part_box"))
         return cls(pa.table({f.name: columns[f.name] for f in OBJECT_COLUMNS}, OBJECT_COLUMNS))
 
     def __len__(self) -> int:
@@ -147,7 +147,7 @@ def _room_columns(graphs: Sequence[SceneGraph]) -> _Columns:
         **{name: list(map(attrgetter(name), rooms)) for name in _ROOM},
         "scene_id": [graph.scene_id for graph in graphs for _ in graph.rooms],
         "footprint": [room.footprint and [*chain(*room.footprint)] for room in rooms],
-        **_spread_places([room.centroid for room in rooms], [room.box for room in rooms]),
+        **spread_places([room.centroid for room in rooms], [room.box for room in rooms]),
     }
 
 
@@ -201,22 +201,23 @@ def _choose(words: Sequence[str], numbers: np.ndarray[Any, Any]) -> pa.Array:
     return pa.array(words, pa.string()).take(pa.array(numbers.astype(np.int32)))
 
 
-def _spread_places(centroids: Sequence[Point | None], boxes: Sequence[Box | None]) -> _Columns:
-    return {**spread_points("centroid", centroids), **_spread_boxes("box", boxes)}
+def spread_places(centroids: Sequence[Point | None], boxes: Sequence[Box | None]) -> _Columns:
+    """Return the columns of centroids and boxes, metres."""
+    return {**_spread_points("centroid", centroids), **spread_boxes("box", boxes)}
 
 
-def spread_points(name: str, points: Sequence[Point | None]) -> _Columns:
-    """Return the three columns of points, metres."""
+def spread_boxes(name: str, boxes: Sequence[Box | None]) -> _Columns:
+    """Return the columns of boxes, metres."""
+    low = [box.minimum if box else None for box in boxes]
+    high = [box.maximum if box else None for box in boxes]
+    return {**_spread_points(f"{name}_min", low), **_spread_points(f"{name}_max", high)}
+
+
+def _spread_points(name: str, points: Sequence[Point | None]) -> _Columns:
     axes = [f"{name}_{axis}" for axis in "xyz"]
     if not any(points):  # as in a text without a mesh
         return dict.fromkeys(axes, pa.nulls(len(points), pa.float64()))
     return {axis: [point and point[number] for point in points] for number, axis in enumerate(axes)}
-
-
-def _spread_boxes(name: str, boxes: Sequence[Box | None]) -> _Columns:
-    low = [box.minimum if box else None for box in boxes]
-    high = [box.maximum if box else None for box in boxes]
-    return {**spread_points(f"{name}_min", low), **spread_points(f"{name}_max", high)}
 
 
 def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:

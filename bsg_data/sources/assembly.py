@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
-from bsg_data.arrays import Floats, Ints
-from bsg_data.dataset.scenes import OBJECT_COLUMNS, Objects
+from bsg_data.arrays import Ints
+from bsg_data.dataset.scenes import OBJECT_COLUMNS, Objects, spread_boxes, spread_places
 from bsg_data.geometry.adjacency import measure_distance
 from bsg_data.geometry.placement import find_storeys, measure_area
 from bsg_data.scene.class_map import ClassMap
@@ -118,31 +119,18 @@ def _number_objects(annotation: Annotation, rooms: Ints, class_map: ClassMap) ->
         "category": pa.array([one.category for one in known], pa.string()).take(names.indices),
         "role": pa.array([one.role for one in known], pa.string()).take(names.indices),
         "class_index": pa.array([one.class_index for one in known], pa.uint8()).take(names.indices),
-        "colour": annotation.colours,
-        **_spread("centroid", _find_centroids(annotation)),
+        "area": pa.nulls(count, pa.float64()),
+        "colour": [None] * count if annotation.colours is None else annotation.colours,
+        **_spread_places(annotation, count),
     }
-    for name, boxes in (("box", annotation.boxes), ("part", annotation.parts)):
-        for end, place in (("min", 0), ("max", 1)):
-            columns |= _spread(f"{name}_{end}", None if boxes is None else boxes[:, place])
-    table = pa.table(
-        [
-            pa.nulls(count, field.type) if columns.get(field.name) is None else columns[field.name]
-            for field in OBJECT_COLUMNS
-        ],
-        schema=OBJECT_COLUMNS,
-    )
+    table = pa.table([columns[name] for name in OBJECT_COLUMNS.names], schema=OBJECT_COLUMNS)
     return Objects(table if (order == np.arange(count)).all() else table.take(order))
 
 
-def _find_centroids(annotation: Annotation) -> Floats | None:
-    """Return the centroids `[O, 3]`, where none is told those of boxes."""
-    told, boxes = annotation.centroids, annotation.boxes
-    if told is None or boxes is None:
-        return told if boxes is None else boxes.mean(axis=1)
-    return np.where(np.isnan(told), boxes.mean(axis=1), told)
-
-
-def _spread(name: str, points: Floats | None) -> dict[str, pa.Array]:
-    """Return the columns of points `[O, 3]`, null where they are NaN."""
-    axes = [] if points is None else zip("xyz", points.T, strict=True)
-    return {f"{name}_{axis}": pa.array(values, from_pandas=True) for axis, values in axes}
+def _spread_places(annotation: Annotation, count: int) -> dict[str, Any]:
+    """Return the columns of places."""
+    nowhere = [None] * count
+    boxes, parts = annotation.boxes or nowhere, annotation.parts or nowhere
+    told = zip(annotation.centroids or nowhere, boxes, strict=True)
+    centroids = [point or (box and box.centre) for point, box in told]
+    return {**spread_places(centroids, boxes), **spread_boxes("part", parts)}

@@ -39,7 +39,6 @@ from bsg_data.sources.source import (
     Reading,
     SceneRef,
     SourceRow,
-    stack_boxes,
 )
 from bsg_data.spelling import SHOWN
 
@@ -117,7 +116,7 @@ class _MatterportHouses:
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, expected=ref.fingerprint)
         house = _parse_house(data, path=path)
-        boxes = stack_boxes(box for _, _, box in house.objects)
+        boxes = [box for _, _, box in house.objects]
         annotation = Annotation(
             [_NOWHERE if house.is_junk(region) else region for region, _, _ in house.objects],
             [house.name_of(category) for _, category, _ in house.objects],

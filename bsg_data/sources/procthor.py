@@ -43,7 +43,6 @@ from bsg_data.sources.source import (
     Reading,
     SceneRef,
     SourceRow,
-    stack_points,
 )
 from bsg_data.spelling import show_value
 
@@ -157,7 +156,7 @@ class _ProcTHORHouses:
         annotation = Annotation(
             _find_regions(things, house.rooms),
             [name_asset(thing.asset) for thing in things],
-            centroids=stack_points(_upright(thing.position) for thing in things),
+            centroids=[_upright(thing.position) for thing in things],
             rooms=_describe_rooms(house, ref.location),
             doors=_list_doors(house),
             method="door",

@@ -8,23 +8,18 @@ entry point to the group `bsg_data.sources`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-import numpy as np
-
-from bsg_data.arrays import Floats, Ints
+from bsg_data.arrays import Ints
 from bsg_data.dataset.manifest import SkippedScene, Terms
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.scene_graph import Box, MeshCoverage, Point, SceneGraph
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-_NOWHERE = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,26 +66,14 @@ class Annotation:
     _: KW_ONLY
     ids: Sequence[int] | Ints | None = None  # [O] the annotation's own; None: 1, 2, 3, …
     colours: Sequence[str | None] | pa.Array | None = None  # [O] in the semantic mesh, RRGGBB
-    # [O, 3]; where one is NaN, the centre of the box; see `stack_points`
-    centroids: Floats | None = None
-    boxes: Floats | None = None  # [O, 2, 3] lowest corner, highest corner; NaN where there is none
-    parts: Floats | None = None  # [O, 2, 3] boxes of the largest connected parts
+    centroids: Sequence[Point | None] | None = None  # [O]; without one, the centre of the box
+    boxes: Sequence[Box | None] | None = None  # [O]
+    parts: Sequence[Box | None] | None = None  # [O] boxes of the largest connected parts
     rooms: Iterable[AnnotatedRoom] = ()  # those of which something is told, each once
     doors: Iterable[tuple[int, int]] = ()  # regions that connect, in any order, also twice
     method: str = "given"  # how the source knows of these, e.g. `door`
     building_kind: str | None = None  # e.g. `office`
     sha256: str | None = None  # hash of the annotation; None: the fingerprint of the scene is it
-
-
-def stack_points(points: Iterable[Point | None]) -> Floats:
-    """Return points as an array `[O, 3]`, NaN for None."""
-    return np.array([point or _NOWHERE for point in points], dtype=np.float64).reshape(-1, 3)
-
-
-def stack_boxes(boxes: Iterable[Box | None]) -> Floats:
-    """Return boxes as an array `[O, 2, 3]`, NaN for None."""
-    ends = [(box.minimum, box.maximum) if box else (_NOWHERE, _NOWHERE) for box in boxes]
-    return np.array(ends, dtype=np.float64).reshape(-1, 2, 3)
 
 
 @dataclass(frozen=True, slots=True)

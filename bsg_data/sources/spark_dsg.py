@@ -20,8 +20,6 @@ from bsg_data.sources.source import (
     Reading,
     SceneRef,
     SourceRow,
-    stack_boxes,
-    stack_points,
 )
 
 _WITH_MESH = "_with_mesh"  # Hydra writes dsg.json and, with the mesh, dsg_with_mesh.json
@@ -73,8 +71,8 @@ class _RobotGraphs:
             [-1 if node.room is None else file.rooms[node.room].index for node in file.objects],
             [name_object(node, space) for node in file.objects],
             ids=[node.index for node in file.objects],
-            centroids=stack_points(None if n.box else n.position for n in file.objects),
-            boxes=stack_boxes(node.box for node in file.objects),
+            centroids=[None if node.box else node.position for node in file.objects],
+            boxes=[node.box for node in file.objects],
             rooms=map(_describe_room, file.rooms),
             doors=[(file.rooms[a].index, file.rooms[b].index) for a, b in file.adjacency],
             method="robot",

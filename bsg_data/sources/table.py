@@ -28,8 +28,6 @@ from bsg_data.sources.source import (
     Reading,
     SceneRef,
     SourceRow,
-    stack_boxes,
-    stack_points,
 )
 from bsg_data.sources.table_rows import FIELDS, Facts, Row, Scene, read_scenes
 
@@ -116,8 +114,8 @@ class _ObjectTable:
         annotation = Annotation(
             [region for region, _ in each],
             [row.category for _, row in each],
-            centroids=stack_points(row.place for _, row in each),
-            boxes=stack_boxes(row.box for _, row in each),
+            centroids=[row.place for _, row in each],
+            boxes=[row.box for _, row in each],
             rooms=_describe_rooms(rows, facts, regions),
             doors=[(regions[row.room], regions[other]) for row in rows for other in row.connected],
         )

@@ -81,7 +81,7 @@ def setting(column: str, value: object, row: int = 0) -> Change:
         (SCENES, setting("class_map", "other"), "its class map is none of the manifest"),
         (ROOMS, setting("room_index", 7), "room 7: room_index does not run"),
         (ROOMS, setting("scene_id", "nowhere"), "is of no scene"),
-        (ROOMS, lambda f: f.iloc[::-1], "is not in the order of scenes"),
+        (ROOMS, lambda f: f.iloc[::-1], "or not in their order"),
         (ROOMS, setting("region_id", -7), "region_id is below 0"),
         (OBJECTS, setting("room_index", 77), "room_index is not 0..R"),
         (OBJECTS, setting("instance_id", 2), "instance_id does not rise"),
