@@ -132,5 +132,5 @@ def _spread_places(annotation: Annotation, count: int) -> dict[str, Any]:
     nowhere = [None] * count
     boxes, parts = annotation.boxes or nowhere, annotation.parts or nowhere
     told = zip(annotation.centroids or nowhere, boxes, strict=True)
-    centroids = [point or (box and box.centre) for point, box in told]
+    centroids = [point or (box.centre if box else None) for point, box in told]
     return {**spread_places(centroids, boxes), **spread_boxes("part", parts)}

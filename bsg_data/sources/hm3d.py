@@ -67,7 +67,7 @@ _NO_TEXT = re.compile("[\udc80-\udcff]")  # a surrogate stands for a byte that i
 # ids, colours, names and regions
 _Columns = tuple[Sequence[int], pa.Array, Sequence[str], Sequence[int]]
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
-_VERSION = re.compile(r"v[0-9]+\.[0-9]+")
+_VERSION = re.compile(r"(?:v|hm3d-)([0-9]+\.[0-9]+)")  # Habitat links to versioned_data/hm3d-0.2
 # Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
 # 240101-office is a name.
 _NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
@@ -174,7 +174,8 @@ class HM3DFolder:
         relative = path.relative_to(self.path)
         suffix = next(suffix for suffix in _SUFFIXES if path.name.endswith(suffix))
         building = path.name.removesuffix(suffix)
-        parent = path.parent.resolve().name
+        real = path.parent.resolve()  # of a link, which may have no version in its name
+        above, parent = (one for one in real.parts if "hm3d" in one), real.name
         scene_id = parent if split_scene_id(parent)[1] == building else building
         folders = (root, *relative.parts[:-1])
         return SceneRef(
@@ -182,7 +183,7 @@ class HM3DFolder:
             location=relative.as_posix(),
             fingerprint=fingerprint(path),
             source_split=_last(map(_split_of_folder, folders)) or split_by_number(scene_id),
-            source_version=_last(map(version_of, folders)),
+            source_version=_last(version_of(one) for one in (*above, *folders)),
             geometry=_state_of(self._find_mesh(path)),
             building=split_scene_id(building)[1],
         )
@@ -311,11 +312,11 @@ def split_by_number(scene_id: str) -> str | None:
 def version_of(name: str) -> str | None:
     """Read the version from the name of a folder or file.
 
-    >>> version_of("HM3DSem-v0.2.zip")
-    'v0.2'
+    >>> version_of("HM3DSem-v0.2.zip"), version_of("hm3d-0.1")
+    ('v0.2', 'v0.1')
     """
     match = _VERSION.search(name)
-    return match[0] if match else None
+    return f"v{match[1]}" if match else None
 
 
 def _last(values: Iterator[str | None]) -> str | None:

@@ -75,6 +75,26 @@ def test_the_path_says_id_split_and_version(
     assert (ref.scene_id, ref.source_split, ref.source_version) == (scene_id, split, version)
 
 
+def test_habitat_s_own_layout_says_the_version_of_what_its_link_leads_to(tmp_path: Path) -> None:
+    """`scene_datasets/hm3d` is a link to one version; two versions may be there."""
+    building = Path("train/00006-HkseAnWCgqk/HkseAnWCgqk.semantic.txt")
+    for version in ("0.1", "0.2"):
+        file = tmp_path / "versioned_data" / f"hm3d-{version}" / "hm3d" / building
+        file.parent.mkdir(parents=True)
+        file.write_text(TEXT if version == "0.2" else annotation_text({0: ["bed"]}))
+    (tmp_path / "scene_datasets").mkdir()
+    (tmp_path / "scene_datasets" / "hm3d").symlink_to(tmp_path / "versioned_data/hm3d-0.2/hm3d")
+    for root in (tmp_path, tmp_path / "scene_datasets", tmp_path / "scene_datasets" / "hm3d"):
+        found = HM3DFolder(root).find()
+        assert [(ref.scene_id, ref.source_version) for ref in found.scenes] == [
+            ("00006-HkseAnWCgqk", "v0.2")
+        ]
+        (*others,) = found.conflicts
+        assert len(others) == (root == tmp_path)
+    with refuses(SourceError, "scene-unreadable", golden=False):
+        build_dataset(HM3DFolder(tmp_path), tmp_path / "strict", strict=True)
+
+
 def test_what_is_no_file_is_reported_and_never_opened(tmp_path: Path) -> None:
     write_scene(tmp_path, "00006-HkseAnWCgqk", TEXT)
     folder = tmp_path / "train" / "odd"
