@@ -10,7 +10,7 @@ DEMO := demo
 # A process that has no more tests takes some of another. What Python compiled is
 # kept even where it is told not to: a test that starts processes would compile anew in each.
 PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal
-TESTED := tests bsg_data bsg_models $(VENV)/links/bsg_cli
+TESTED := tests bsg_data bsg_models bsg_robot $(VENV)/links/bsg_cli
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test all heavy coverage faults sentences lint format docs figures site bench package release test-lowest test-latest audit clean

@@ -8,12 +8,8 @@ from .dataset.splits import split_dataset
 from .errors import BSGError, ClassMapError, DatasetError, RecipeError, SourceError
 from .exports.export import export_dataset
 from .merge import merge_datasets
-from .observation.hidden_share import estimate_hidden_share
-from .observation.masked_graph import mask_scene
 from .observation.observation import Observation
 from .observation.pairs import write_pairs
-from .observation.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
-from .observation.robot_json import read_robot_graph
 from .recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from .scene.class_map import ClassMap, load_class_map
 from .scene.room_label import list_room_labels
@@ -30,32 +26,25 @@ __all__ = [
     "Dataset",
     "DatasetError",
     "Edge",
-    "KnownRoom",
-    "Look",
     "MaskRecipe",
     "Observation",
     "PairsRecipe",
-    "PartialGraph",
     "RecipeError",
     "Room",
     "SceneGraph",
     "SceneObject",
-    "SeenObject",
     "SourceError",
     "SplitRecipe",
     "Surroundings",
     "build_dataset",
     "check_dataset",
-    "estimate_hidden_share",
     "export_dataset",
     "list_room_labels",
     "load_class_map",
-    "mask_scene",
     "merge_datasets",
     "open_source",
     "read_cells",
     "read_manifest",
-    "read_robot_graph",
     "read_scene_graphs",
     "read_splits",
     "split_dataset",

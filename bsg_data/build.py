@@ -21,7 +21,7 @@ from uuid import uuid4
 import pyarrow as pa
 from pydantic import Field, ValidationError
 
-from bsg_data.dataset.commit import DATASET, publish, sweep
+from bsg_data.dataset.commit import DATASET, publish
 from bsg_data.dataset.manifest import (
     ClassMapEntry,
     FileEntry,
@@ -50,8 +50,9 @@ from bsg_data.errors import (
 from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.recipes import Record
-from bsg_data.results import BUILD, require_free, write_folder
+from bsg_data.places import BUILD, require_free
+from bsg_data.records import Record
+from bsg_data.results import write_folder
 from bsg_data.scene.class_map import (
     DEFAULT_CLASS_MAP,
     ClassMap,
@@ -148,7 +149,6 @@ def build_dataset(
         if not manifest.totals.scenes:
             shutil.rmtree(folder)
             raise _refuse_nothing(source.path, manifest.skipped)
-        sweep(folder, manifest)
         publish(folder, manifest)
     return manifest
 

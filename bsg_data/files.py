@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,12 +18,6 @@ from bsg_data.errors import BSGError, DatasetError
 AnyPath: TypeAlias = "str | os.PathLike[str]"  # what a public function takes for a path
 # Settings of matplotlib for all figures: names are shown as they are, a $ as a $.
 PLAIN_TEXT: Final[dict[Any, Any]] = {"text.usetex": False, "text.parse_math": False}
-# What a figure says of itself, by which `--force` knows it again: matplotlib has no one way.
-_CREATED: Final[dict[str, Any]] = {"metadata": {"Creator": "bsg-figure"}}
-_COMMENT: Final[dict[str, Any]] = {"pil_kwargs": {"comment": b"Creator: bsg-figure"}}
-_MARKS = dict.fromkeys(("png", "svg", "pdf", "eps", "ps"), _CREATED)
-_MARKS |= dict.fromkeys(("jpg", "jpeg"), _COMMENT)
-_PARTIAL = re.compile(r"(^|/)\.([^/]+)\.partial$")
 
 
 class FigureError(BSGError):
@@ -44,27 +39,27 @@ def open_beside(path: Path) -> Iterator[Path]:
     """
     refuse_device(path)
     partial = path.with_name(f".{path.name}.partial")
-    try:
+    with writing(path):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             partial.unlink(missing_ok=True)  # of a killed command; a link there is never followed
             yield partial
             flush_file(partial)
             partial.replace(path)
-            flush_folder(path.parent)
-        finally:
+        except BaseException:
             partial.unlink(missing_ok=True)
+            raise
+        flush_folder(path.parent)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn an error of the disk into one of ours."""
+    try:
+        yield
     except OSError as error:
-        raise DatasetError(f"{path}: cannot be written ({error.strerror or error})") from error
-
-
-def name_finished(path: str) -> str:
-    """Return the path that a file will have which `open_beside` is writing, or was.
-
-    >>> name_finished("rooms/.a.parquet.partial"), name_finished("rooms/a.parquet")
-    ('rooms/a.parquet', 'rooms/a.parquet')
-    """
-    return _PARTIAL.sub(r"\1\2", path)
+        message = f"{path}: cannot be written ({error.strerror or error})"
+        raise DatasetError(message, code="not-written", where=path) from error
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -84,7 +79,7 @@ def write_figure(figure: Any, path: Path, **how: Any) -> None:
     kind = path.suffix[1:]
     try:
         with open_beside(path) as partial:
-            figure.savefig(partial, format=kind, **_MARKS.get(kind.casefold(), {}), **how)
+            figure.savefig(partial, format=kind, **how)
     except (ValueError, RuntimeError) as error:  # it lists what it knows; .pgf needs LaTeX
         raise FigureError(f"{path}: the figure cannot be written ({error})") from error
 
@@ -122,6 +117,24 @@ def refuse_device(path: Path) -> None:
     """Refuse to write over a device or a pipe: a rename would replace it."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise DatasetError(f"{path}: is a device or a pipe; expected a file or a free path")
+
+
+def remove(path: Path) -> None:
+    """Remove a file, a link or a folder with all in it, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def empty(folder: Path, *, but: str = "") -> None:
+    """Make a folder, or remove all in it but for one name."""
+    if folder.is_symlink() or folder.is_file():
+        folder.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in folder.iterdir():
+        if path.name != but:
+            remove(path)
 
 
 def list_files(folder: Path) -> list[str]:

@@ -9,7 +9,7 @@ from itertools import islice
 from typing import TypeVar
 
 from bsg_data.build import name_generator
-from bsg_data.dataset.commit import DATASET, publish, sweep
+from bsg_data.dataset.commit import DATASET, publish
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import (
     FileEntry,
@@ -28,7 +28,8 @@ from bsg_data.dataset.scenes import make_tables
 from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.results import require_free, write_folder
+from bsg_data.places import require_free
+from bsg_data.results import write_folder
 
 _Entry = TypeVar("_Entry", UnmappedEntry, ResolvedEntry, UnknownLabel)
 
@@ -92,7 +93,6 @@ def merge_datasets(
                 progress(first + len(batch), scenes)
         files.sort(key=lambda entry: entry.path)
         merged = merged.model_copy(update={"files": tuple(files)})
-        sweep(folder, merged)
         publish(folder, merged)
     return merged
 

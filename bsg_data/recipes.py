@@ -2,81 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from numbers import Real
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from bsg_data.errors import RecipeError, ask_to_upgrade
-from bsg_data.first_fault import keep_one_unknown
-from bsg_data.spelling import SHOWN, show_value
-from bsg_data.tables import make_line
+from bsg_data.records import Record
 
 MAX_SEED = 2**63 - 1  # what TOML, torch and a table of numbers can hold
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]  # of things, or a probability
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED)]  # of random draws
-
-
-class Record(BaseModel):
-    """A frozen record that refuses unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class SaidRecord(Record):
-    """A record that a stranger fills: of many unknown keys, one is told."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _keep_one_unknown(cls, said: Any) -> Any:
-        known = {one.alias or name for name, one in cls.model_fields.items()}
-        return keep_one_unknown(said, known)
-
-
-# kinds of faults: our own message, a text that is no JSON, an unknown key
-_SELF_EXPLAINING = ("value_error", "json_invalid", "extra_forbidden")
-
-
-def name_fault(error: ValidationError) -> str:
-    """Return key and kind of the first fault of a record: `rooms.0.id: Field required`.
-
-    A word or a number that is wrong is shown, unless the fault is not in it or says it already.
-    """
-    first = error.errors(include_url=False)[0]
-    where = ".".join(make_line(str(key)[:SHOWN]) for key in first["loc"]) or "the whole file"
-    value = first["input"]
-    is_shown = isinstance(value, str | int | float) and first["type"] not in _SELF_EXPLAINING
-    shown = f", found {show_value(value)}" if is_shown else ""
-    said = first["msg"].removeprefix("Value error, ").replace("valid tuple", "valid list")
-    if first["type"] == "too_long":  # pydantic's words say that it was validated
-        said = f"expected at most {first['ctx']['max_length']:,} entries, found more"
-    if first["type"] == "literal_error" and first["loc"][-1:] == ("version",):
-        shown += f"; {ask_to_upgrade(value, 1, otherwise='another program wrote it')}"
-    return f"{where}: {said}{shown}"
-
-
-def read_number(name: str, value: object, *, most: float, wanted: str = "") -> float:
-    """Return a number from 0 to `most`, of Python or of NumPy, as Python's."""
-    try:
-        is_number = isinstance(value, Real) and not isinstance(value, bool)
-        number = float(value) if is_number else math.nan  # type: ignore[arg-type]
-    except OverflowError:  # an integer beyond all floats
-        number = math.nan
-    if 0 <= number <= most:
-        return number
-    span = "0 or more" if most == math.inf else f"0 to {most:g}"
-    raise RecipeError(
-        f"{name}: expected {wanted or span}, found {show_value(value)}", code="number-impossible"
-    )
 
 
 class SplitRecipe(Record):

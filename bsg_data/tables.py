@@ -95,8 +95,8 @@ def escape_markdown(text: str) -> str:
 def mark_code(name: str) -> str:
     r"""Return a name in the type of code; one that could end it, as text that is no markup.
 
-    >>> print(mark_code("hm3d45-v2"), mark_code("a`b"))
-    `hm3d45-v2` a\`b
+    >>> print(mark_code("hm3d45-v1"), mark_code("a`b"))
+    `hm3d45-v1` a\`b
     """
     return f"`{name}`" if re.fullmatch(r"[\w.-]+", name) else escape_markdown(name)
 

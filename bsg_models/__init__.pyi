@@ -1,26 +1,21 @@
-from .belief.annotation import annotate_hydra
+from bsg_robot.answers.seen_building import open_graph
+
 from .belief.belief_graph import BeliefGraph, believe
 from .belief.count_distribution import CountDistribution
-from .belief.document import to_networkx
 from .belief.expectation import Expectation
-from .belief.formats import FORMATS, FormatRow, read_belief, write_belief
-from .belief.graph_file import read_graph
+from .belief.hidden_share import estimate_hidden_share
+from .belief.masked_graph import mask_scene
+from .belief.partial_graph import KnownRoom, Look, PartialGraph, SeenObject
 from .ceci.masked_graphs import MaskedGraphs
 from .ceci.network import Network
 from .errors import (
-    BeliefFileError,
     CheckpointError,
     ConfigError,
-    HydraError,
     PredictionError,
     TrainingError,
 )
 from .inputs.folds import scenes_of
 from .inputs.graphs import read_split, to_pyg
-from .robot.answers import EXPLORE, ExpectedClass, Place, RoomKind, Step
-from .robot.seen_building import SeenBuilding, open_graph
-from .robot.ways import Ways
-from .robot.words import Meaning, set_hidden_shares
 from .runs.checkpoint import load_checkpoint, restore_model
 from .runs.found_model import DEFAULT_MODEL, download
 from .runs.hub import HubModel
@@ -40,9 +35,6 @@ from .zoo.settings import DataConfig, ModelConfig, TrainingConfig
 
 __all__ = [
     "DEFAULT_MODEL",
-    "EXPLORE",
-    "FORMATS",
-    "BeliefFileError",
     "BeliefGraph",
     "BeliefModel",
     "CheckpointError",
@@ -51,46 +43,37 @@ __all__ = [
     "CountDistribution",
     "DataConfig",
     "Expectation",
-    "ExpectedClass",
-    "FormatRow",
     "HubModel",
-    "HydraError",
     "Knowledge",
+    "KnownRoom",
     "Leaderboard",
     "LeaderboardRecipe",
+    "Look",
     "MaskedGraphs",
-    "Meaning",
     "ModelConfig",
     "Network",
-    "Place",
+    "PartialGraph",
     "Planner",
     "PredictionError",
     "Predictor",
-    "RoomKind",
-    "SeenBuilding",
-    "Step",
+    "SeenObject",
     "StudyRecipe",
     "TrainingConfig",
     "TrainingError",
-    "Ways",
-    "annotate_hydra",
     "believe",
     "download",
+    "estimate_hidden_share",
     "find_config",
     "load_checkpoint",
     "make_leaderboard",
+    "mask_scene",
     "metric_rows",
     "next_room",
     "open_graph",
-    "read_belief",
-    "read_graph",
     "read_split",
     "restore_model",
     "scenes_of",
-    "set_hidden_shares",
     "study_search",
-    "to_networkx",
     "to_pyg",
     "train_run",
-    "write_belief",
 ]

@@ -19,11 +19,3 @@ class PredictionError(BSGError):
 
 class TrainingError(BSGError):
     """Report a training that cannot start or continue."""
-
-
-class BeliefFileError(BSGError):
-    """Report a belief graph that cannot be read or written."""
-
-
-class HydraError(BeliefFileError):
-    """Report a Spark-DSG file that cannot be read or written."""

@@ -13,10 +13,10 @@ import click
 
 import bsg_data
 import bsg_models
+import bsg_robot
 from bsg_cli.find import find_things
 from bsg_cli.options import (
     PATH,
-    TERMS,
     choice_option,
     force_option,
     json_option,
@@ -32,8 +32,8 @@ from bsg_cli.terminal import Command, print_json, print_note, print_text, progre
 from bsg_data.tables import format_text
 
 if TYPE_CHECKING:
-    from bsg_models.belief.graph_file import GraphFile
-    from bsg_models.studies.belief_report import BeliefReport, RoomBelief
+    from bsg_robot.answers.belief_report import BeliefReport, RoomBelief
+    from bsg_robot.graph.graph_file import GraphFile
 
 _MOST_ROWS = 60
 _MANIFEST = "dataset.json"  # in every dataset; the module that defines it is slow to import
@@ -135,6 +135,8 @@ def main(
     note = _say_nothing if quiet else print_note
     if model is None:
         model = bsg_models.DEFAULT_MODEL
+        from bsg_models.runs.found_model import TERMS
+
         note(TERMS)
     answer = None
     search = {name: options.pop(name) for name in ("chance", "task")}
@@ -142,7 +144,7 @@ def main(
     if find:
         answer = _ask(files[0], model, find, search, as_json=as_json, note=note)
     if options["out"] or not find:
-        from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
+        from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 
         mask = {"strategy": options.pop("mask"), "fraction": options.pop("fraction")}
         request = BeliefRequest(
@@ -195,7 +197,7 @@ def _describe_file(path: Path, shows: bool) -> str:
 
 def _require_formats(paths: Sequence[Path]) -> None:
     """Refuse a suffix of no format before the work starts."""
-    from bsg_models.belief.formats import choose_format
+    from bsg_robot.graph.formats import choose_format
 
     for path in paths:
         choose_format(path)
@@ -231,15 +233,15 @@ def _ask(
 ) -> dict[str, Any]:
     """Answer `--find`, and return the answer for a page."""
     # Imported here, as in the next: a help or a typo must not wait for SciPy and torch.
-    from bsg_data.observation.partial_graph import reclassify
-    from bsg_models.robot.words import find_room
+    from bsg_robot.answers.words import find_room
+    from bsg_robot.graph.reports import reclassify
 
     for room in (search["here"], *search["robots"].values()):
         if room is not None:  # before the model is read, which is slow
             find_room(file.graph, room)
     predictor = bsg_models.Predictor(model)
     graph = reclassify(file.graph, predictor.class_map)
-    seen = bsg_models.SeenBuilding(graph, predictor, notes=file.notes)
+    seen = bsg_robot.SeenBuilding(graph, predictor, notes=file.notes)
     for said in seen.notes:
         note(f"{file.path}: {said}")
     return find_things(seen, tuple(dict.fromkeys(things)), as_json=as_json, note=note, **search)
@@ -249,8 +251,8 @@ def _open_graph(
     path: Path, labels: str | None, own: Path | None, shares: dict[str, Any]
 ) -> GraphFile:
     """Read a robot's graph once, before models are imported, which is slow."""
-    from bsg_models.belief.graph_file import open_graph_file
-    from bsg_models.robot.words import set_hidden_shares
+    from bsg_robot.answers.words import set_hidden_shares
+    from bsg_robot.graph.graph_file import open_graph_file
 
     file = open_graph_file(path, labels=labels, room_labels=own)
     return replace(file, graph=set_hidden_shares(file.graph, **shares))

@@ -1,7 +1,6 @@
 """The names that helps list, options accept and shells complete, without slow imports.
 
-A registry knows its names without importing its rows, so a help text does not wait for torch. The
-number of synthetic buildings is repeated here, because its module imports trimesh; a test compares.
+A registry knows its names without importing its rows, so a help text does not wait for torch.
 """
 
 from __future__ import annotations
@@ -33,7 +32,6 @@ __all__ = [
     "PLANNERS",
     "RECIPES",
 ]  # registries: they read their names on first use
-MOST_SCENES = 10_000_000  # of one seed
 
 
 def require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:

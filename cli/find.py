@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
-import bsg_models
+import bsg_robot
 from bsg_cli.terminal import print_json, print_note, print_text
 from bsg_data.tables import format_text, make_line
 
-EXPLORE = bsg_models.EXPLORE
+EXPLORE = bsg_robot.EXPLORE
 _MOST_ROWS, _MOST_STEPS = 20, 5
 _SURE = 0.95  # a building that has one so surely: what the rooms have if there is one is no news
 
 
 def find_things(
-    seen: bsg_models.SeenBuilding,
+    seen: bsg_robot.SeenBuilding,
     things: Sequence[str],
     *,
     as_json: bool,
@@ -28,6 +27,8 @@ def find_things(
 
     JSON has room ids, and is returned; text has labels as well. See `describe_things`.
     """
+    from bsg_robot.answers.description import describe_things  # as below
+
     facts = describe_things(seen, things, here=here, **search)
     if as_json:
         print_json(facts)
@@ -45,89 +46,20 @@ def find_things(
     return facts
 
 
-def describe_things(
-    seen: bsg_models.SeenBuilding,
-    things: Sequence[str],
-    *,
-    here: str | None,
-    robots: Mapping[str, str] | None = None,
-    **options: Any,
-) -> dict[str, Any]:
-    """Return where things probably are, and where to go first: what every door answers.
-
-    Args:
-        seen: the building.
-        things: in any words.
-        here: the robot's room.
-        robots: name of each of several robots → its room, instead of `here`.
-        options: `look`, `chance` and `task` of `next_room`.
-    """
-    # Imported here: a help or a typo must not wait for SciPy.
-    from bsg_models.robot.words import find_room
-
-    if here is not None:
-        here = seen.rooms[find_room(seen.graph, here) - 1]  # which may be said by its label
-    facts: dict[str, Any] = {"things": [_describe(seen, word, here) for word in things]}
-    steps: Sequence[bsg_models.Step] = ()
-    first = firsts = None
-    if robots:
-        firsts = seen.next_rooms(robots, things, **options)
-    elif here is None:
-        first = seen.next_room(things, **options)
-    else:
-        steps = seen.explain(things, here=here, **options)
-        first = steps[0].room if steps else None
-    facts |= {"go_first": first, "plan": list(map(asdict, steps)), "robots": firsts}
-    return {**facts, "cost_unit": None if here is None else seen.ways().unit, "here": here}
-
-
-def describe_place(
-    seen: bsg_models.SeenBuilding, thing: str, *, here: str, **options: Any
-) -> dict[str, Any]:
-    """Return the piece of furniture to look at next: what every door answers.
-
-    Args:
-        seen: the building.
-        thing: any word.
-        here: the robot's room.
-        options: `at`, `look` and `chance` of `next_place`.
-    """
-    go = seen.next_place(thing, here=here, **options)
-    return {"thing": thing, "room": go and go.room, "piece": go and go.piece}
-
-
-def _describe(seen: bsg_models.SeenBuilding, thing: str, here: str | None) -> dict[str, Any]:
-    meaning = seen.understand(thing)
-    return {
-        "thing": meaning.word,
-        "class": None if meaning.thing else meaning.class_name,
-        "how": meaning.how,
-        "by": _answerer(meaning),
-        "model": seen.asked(meaning.word),
-        "anywhere": seen.anywhere(meaning.word),
-        "places": list(map(asdict, seen.where(meaning.word, here=here))),
-    }
-
-
-def _answerer(meaning: bsg_models.Meaning) -> str:
-    """Return what answers for a word: counts of a class, the table of things, or likeness."""
-    if meaning.thing is not None:
-        return "table"
-    return "likeness" if meaning.class_name is None else "class"
-
-
 def _print_places(
-    seen: bsg_models.SeenBuilding,
-    meaning: bsg_models.Meaning,
-    places: Sequence[bsg_models.Place],
+    seen: bsg_robot.SeenBuilding,
+    meaning: bsg_robot.Meaning,
+    places: Sequence[bsg_robot.Place],
     unit: str | None,
     *,
     first: str | None,
 ) -> None:
     """Print the rooms of one thing as a table, then its furniture, and if the building has one."""
-    anywhere, is_counted = seen.anywhere(meaning.word), _answerer(meaning) != "likeness"
+    from bsg_robot.answers.description import name_answerer  # a help must not wait for NumPy
+
+    anywhere, is_counted = seen.anywhere(meaning.word), name_answerer(meaning) != "likeness"
     words = {obj.name: f"{obj.name} ({obj.raw_category})" for obj in seen.graph.objects}
-    columns: dict[str, Callable[[bsg_models.Place], str]] = {
+    columns: dict[str, Callable[[bsg_robot.Place], str]] = {
         "room": _name,
         f"P({meaning.name})": lambda place: _percent(place.probability),
         "if there is one": lambda place: _percent(place.if_there),
@@ -164,7 +96,7 @@ def _print_places(
         )
 
 
-def _describe_pieces(place: bsg_models.Place) -> str:
+def _describe_pieces(place: bsg_robot.Place) -> str:
     """Return the likeliest pieces of furniture of a room, if an unseen thing is there."""
     pieces = (
         f"{make_line(piece.name)} {'(seen there)' if piece.seen else _percent(piece.if_there)}"
@@ -173,7 +105,7 @@ def _describe_pieces(place: bsg_models.Place) -> str:
     return f"{_name(place)}, if it is there: {', '.join(pieces)}"
 
 
-def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: str | None) -> None:
+def _print_plan(seen: bsg_robot.SeenBuilding, facts: Mapping[str, Any], unit: str | None) -> None:
     """Print the room to go to first, and the order of the search if it has several steps."""
     labels = {room.name: room.label for room in seen.graph.rooms}
     for robot, first in (facts["robots"] or {"": facts["go_first"]}).items():
@@ -202,7 +134,7 @@ def _print_plan(seen: bsg_models.SeenBuilding, facts: Mapping[str, Any], unit: s
         print_note(f"… and {len(steps) - _MOST_STEPS:,} more rooms; --json prints all")
 
 
-def _name(place: bsg_models.Place) -> str:
+def _name(place: bsg_robot.Place) -> str:
     if place.room is None:
         return "in no room"
     from bsg_data.scene.room_label import is_name  # as above: a help must not wait for NumPy

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import bsg_data
-from bsg_cli.choices import MASKS, MODELS, complete_list, load_config, require_known
+from bsg_cli.choices import MODELS, complete_list, load_config, require_known
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import (
     dataset_argument,
@@ -22,6 +22,7 @@ from bsg_cli.options import (
     workers_option,
 )
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar, worker_pool
+from bsg_data.observation.masks import MASKS
 from bsg_data.tables import format_text
 
 if TYPE_CHECKING:

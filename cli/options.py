@@ -11,20 +11,17 @@ import click
 from click.core import ParameterSource
 
 import bsg_data
-from bsg_cli.choices import MASKS, complete_class_map, complete_model
+from bsg_cli.choices import complete_class_map, complete_model
 from bsg_data.errors import RecipeError
-from bsg_data.observation.reports import LOOK_CHANCE
+from bsg_data.observation.masks import MASKS
 from bsg_data.registry import Registry
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP
+from bsg_models.belief.partial_graph import LOOK_CHANCE
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Decorator = Callable[[Function], Function]
 PATH = click.Path(path_type=Path)
 MOST_WORKERS = 1024  # each is a process; one machine has no use for more
-TERMS = (  # said where nobody named a model: who takes the default has not chosen its licence
-    "universal: weights for non-commercial research (NOTICE); for any other use, name the model "
-    "open"
-)
 
 
 class RegistryChoice(click.Choice[str]):

@@ -7,12 +7,7 @@ from typing import Any, get_args
 
 import click
 
-from bsg_cli.choices import (
-    PLANNERS,
-    classes_of_dataset,
-    complete_list,
-    require_known,
-)
+from bsg_cli.choices import classes_of_dataset, complete_list, require_known
 from bsg_cli.options import (
     choice_option,
     dataset_argument,
@@ -36,6 +31,7 @@ from bsg_cli.terminal import (
     worker_pool,
 )
 from bsg_data.tables import format_text
+from bsg_models.search.catalogue import PLANNERS
 from bsg_models.search.room_graphs import DEFAULT_WORLDS, WorldKind
 
 _WORLDS: tuple[str, ...] = get_args(WorldKind)

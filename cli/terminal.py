@@ -22,7 +22,7 @@ from pydantic import ValidationError
 
 from bsg_data.errors import EXTRA_OF, BSGError, RecipeError, ask_to_install
 from bsg_data.files import encode_json
-from bsg_data.recipes import name_fault
+from bsg_data.records import name_fault
 from bsg_data.tables import is_obeyed, make_line, make_plain
 
 if TYPE_CHECKING:

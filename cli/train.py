@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 import click
 
 import bsg_data
-from bsg_cli.choices import MODELS, RECIPES, complete_names_or_files, load_run
+from bsg_cli.choices import MODELS, complete_names_or_files, load_run
 from bsg_cli.data.totals import warn_of_recordings
 from bsg_cli.options import PATH, force_option, out_option, require_datasets
 from bsg_cli.terminal import Command, print_note, print_text, progress_bar
 from bsg_data.files import resolve_links
+from bsg_data.places import BUILD
 from bsg_data.recipes import MaskRecipe
 from bsg_data.results import name_staged
+from bsg_models.zoo.catalogue import RECIPES
 
 if TYPE_CHECKING:
     from bsg_models.runs.run_folder import EpochReport
@@ -96,7 +98,7 @@ def main(
             train_run(config, dataset, out, force=force, progress=draw)
     except KeyboardInterrupt:
         partial = name_staged(resolve_links(out))
-        if any(partial.glob("*.safetensors")):
+        if any((partial / BUILD).glob("*.safetensors")):
             print_note(f"{partial}: the same command goes on with this training")
         raise
     print_run(summarise_run(out))

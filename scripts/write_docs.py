@@ -20,8 +20,8 @@ from click.testing import CliRunner
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.card import column_table
 from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
-from bsg_data.results import read_seal, write_seal
 from bsg_data.scene.class_map import load_class_map
+from bsg_data.seal import read_seal, write_seal
 from bsg_data.tables import format_markdown
 from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.search.catalogue import PLANNERS

@@ -14,8 +14,8 @@ def ask_service(
     import httpx2  # after the test found that the extra is there
     from mcp import Client
 
-    from bsg_cli.serve.http import make_app
-    from bsg_cli.serve.tools import make_server
+    from bsg_robot.service.http import make_app
+    from bsg_robot.service.tools import make_server
 
     async def ask() -> dict[str, dict[str, Any]]:
         app = make_app(service)

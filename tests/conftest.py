@@ -26,8 +26,8 @@ from bsg_data.dataset.manifest import (
     Manifest,
     encode_manifest,
 )
-from bsg_data.extend import HM3DFolder
-from bsg_data.results import write_seal
+from bsg_data.seal import write_seal
+from bsg_data.sources.hm3d import HM3DFolder
 
 hypothesis.settings.register_profile("untimed", deadline=None)  # a busy machine proves nothing
 hypothesis.settings.load_profile("untimed")
@@ -208,7 +208,8 @@ def shipped(_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     """
     from bsg_models.runs import found_model
     from bsg_models.runs.checkpoint_file import read_fields
-    from bsg_models.runs.model_card import ModelCard, TrainedOn, write_card
+    from bsg_models.runs.model_card import ModelCard, write_card
+    from bsg_models.runs.run_folder import TrainedOn
 
     folder = tmp_path / "weights"
     folder.mkdir()

@@ -25,9 +25,14 @@ def textured(
 ) -> trimesh.Trimesh:
     """Return a rectangle in the plane z = 0: row 0 of the pixels `[H, W, 3]` lies at y = 0."""
     picture = image if image is not None else Image.fromarray(np.asarray(pixels, dtype=np.uint8))
-    flipped = np.stack([np.asarray(uv)[:, 0], 1 - np.asarray(uv)[:, 1]], axis=1)
-    visual = TextureVisuals(uv=flipped, material=PBRMaterial(baseColorTexture=picture))
-    return trimesh.Trimesh(SQUARE * (*size, 1), FACES, visual=visual, process=False)
+    return make_mesh(SQUARE * (*size, 1), FACES, uv, picture)
+
+
+def make_mesh(points: Any, faces: Any, uv: Any, image: Image.Image) -> trimesh.Trimesh:
+    """Return a mesh with a texture; its coordinates are (column, row from the top)."""
+    flipped = np.asarray(uv) * [1, -1] + [0, 1]
+    visual = TextureVisuals(uv=flipped, material=PBRMaterial(baseColorTexture=image))
+    return trimesh.Trimesh(points, faces, visual=visual, process=False)
 
 
 def write_glb(path: Path, *meshes: trimesh.Trimesh, transform: Any = None) -> Path:

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 
 LOADED = load_class_map()
 CLASS_SPACE = LOADED.space

@@ -14,16 +14,25 @@ from pathlib import Path
 import pytest
 from conftest import REPOSITORY
 
-FOLDERS = {"bsg_data": "bsg_data", "bsg_models": "bsg_models", "bsg_cli": "cli"}
+FOLDERS = {
+    "bsg_data": "bsg_data",
+    "bsg_models": "bsg_models",
+    "bsg_robot": "bsg_robot",
+    "bsg_cli": "cli",
+}
 
 # The house, from the ground up. A room is a folder, or a file that lies beside the folders. Every
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
-    "bsg_data.arrays bsg_data.errors bsg_data.first_fault bsg_data.public_names bsg_data.spelling"
-    " bsg_data.tables",
-    "bsg_data.executors bsg_data.files bsg_data.recipes bsg_data.registry",
+    "bsg_data.arrays bsg_data.errors bsg_data.spelling bsg_data.tables",
+    "bsg_data.records",
+    "bsg_data.executors bsg_data.files bsg_data.public_names bsg_data.recipes bsg_data.registry"
+    " bsg_data.terms",
     "bsg_data.inputs",
+    "bsg_data.seal",
+    "bsg_data.places",
     "bsg_data.scene bsg_data.results",
+    "bsg_data.outputs",
     "bsg_data.geometry",
     "bsg_data.dataset",
     "bsg_data.sources",
@@ -33,15 +42,21 @@ HOUSE = (
     "bsg_data.testing",
     "bsg_data.extend",
     "bsg_models.arrays bsg_models.errors bsg_models.special_functions",
-    "bsg_models.belief bsg_models.search",
+    "bsg_models.belief",
+    "bsg_models.search",
     "bsg_models.inputs",
     "bsg_models.zoo",
     "bsg_models.ceci",
     "bsg_models.runs bsg_models.evaluation",
-    "bsg_models.rendering bsg_models.robot",
+    "bsg_models.rendering",
     "bsg_models.training",
     "bsg_models.testing",
     "bsg_models.studies",
+    "bsg_robot.errors bsg_robot.tables",
+    "bsg_robot.things",
+    "bsg_robot.graph",
+    "bsg_robot.answers",
+    "bsg_robot.service bsg_robot.ros bsg_robot.testing",
     "bsg_cli",
 )
 FLOOR = {room: floor for floor, rooms in enumerate(HOUSE) for room in rooms.split()}
@@ -101,7 +116,7 @@ def test_a_library_module_imports_from_modules_not_from_a_root() -> None:
     for name, tree in MODULES.items():
         if not name.startswith("bsg_cli"):
             outside = {module for module in imported(tree) if module not in MODULES}
-            assert not {"bsg_data", "bsg_models"} & outside, name
+            assert not {"bsg_data", "bsg_models", "bsg_robot"} & outside, name
 
 
 def test_no_module_imports_itself_by_a_circle() -> None:
@@ -110,7 +125,7 @@ def test_no_module_imports_itself_by_a_circle() -> None:
 
 
 def test_rooms_are_folders_of_depth_two_whose_init_is_a_docstring() -> None:
-    for package in ("bsg_data", "bsg_models"):
+    for package in ("bsg_data", "bsg_models", "bsg_robot"):
         for init in (REPOSITORY / package).glob("*/**/__init__.py"):
             assert init.parent.parent.name == package, f"{init} is too deep"
             body = ast.parse(init.read_text("utf-8")).body
@@ -147,10 +162,10 @@ def test_an_answer_imports_nothing_heavy() -> None:
     """By every shipped model, in Python and as a command: what builds and trains stays aside."""
     graph = str(REPOSITORY / "docs" / "home.json")
     code = (
-        f"{WITHOUT_HEAVY}import bsg_models\n"
+        f"{WITHOUT_HEAVY}import bsg_robot\n"
         "from bsg_models.runs.found_model import shipped_names\n"
         "for name in shipped_names():\n"
-        f"    bsg_models.open_graph({graph!r}, model=name).where('microwave', here='hall')\n"
+        f"    bsg_robot.open_graph({graph!r}, model=name).where('microwave', here='hall')\n"
         "from bsg_cli.belief import main\n"
         f"sys.argv[1:] = [{graph!r}, '--find', 'microwave', '--from', 'living']\n"
         "main()\n"
@@ -165,8 +180,8 @@ def test_an_answer_imports_nothing_heavy() -> None:
 @pytest.mark.parametrize(
     ("needed", "modules"),
     [
-        ("rclpy", ["bsg_cli.ros.node"]),
-        ("mcp", [f"bsg_cli.serve.{name}" for name in ("http", "network", "tools")]),
+        ("rclpy", ["bsg_robot.ros.node"]),
+        ("mcp", [f"bsg_robot.service.{name}" for name in ("http", "network", "tools")]),
     ],
 )
 def test_the_node_and_the_service_import_nothing_heavy(needed: str, modules: list[str]) -> None:
@@ -176,7 +191,7 @@ def test_the_node_and_the_service_import_nothing_heavy(needed: str, modules: lis
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("room", ["bsg_data", "bsg_data.extend", "bsg_models"])
+@pytest.mark.parametrize("room", ["bsg_data", "bsg_data.extend", "bsg_models", "bsg_robot"])
 def test_public_names_are_sorted_and_exist(room: str) -> None:
     package = importlib.import_module(room)
     stub = ast.parse(Path(str(package.__file__)).with_suffix(".pyi").read_text("utf-8"))
@@ -193,7 +208,7 @@ def test_every_error_of_the_tree_is_drawn() -> None:
     drawn = re.findall(r"(\w+Error)\b {2,}", str(errors.__doc__))
     defined = {
         name: thing
-        for package in ("bsg_data", "bsg_models")
+        for package in ("bsg_data", "bsg_models", "bsg_robot")
         for name, thing in vars(importlib.import_module(f"{package}.errors")).items()
         if name.endswith("Error")
     }
@@ -203,7 +218,7 @@ def test_every_error_of_the_tree_is_drawn() -> None:
 
 def test_the_roots_import_nothing_heavy() -> None:
     code = (
-        "import sys, bsg_data, bsg_models\n"
+        "import sys, bsg_data, bsg_models, bsg_robot\n"
         "heavy = {'numpy', 'pandas', 'pyarrow', 'pydantic', 'scipy', 'torch'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
@@ -212,7 +227,7 @@ def test_the_roots_import_nothing_heavy() -> None:
 
 
 def test_libraries_are_silent_and_pickle_nothing() -> None:
-    for room in ("bsg_data", "bsg_models"):
+    for room in ("bsg_data", "bsg_models", "bsg_robot"):
         for name, tree in modules(room).items():
             calls = (n.func for n in ast.walk(tree) if isinstance(n, ast.Call))
             printed = [f for f in calls if isinstance(f, ast.Name) and f.id == "print"]

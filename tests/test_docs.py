@@ -24,14 +24,14 @@ from one_building import observe_building
 from bsg_cli.registry import COMMANDS
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.splits import split_dataset
-from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.observation.reports import hide_of_room
-from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
-from bsg_models.robot.seen_building import open_graph
+from bsg_models.belief.hidden_share import ShareBelief
 from bsg_models.runs.predictor import Predictor
 from bsg_models.zoo.model import ModelInputs
+from bsg_robot.answers.seen_building import open_graph
+from bsg_robot.graph.reports import hide_of_room
+from bsg_robot.graph.robot_json import parse_robot_graph, read_robot_graph
 
 DOCS = REPOSITORY / "docs"
 

@@ -108,7 +108,7 @@ def test_the_leaderboard_runs_on_any_executor(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_beliefs_are_written_in_the_format_and_read() -> None:
-    from bsg_models import read_belief
+    from bsg_robot import read_belief
 
     scene = json.loads(run("bsg-belief dataset --model run --mask coin --json").stdout)[0]
     run(f"bsg-belief dataset --model run --scene '{scene['scene_id']}' --out belief.json.gz")

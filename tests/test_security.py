@@ -16,8 +16,8 @@ def size(number: int) -> str:
 
 
 def list_expected() -> dict[str, list[str]]:
-    serve = pytest.importorskip("bsg_cli.serve.bounds", reason="needs the extra serve")
-    from bsg_cli.serve import network, processes, questions
+    serve = pytest.importorskip("bsg_robot.service.bounds", reason="needs the extra serve")
+    from bsg_robot.service import network, processes, questions
 
     return {
         "a robot's graph": [

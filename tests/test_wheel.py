@@ -23,6 +23,7 @@ FOLDERS = {
     "bsg_data": "bsg_data",
     "bsg_mappings": "mappings",
     "bsg_models": "bsg_models",
+    "bsg_robot": "bsg_robot",
     "bsg_weights": "weights",
 }
 BUILD = "import sys; from setuptools.build_meta import {0}; {0}(sys.argv[1])"
@@ -34,7 +35,7 @@ WRITTEN = {"PKG-INFO", "setup.cfg"}
 IMPORT = """
 import sys
 import bsg_data, bsg_models, bsg_models.zoo.catalogue, bsg_cli.registry
-packages = ("bsg_data", "bsg_models", "bsg_cli")
+packages = ("bsg_data", "bsg_models", "bsg_robot", "bsg_cli")
 ours = [module for name, module in sys.modules.items() if name.split(".")[0] in packages]
 elsewhere = [m.__file__ for m in ours if not m.__file__.startswith(sys.argv[1])]
 assert not elsewhere, elsewhere

@@ -29,6 +29,6 @@ HOME = SceneGraph(
         SceneObject(3, 9, 2, "clock", "clock", role="left-out", area=0.5),
     ),
     adjacency=(Edge(1, 2, "adjacent", "door", 3.5),),
-    class_map="hm3d45-v2",
+    class_map="hm3d45-v1",
     building_kind="home",
 )

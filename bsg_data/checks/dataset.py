@@ -17,7 +17,7 @@ import pyarrow as pa
 
 from bsg_data.checks.graphs import find_faults
 from bsg_data.checks.pairs import check_pairs, check_splits
-from bsg_data.dataset.commit import is_own, list_strays
+from bsg_data.dataset.commit import list_strays
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import (
     CARD,
@@ -242,7 +242,6 @@ def _check_class_maps(check: _Check) -> set[str]:
             check.faults.append(Fault(KEPT, str(error)))
             continue
         loaded = load_class_map(found) if isinstance(found, str) else parse_own_map(found)
-        loaded = loaded.with_hash(entry.sha256)
         nameable[entry.sha256] = loaded.nameable
         if loaded.sha256 != entry.sha256 or loaded.classes != space.classes:
             what = f"expected sha256 {loaded.sha256}, found {entry.sha256}"
@@ -266,10 +265,7 @@ def _check_files(dataset: Path, manifest: Manifest) -> Iterator[Fault]:
         if not manifest.files_of(table):
             yield Fault(MANIFEST, f"lists no file of {table}")
     for name in list_strays(dataset, manifest):
-        what = "not of this program; move it away"
-        if is_own(name):
-            what = "a command was stopped here; the next command that changes it removes it"
-        yield Fault(name, f"is not in the manifest: {what}")
+        yield Fault(name, "is not in the manifest, so not of this program; move it away")
     for name in (CARD, CROISSANT):
         if not (dataset / name).is_file():
             yield Fault(name, "is missing; split or pairs writes it again")

@@ -10,10 +10,11 @@ from typing import Any
 import pyarrow as pa
 import yaml
 
-from bsg_data.dataset.manifest import LICENCE_REF, Manifest, Terms
+from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
 from bsg_data.files import encode_json
 from bsg_data.tables import escape_markdown, format_markdown, mark_code
+from bsg_data.terms import LICENCE_REF, Terms
 
 _UNKNOWN = "unknown terms: ask whoever made it"  # of a source that is no row of the catalogue
 _MEANINGS = {

@@ -2,16 +2,16 @@
 
     DATASET.partial/           a dataset that is being built; one rename publishes it
     DATASET.partial/.build/    plan.json, and a report of every finished shard
-    DATASET/splits/, pairs/    files named by their content: replacing dataset.json commits them
+    DATASET/.staged/           the files of a change, each renamed to its place, the manifest last;
+                               `replaced/` has the manifest that was there before
 
-A killed command leaves the old dataset or the new one. What else it leaves has a name of ours that
-no manifest has: the next command that writes there removes it.
+A killed command leaves the old dataset or the new one. What else it leaves lies in `.staged`, or is
+listed by a manifest there: the next command that changes the dataset removes it.
 """
 
 from __future__ import annotations
 
 import hashlib
-import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -21,77 +21,89 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import (
     CARD,
     CROISSANT,
-    FILE_PATH,
-    KEPT,
     MANIFEST,
     STAGED,
     FileEntry,
     Manifest,
     encode_manifest,
+    hash_manifest,
+    read_manifest,
 )
 from bsg_data.errors import DatasetError
-from bsg_data.files import flush_folder, hold, list_files, name_finished, resolve_links, write_bytes
-from bsg_data.results import BUILD, FolderKind, recover
+from bsg_data.files import empty, flush_folder, hold, list_files, remove, resolve_links, write_bytes
+from bsg_data.places import BUILD, FolderKind, is_left
+from bsg_data.results import recover
 
-_OWN_PATH = re.compile(
-    rf"{FILE_PATH.pattern}|{MANIFEST}|{CARD}|{re.escape(CROISSANT)}"
-    rf"|(?:{re.escape(BUILD)}|{re.escape(STAGED)})/.*|{KEPT}/[0-9a-f]{{12}}/[^/]+\.csv"
-)
-_ADDED = ("pairs", "splits", STAGED)  # folders of what commands add later
+_REPLACED = "replaced"
 
 
-def is_own(path: str) -> bool:
-    """Say whether a path below a dataset is a name that commands give.
-
-    >>> is_own("rooms/part-00000.parquet"), is_own("pairs/notes.txt")
-    (True, False)
-    """
-    return bool(_OWN_PATH.fullmatch(name_finished(path)))
+def _list_known(manifest: Manifest) -> set[str]:
+    known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
+    return known | {path for entry in manifest.class_maps for path in entry.paths}
 
 
-DATASET = FolderKind("dataset", mark=MANIFEST, owns=lambda _: is_own)
+def _list_own(dataset: Path) -> set[str]:
+    """Return the files of a dataset, with what a killed command left in it."""
+    left = [name for name in list_files(dataset) if name.startswith(f"{STAGED}/")]
+    return {*left, *_list_staged(dataset), *_list_known(read_manifest(dataset))}
+
+
+def _list_staged(dataset: Path) -> set[str]:
+    """Return the files that the manifests of a change list which was stopped."""
+    staged = dataset / STAGED
+    folders = [path for path in (staged, staged / _REPLACED) if (path / MANIFEST).is_file()]
+    return {entry.path for folder in folders for entry in read_manifest(folder).files}
+
+
+DATASET = FolderKind("dataset", mark=MANIFEST, lists=_list_own)
 
 
 def list_strays(dataset: Path, manifest: Manifest) -> list[str]:
-    """Return the sorted files in a dataset's folder that its manifest does not name."""
-    known = {entry.path for entry in manifest.files} | {MANIFEST, CARD, CROISSANT}
-    known |= {path for entry in manifest.class_maps for path in entry.paths}
-    return [path for path in list_files(dataset) if path not in known]
+    """Return the sorted files in a dataset's folder that no command of ours put there."""
+    known = _list_known(manifest) | _list_staged(dataset)
+    left = (f"{STAGED}/", f"{BUILD}/") if is_left(dataset) else f"{STAGED}/"
+    return [path for path in list_files(dataset) if path not in known and not path.startswith(left)]
 
 
-def update_manifest(dataset: Path, write: Callable[[Dataset], Manifest]) -> Manifest:
+def update_manifest(
+    dataset: Path, write: Callable[[Dataset], Manifest], *, is_made: Callable[[Manifest], bool]
+) -> Manifest:
     """Change a finished dataset, and return its new manifest.
 
     Args:
         dataset: its folder.
-        write: called with the dataset, while no other command writes. It adds files that no
-            manifest names yet, and returns the manifest that names them.
+        write: called with the dataset, while no other command writes. It stages files, and returns
+            the manifest that names them.
+        is_made: says whether a manifest that a killed command put in place is that of this change.
     """
     with hold(dataset):
         recover(resolve_links(dataset), DATASET)
         data = Dataset.open(dataset)
-        manifest = data.manifest
-        for name in _ADDED:
+        for name in ("pairs", "splits", STAGED):
             if (dataset / name).is_symlink():
                 message = f"{dataset / name}: is a link, and may lead anywhere; remove it"
                 raise DatasetError(message, code="link", where=dataset / name)
-        sweep(dataset, manifest)
+        was_stopped = _sweep(dataset)
+        if was_stopped and is_made(data.manifest):
+            return data.manifest
+        staged = dataset / STAGED
         try:
+            write_bytes(staged / _REPLACED / MANIFEST, (dataset / MANIFEST).read_bytes())
             new = write(data)
-            publish(dataset, new)
-            manifest = new
+            publish(staged, new)
+            _move(staged, dataset)
         except OSError as error:
             message = f"{dataset}: cannot be changed ({error})"
             raise DatasetError(message, code="not-written", where=dataset) from error
         finally:
-            sweep(dataset, manifest)
-    return manifest
+            _sweep(dataset)
+    return new
 
 
 def name_by_content(
     dataset: Path, name: str, staged: Mapping[str, FileEntry]
 ) -> tuple[FileEntry, ...]:
-    """Move staged files to names of their own content, and return their new entries.
+    """Give staged files names of their own content, and return their new entries.
 
     Args:
         dataset: its folder.
@@ -101,31 +113,51 @@ def name_by_content(
     """
     digest = hashlib.sha256("".join(entry.sha256 for entry in staged.values()).encode())
     stem = f"{name}-{digest.hexdigest()[:8]}"
-    moved = []
+    named = []
     for inner, entry in staged.items():
         path = f"{stem}/{inner}" if inner else f"{stem}.parquet"
-        (dataset / path).parent.mkdir(parents=True, exist_ok=True)
-        (dataset / entry.path).replace(dataset / path)
-        moved.append(entry.model_copy(update={"path": path}))
-    for folder in {(dataset / entry.path).parent for entry in moved}:
-        flush_folder(folder)
-    return tuple(moved)
+        _rename(dataset / entry.path, dataset / STAGED / path)
+        named.append(entry.model_copy(update={"path": path}))
+    return tuple(named)
 
 
-def publish(dataset: Path, manifest: Manifest) -> None:
-    """Write the cards, which follow from it, then the manifest that names all files: the commit."""
+def publish(folder: Path, manifest: Manifest) -> None:
+    """Write the cards, which follow from a manifest, and the manifest, last."""
     for name, text in ((CARD, write_card(manifest)), (CROISSANT, write_croissant(manifest))):
-        partial = dataset / f".{name}.partial"  # not flushed: the next change writes it again
-        partial.write_bytes(text.encode())
-        partial.replace(dataset / name)
-    write_bytes(dataset / MANIFEST, encode_manifest(manifest))
+        (folder / name).write_text(text, "utf-8", newline="\n")  # each change writes it
+    write_bytes(folder / MANIFEST, encode_manifest(manifest))
 
 
-def sweep(dataset: Path, manifest: Manifest) -> None:
-    """Remove our files that the manifest does not name."""
-    for path in list_strays(dataset, manifest):
-        if is_own(path) and not path.startswith(f"{BUILD}/"):
-            (dataset / path).unlink()
-    for folder in (*dataset.glob("pairs/*/"), *(dataset / name for name in _ADDED)):
+def _move(staged: Path, dataset: Path) -> None:
+    """Move what is staged to its place, the manifest last: the commit."""
+    names = [name for name in list_files(staged) if not name.startswith(f"{_REPLACED}/")]
+    for name in sorted(names, key=lambda name: name == MANIFEST):
+        if name == MANIFEST:
+            for folder in {(dataset / other).parent for other in names}:
+                flush_folder(folder)
+        _rename(staged / name, dataset / name)
+    flush_folder(dataset)
+
+
+def _rename(path: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    path.replace(target)
+
+
+def _sweep(dataset: Path) -> bool:
+    """Remove what a change left; say whether it was stopped after its commit."""
+    staged, replaced = dataset / STAGED, dataset / STAGED / _REPLACED
+    was_replaced = (replaced / MANIFEST).is_file() and (
+        hash_manifest(replaced) != hash_manifest(dataset)
+    )
+    for path in _list_staged(dataset) - _list_known(read_manifest(dataset)):
+        (dataset / path).unlink(missing_ok=True)
         with suppress(OSError):
-            folder.rmdir()  # unless anything is in it
+            (dataset / path).parent.rmdir()  # unless anything is in it
+    if staged.is_dir():
+        empty(staged, but=_REPLACED)
+    remove(replaced)  # last, for by it the next command is told
+    for folder in (dataset / "pairs", dataset / "splits", staged):
+        with suppress(OSError):
+            folder.rmdir()
+    return was_replaced

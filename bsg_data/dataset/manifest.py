@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -25,13 +25,13 @@ from bsg_data.errors import (
     DatasetError,
     MismatchError,
     RecipeError,
-    SourceError,
     ask_to_upgrade,
 )
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.documents import parse_json
-from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
+from bsg_data.recipes import PairsRecipe, SplitRecipe
+from bsg_data.records import Record, name_fault
 from bsg_data.results import name_staged
 from bsg_data.scene.class_map import (
     CLASSES,
@@ -47,38 +47,7 @@ from bsg_data.scene.class_map import (
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.name_rules import Rule
 from bsg_data.scene.scene_graph import MeshCoverage
-
-LICENCE_REF = "LicenseRef-"  # SPDX's prefix for a licence that is not on its list
-_ADDRESS = r"https?://[^\s<>()\[\]|\"]+"
-
-
-@dataclass(frozen=True, slots=True)
-class Terms:
-    """Licence and citation of data derived from a source, for the cards of datasets."""
-
-    # its SPDX identifier, e.g. `Apache-2.0`; `LicenseRef-NAME` for one that SPDX does not list
-    licence: str
-    licence_url: str  # address of the text of the licence
-    homepage: str  # address of the source
-    citation: str  # how to cite the source, on one line
-    sentence: str  # what a user must know about the terms, in one sentence
-
-    def __post_init__(self) -> None:
-        line = r".*\S.*", "one line"
-        address = _ADDRESS, "an address"
-        spdx = r"[A-Za-z0-9.+-]+", f"an SPDX identifier such as MIT, or {LICENCE_REF}NAME"
-        rules = (spdx, address, address, line, line)
-        for one, (pattern, expected) in zip(fields(self), rules, strict=True):
-            value = getattr(self, one.name)
-            if not re.fullmatch(pattern, value):
-                message = f"{one.name}: expected {expected}, found {value!r}"
-                raise SourceError(message, code="terms-malformed", where=one.name)
-
-
-def is_address(text: str) -> bool:
-    """Say whether a text is a web address without characters that could end a link."""
-    return re.fullmatch(_ADDRESS, text) is not None
-
+from bsg_data.terms import Terms
 
 KEPT = "class_maps"
 
@@ -111,7 +80,7 @@ class ClassMapEntry(Record):
             return self.version
         path = dataset / self.paths[0]
         own = read_own_map(path)
-        found = parse_own_map(own).with_hash(self.sha256).sha256
+        found = parse_own_map(own).sha256
         if found != self.sha256:
             raise ClassMapError(
                 f"{path}: differs from the class map that the dataset was built with: expected "

@@ -79,7 +79,7 @@ ROOMS = pa.schema(
         _field(
             "label",
             pa.string(),
-            "what kind of room it is, in the words of mappings/room-labels-v3.csv",
+            "what kind of room it is, in the words of mappings/room-labels-v1.csv",
             null="not known",
         ),
         _field("source_label", pa.string(), "what the source calls it", null="nothing"),

@@ -157,13 +157,6 @@ class DatasetFiles:
         # No threads: files are small, and Arrow may abort a process that ends while it starts one.
         with self.open_file(entry, dictionaries=dictionaries) as file:
             table = file.read(columns=columns, use_threads=False)
-            expected = _schema_of(_table_of(entry), self.manifest.class_space)
-            absent = _list_absent(file.schema_arrow, expected)
-        for one in absent:
-            kind = pa.dictionary(pa.int32(), one.type) if one.name in dictionaries else one.type
-            table = table.append_column(one.with_type(kind), pa.nulls(len(table), kind))
-        if absent:
-            table = table.select(expected.names if columns is None else columns)
         if entry.path.startswith("scenes/") and "scene_id" in table.column_names:
             for scene in table["scene_id"].to_pylist():
                 if not is_scene_id(scene):  # names of files have it in them
@@ -185,8 +178,6 @@ class DatasetFiles:
             self._refuse(entry)
         with pq.ParquetFile(pa.BufferReader(data), read_dictionary=[*dictionaries]) as file:
             expected = _schema_of(_table_of(entry), self.manifest.class_space)
-            for one in _list_absent(file.schema_arrow, expected):
-                expected = expected.remove(expected.get_field_index(one.name))
             for name in {*dictionaries} & {*expected.names}:
                 one = expected.field(name)
                 words = one.with_type(pa.dictionary(pa.int32(), one.type))
@@ -249,11 +240,6 @@ def _read_whole(path: Path, entry: FileEntry) -> bytes | None:
     except OSError:
         return None
     return data if hashlib.sha256(data).hexdigest() == entry.sha256 else None
-
-
-def _list_absent(found: pa.Schema, expected: pa.Schema) -> list[pa.Field]:
-    """Return the fields that a file of an earlier version lacks: they are null."""
-    return [field for field in expected if field.nullable and field.name not in found.names]
 
 
 def _table_of(entry: FileEntry) -> str:

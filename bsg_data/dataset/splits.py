@@ -80,12 +80,14 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
         own, sources = (
             dict(zip(scenes["scene_id"], scenes[name], strict=True)) for name in columns[1:]
         )
-        return write_splits(dataset, manifest, recipe, assign_splits(own, recipe, sources=sources))
+        return _write_splits(dataset, manifest, recipe, assign_splits(own, recipe, sources=sources))
 
-    return update_manifest(dataset, write)
+    return update_manifest(
+        dataset, write, is_made=lambda there: there.split == recipe and there.pairs is None
+    )
 
 
-def write_splits(
+def _write_splits(
     dataset: Path, manifest: Manifest, recipe: SplitRecipe, chosen: Mapping[str, str]
 ) -> Manifest:
     """Add a split (scene id → split) to a dataset, and return the manifest that names its file.

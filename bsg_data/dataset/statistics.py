@@ -48,42 +48,24 @@ def _count(table: pa.Table, keys: list[str]) -> Iterator[tuple[Any, ...]]:
     yield from zip(*(counts[key].to_pylist() for key in (*keys, "count_all")), strict=True)
 
 
-def count_classes(data: Dataset, class_map: ClassMap | None = None) -> list[Row]:
-    """Return one row per class, in the order of its class space.
+def count_classes(data: Dataset) -> list[Row]:
+    """Return one row per class, in the order of the class space.
 
-    Each has its `class`; `instances`; `rooms` and `buildings` with at least one instance;
-    `doubles`, the rooms with two or more.
-
-    Args:
-        data: the dataset.
-        class_map: map to look up every object in; None: the classes that the dataset stores.
+    Each has its `class`; `instances`; `rooms` and `buildings` with at least one instance.
     """
-    classes = (class_map or data.manifest.class_space).classes
-    total = np.zeros((4, len(classes)), dtype=np.int64)
-    for objects in _stream_objects(data, ["class_index"], class_map):
+    classes = data.manifest.class_space.classes
+    total = np.zeros((3, len(classes)), dtype=np.int64)
+    for objects in _stream_objects(data, ["class_index"], None):
         objects = objects.filter(pc.is_valid(objects["class_index"]))
         for index, _, room, number in _count(objects, ["class_index", "scene_id", "room_index"]):
-            in_room = room > 0
-            total[:, index] += (number, in_room, 0, in_room and number > 1)
+            total[:, index] += (number, room > 0, 0)
         buildings = objects.group_by("class_index").aggregate([("scene_id", "count_distinct")])
         total[2, buildings["class_index"].to_numpy()] += buildings[-1].to_numpy()
-    names = ("instances", "rooms", "buildings", "doubles")
+    names = ("instances", "rooms", "buildings")
     return [
         {"class": name, **dict(zip(names, row, strict=True))}
         for name, row in zip(classes, total.T.tolist(), strict=True)
     ]
-
-
-def count_frequencies(data: Dataset) -> list[Row]:
-    """Return one row per class, most frequent first.
-
-    Each has its `class`; `instances`; `rooms` and `scenes` with at least one instance.
-    """
-    rows = [
-        {"class": r["class"], **{k: r[k] for k in ("instances", "rooms")}, "scenes": r["buildings"]}
-        for r in count_classes(data)
-    ]
-    return sorted(rows, key=lambda row: (-row["instances"], row["class"]))
 
 
 def measure_coverage(data: Dataset, class_map: ClassMap | None = None) -> dict[str, Any]:

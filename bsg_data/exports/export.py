@@ -11,7 +11,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.results import write_results
+from bsg_data.outputs import write_into
 from bsg_data.scene.scene_graph import is_file_name
 
 
@@ -57,7 +57,7 @@ def export_dataset(
     row, data = EXPORTS[to], Dataset.open(dataset)
     scenes, number, left_out = data.manifest.totals.scenes, Counter[str](), []
     notes: Counter[str] = Counter()
-    with write_results(out, report=None, force=force) as staged:
+    with write_into(out, force=force) as staged:
         for done, graph in enumerate(data.read_graphs(), start=1):
             encoded = row.encode(graph, data.manifest.class_space.classes)
             for name, content in encoded.files.items():

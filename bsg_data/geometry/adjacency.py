@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import SourceError
 from bsg_data.geometry.passages import THRESHOLD, choose_pairs, score_pairs
 from bsg_data.geometry.placement import STAIRS
-from bsg_data.scene.scene_graph import Box, Edge, Room, SceneGraph, SceneObject
+from bsg_data.scene.scene_graph import Box, Edge, Point, Room, SceneGraph, SceneObject
 
 MAX_ROOMS = 1_000  # with a place, of which every pair is looked at
 _DOORS = (  # corrected categories
@@ -88,10 +89,14 @@ class _Ways:
     """Finds the rooms behind the doors and at the ends of the stairs of a building."""
 
     def __init__(self, rooms: Sequence[Room], boxes: Floats, floors: Floats) -> None:
-        self._boxes, self._floors = boxes, floors
+        self._rooms, self._boxes, self._floors = rooms, boxes, floors
         self._place = {room.room_index: number for number, room in enumerate(rooms)}
-        self._footprints = [room.footprint for room in rooms]
-        self._shapes: Any = None
+
+    @cached_property
+    def _shapes(self) -> Any:
+        import shapely  # Imported here because importing Shapely is slow.
+
+        return np.array([shapely.Polygon(room.footprint) for room in self._rooms])
 
     def by_doors(self, objects: Iterable[SceneObject]) -> Iterator[tuple[int, int]]:
         """Yield the pairs, ascending places in the rooms, that a door stands between."""
@@ -105,13 +110,13 @@ class _Ways:
 
     def by_stairs(self, objects: Iterable[SceneObject]) -> Iterator[tuple[int, int]]:
         """Yield the pairs that the stairs of a room lead from and to."""
-        steps: dict[int, list[Box]] = {}
+        steps: dict[int, list[Point]] = {}
         for step in objects:
             here = self._place.get(step.room_index)
             if step.category in STAIRS and step.part_box and here is not None:
-                steps.setdefault(here, []).append(step.part_box)
+                steps.setdefault(here, []).extend([step.part_box.minimum, step.part_box.maximum])
         for here in sorted(steps):
-            flight = _surround(steps[here])
+            flight = Box.around(np.array(steps[here]))
             for end in (flight.minimum[2], flight.maximum[2]):
                 is_level = np.abs(self._floors - end) <= _LANDING
                 if not is_level[here]:  # else this end is in the room itself
@@ -122,7 +127,7 @@ class _Ways:
 
         Nearest from above: 0 where a box meets a footprint; the first of several.
         """
-        import shapely  # Imported here because importing Shapely is slow.
+        import shapely
 
         (a, b, _), (c, d, _) = box.minimum, box.maximum
         low, high = self._boxes[:, 0, :2] - (c, d), (a, b) - self._boxes[:, 1, :2]
@@ -131,15 +136,7 @@ class _Ways:
         near = np.flatnonzero(others)
         if not len(near):
             return
-        if self._shapes is None:
-            self._shapes = np.array([shapely.Polygon(corners) for corners in self._footprints])
         gaps = shapely.distance(shapely.box(a, b, c, d), self._shapes[near])
         there = int(near[gaps.argmin()])
         if gaps.min() <= reach:
             yield min(here, there), max(here, there)
-
-
-def _surround(boxes: Sequence[Box]) -> Box:
-    low = np.min([box.minimum for box in boxes], axis=0)
-    high = np.max([box.maximum for box in boxes], axis=0)
-    return Box((low[0], low[1], low[2]), (high[0], high[1], high[2]))

@@ -13,10 +13,12 @@ from itertools import chain, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from bsg_data.arrays import Floats
+from bsg_data.arrays import Floats, Ints, find_runs
+from bsg_data.geometry.surfaces import CELL
 from bsg_data.scene.scene_graph import BUILDING, Box, Point, Room, SceneGraph, SceneObject
-from bsg_data.scene.surroundings import measure_footprint
+from bsg_data.scene.surroundings import measure_area
 
 if TYPE_CHECKING:
     from bsg_data.geometry.semantic_mesh import MeshSurvey
@@ -26,6 +28,7 @@ STOREY_SPAN = 2.0  # as long as none of them is higher than this above the lowes
 FLOOR, CEILING = "floor", "ceiling"  # corrected categories
 STAIRS = frozenset({"stair", "stair step", "staircase", "stairs"})
 _STRAIGHT = 1e-3  # metres
+Polygon = tuple[tuple[float, float], ...]  # corners (x, y), metres, against the clock
 _ASSUMED = "y"  # the glTF standard's, where nothing shows which way is up
 # Rows are the x, y and z of the building in the axes of a file in which this axis is up.
 UPRIGHT: dict[str, tuple[Point, Point, Point]] = {
@@ -42,25 +45,32 @@ def place_scene(graph: SceneGraph, survey: MeshSurvey) -> SceneGraph:
     """Return the scene graph with boxes and storeys, from the survey of its mesh."""
     up_axis = _find_up_axis(graph, survey)
     upright = np.array(UPRIGHT[up_axis])
-    boxes, parts = _turn_boxes(survey.box, upright), _turn_boxes(survey.part_box, upright)
-    centroids = survey.centroid @ upright.T
-    objects = tuple(
-        obj
-        if survey.area[place] == 0
-        else obj._replace(
-            centroid=_point(centroids[place]),
-            box=_box(boxes[place]),
-            area=float(f"{survey.area[place]:.7g}"),
-            part_box=_box(parts[place]),
-        )
-        for place, obj in enumerate(graph.objects)
+    boxes, parts = (_round(_turn_boxes(one, upright)) for one in (survey.box, survey.part_box))
+    places = zip(
+        graph.objects,
+        survey.area.tolist(),
+        _round(survey.centroid @ upright.T).tolist(),
+        boxes.tolist(),
+        parts.tolist(),
+        strict=True,
     )
-    cells = _turn_boxes(survey.cells, upright)
-    room_of = np.array([_holder(obj) for obj in objects])[survey.owner]
-    order = np.argsort(room_of, kind="stable")
-    starts = np.searchsorted(room_of[order], [room.room_index for room in graph.rooms])
-    _, *held = np.split(cells[order], starts)
-    rooms = [_place_room(room, some) for room, some in zip(graph.rooms, held, strict=True)]
+    objects = tuple(
+        obj._replace(
+            centroid=(x, y, z), box=_box(box), area=float(f"{area:.7g}"), part_box=_box(part)
+        )
+        if area
+        else obj
+        for obj, area, (x, y, z), box, part in places
+    )
+    room_of = np.array([_holder(obj) for obj in objects])
+    shapes = _surround_rooms(_turn_boxes(survey.cells, upright), room_of[survey.owner])
+    of_rooms = _join_boxes(parts, room_of)
+    rooms = [
+        _place_room(room, of_rooms[room.room_index], shapes[room.room_index])
+        if room.room_index in shapes
+        else room
+        for room in graph.rooms
+    ]
     floors: dict[int, list[SceneObject]] = {}
     for obj in objects:
         if obj.category == FLOOR and obj.centroid is not None:
@@ -114,27 +124,43 @@ def _floor_to_ceiling(
     return np.asarray(middles[1] - middles[0])
 
 
-def _place_room(room: Room, cells: Floats) -> Room:
-    """Return the room with the box and the footprint of the cells `[P, 2, 3]` of its objects."""
-    if not len(cells):
-        return room
-    box = _box(np.stack([cells[:, 0].min(axis=0), cells[:, 1].max(axis=0)]))
-    centre = np.mean([box.minimum, box.maximum], axis=0)
-    corners = [cells[:, [x, y], [0, 1]] for x in (0, 1) for y in (0, 1)]
-    footprint = surround(np.concatenate(corners))
+def _surround_rooms(cells: Floats, room_of: Ints) -> dict[int, Polygon]:
+    """Return the convex hull from above of the cells `[P, 2, 3]` of every room that has some.
+
+    Cells one above another are taken as one.
+    """
+    corners = cells[:, :, :2]
+    place = np.floor(corners.mean(axis=1) / CELL).astype(np.int64) + 2**15
+    columns = room_of << 32 | place[:, 0] << 16 | place[:, 1]
+    order = np.argsort(columns, kind="stable")
+    starts, named = find_runs(columns[order])
+    if not len(starts):
+        return {}
+    low = np.minimum.reduceat(corners[order, 0], starts)
+    high = np.maximum.reduceat(corners[order, 1], starts)
+    mixed = np.stack([low[:, 0], high[:, 1]], axis=1), np.stack([high[:, 0], low[:, 1]], axis=1)
+    four = np.stack([low, *mixed, high], axis=1)
+    firsts, rooms = find_runs(named >> 32)
+    held = np.split(four.reshape(-1, 2), 4 * firsts[1:])
+    return {room: surround(some) for room, some in zip(rooms.tolist(), held, strict=True)}
+
+
+def _join_boxes(boxes: Floats, room_of: Ints) -> dict[int, Box]:
+    """Return the box around the known boxes `[O, 2, 3]` of every room that has some."""
+    is_known = np.isfinite(boxes[:, 0, 0])
+    boxes, room_of = boxes[is_known], room_of[is_known]
+    held = ((room, boxes[room_of == room]) for room in np.unique(room_of).tolist())
+    return {room: Box.around(some.reshape(-1, 3)) for room, some in held}
+
+
+def _place_room(room: Room, box: Box, footprint: Polygon) -> Room:
     return replace(
         room,
         box=box,
-        centroid=_point(centre),
+        centroid=_point(box.centre),
         footprint=footprint,
         floor_area=measure_area(footprint),
     )
-
-
-def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
-    """Return the area of a polygon (x, y) in square metres; None if it has none."""
-    area = measure_footprint(corners)
-    return None if area is None else _round(area) or None
 
 
 def surround(points: Floats) -> tuple[tuple[float, float], ...]:
@@ -152,7 +178,7 @@ def surround(points: Floats) -> tuple[tuple[float, float], ...]:
     except (QhullError, ValueError):
         (a, b), (c, d) = points.min(axis=0), points.max(axis=0)
         corners = np.array([[a, b], [c, b], [c, d], [a, d]])
-    return tuple((_round(x), _round(y)) for x, y in corners)
+    return tuple((x, y) for x, y in _round(corners).tolist())
 
 
 def _straighten(corners: Floats) -> Floats:
@@ -193,7 +219,7 @@ def _find_floor(room: Room, floors: Sequence[SceneObject]) -> float | None:
         return None
     if named:
         areas, heights = zip(*named, strict=True)
-        return _round(np.average(heights, weights=areas))
+        return float(_round(np.average(heights, weights=areas)))
     return room.box.minimum[2]
 
 
@@ -204,15 +230,16 @@ def _turn_boxes(boxes: Floats, upright: Floats) -> Floats:
     return np.stack([np.minimum(one, other), np.maximum(one, other)], axis=1)
 
 
-def _point(values: Floats) -> Point:
-    x, y, z = map(_round, values.tolist())
+def _round(metres: npt.ArrayLike) -> Floats:
+    """Return lengths to a tenth of a millimetre: coordinates in files have seven digits."""
+    return np.round(np.asarray(metres, dtype=float), 4) + 0.0  # and never -0.0
+
+
+def _point(values: npt.ArrayLike) -> Point:
+    x, y, z = _round(values).tolist()
     return x, y, z
 
 
-def _round(metres: float) -> float:
-    """Return a length to a tenth of a millimetre: coordinates in files have seven digits."""
-    return round(float(metres), 4) + 0.0  # and never -0.0
-
-
-def _box(corners: Floats) -> Box:
-    return Box(_point(corners[0]), _point(corners[1]))
+def _box(corners: list[list[float]]) -> Box:
+    (a, b, c), (d, e, f) = corners
+    return Box((a, b, c), (d, e, f))

@@ -17,7 +17,7 @@ import numpy as np
 
 from bsg_data.recipes import MaskRecipe
 
-# 3 was of a version before
+# other numbers would make other masks, and other hashes of them
 _STREAM = {"rooms": 0, "classified": 1, "unclassified": 2, "withheld": 4, "parts": 5, "detector": 6}
 
 

@@ -124,7 +124,7 @@ def write_pairs(
         )
         return manifest.with_table("pairs", files, pairs=recipe)
 
-    return update_manifest(dataset, write)
+    return update_manifest(dataset, write, is_made=lambda there: there.pairs == recipe)
 
 
 def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:

@@ -1,8 +1,7 @@
 """Class maps: map the free text of an annotation to a class of a class space.
 
-A published map is a file of `mappings/` that never changes: `<version>.csv` with
-`raw_category,category,class`, one row per spelling. `class_maps.csv` has its class space, and
-whether rules resolve names that it does not list.
+A published map is a file of `mappings/`: `<version>.csv` with `raw_category,category,class`, one
+row per spelling. `class_maps.csv` has its class space. Rules resolve names that it does not list.
 """
 
 from __future__ import annotations
@@ -11,17 +10,17 @@ import hashlib
 import os
 import unicodedata
 from collections import ChainMap
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from bsg_data.errors import ClassMapError
 from bsg_data.files import AnyPath, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 from bsg_data.scene.class_space import (
     DEFAULT_CLASS_SPACE,
     ClassSpace,
@@ -45,11 +44,10 @@ from bsg_data.scene.name_rules import (
 from bsg_data.scene.vocabularies import VOCABULARIES, list_meanings
 from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names, show_value
 
-DEFAULT_CLASS_MAP = "hm3d45-v2"
+DEFAULT_CLASS_MAP = "hm3d45-v1"
 UNKNOWN = "unknown"  # the category of a nameless object
-_SYNONYMS, _REAL_WORDS = "synonyms-v2.csv", "real-words-v1.csv"
+_SYNONYMS, _REAL_WORDS = "synonyms-v1.csv", "real-words-v1.csv"
 _RULES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # the files of the rules
-_FORMER_SYNONYMS, _FORMER_VERSION = "synonyms-v1.csv", b"rules 1"
 _MOST_RESOLVED = 2**16  # names that are not listed and whose class is kept: a robot's graph fits in
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 _FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
@@ -74,20 +72,18 @@ _UNMAPPED = Classified(None, None, "unmapped")
 class _Synonyms:
     """Other words for what a map lists; they are read when a name is not listed."""
 
-    def __init__(
-        self, read: Callable[..., tuple[dict[str, str], frozenset[str]]], *what: Any
-    ) -> None:
-        self._read, self._what = read, what
+    def __init__(self, names: Mapping[str, Classified], classes: Sequence[str]) -> None:
+        self._names, self._classes = names, classes
 
     @cached_property
     def listed(self) -> tuple[dict[str, str], frozenset[str]]:
         """Normalised name → listed name; and those of them that a vocabulary has."""
-        return self._read(*self._what)
+        return _list_synonyms(self._names, self._classes)
 
     @cached_property
     def most_words(self) -> int:
         """The number of words of the longest name that the map or its synonyms list."""
-        return max((len(name.split()) for name in (*self._what[0], *self.listed[0])), default=0)
+        return max((len(name.split()) for name in (*self._names, *self.listed[0])), default=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,17 +91,14 @@ class ClassMap:
     """A class map, ready to look names up."""
 
     version: str  # its name, e.g. `hm3d45-v1`
-    # hash of its files: spellings, then classes; for a map with rules also the list of structure,
-    # the files of the rules and their version
+    # hash of its files (spellings, classes, structure), those of the rules, and the rules' version
     sha256: str
     space: ClassSpace
     definitions: tuple[str, ...]  # [C] one sentence per class
     structure: frozenset[str]  # categories that are parts of the building, not objects in it
     entries: Mapping[str, Classified]  # by spelling, as published
     normalised: Mapping[str, Classified]  # by normalised spelling (`normalise_name`)
-    rules: _Synonyms | None = field(default=None, repr=False, compare=False)
-    # the same map with the rules of earlier datasets; None for itself, and without rules
-    former: ClassMap | None = field(default=None, repr=False)
+    rules: _Synonyms = field(repr=False, compare=False)
     _resolved: dict[str, Classified] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -123,12 +116,12 @@ class ClassMap:
         return tuple(name for index, name in enumerate(self.classes) if index in known)
 
     @property
-    def synonyms(self) -> Mapping[str, str] | None:
-        """Listed names by other words for them, normalised; None for a map without rules.
+    def synonyms(self) -> Mapping[str, str]:
+        """Listed names by other words for them, normalised.
 
         The name is empty where the last word of the other one misleads.
         """
-        return None if self.rules is None else self.rules.listed[0]
+        return self.rules.listed[0]
 
     def lookup(self, name: str) -> Classified | None:
         """Look up a listed name, exact first, then normalised; None if it is not listed."""
@@ -138,7 +131,7 @@ class ClassMap:
     def lists(self, name: str) -> bool:
         """Say whether a name as a whole is listed, or is another word that leads to one or none."""
         forms = {separate(reading) for reading in _read_both(name)}
-        known = (self.normalised, self.synonyms or {})
+        known = (self.normalised, self.synonyms)
         return self.lookup(name) is not None or any(form in one for form in forms for one in known)
 
     def classify(self, name: str) -> Classified:
@@ -148,8 +141,8 @@ class ClassMap:
             return entry
         if is_nameless(name):
             return Classified(UNKNOWN, None, "nameless")
-        if len(name) > LONGEST:  # the rules of earlier datasets read it; it is not kept
-            return _UNMAPPED if self.former else self._resolve(name)
+        if len(name) > LONGEST:
+            return _UNMAPPED
         found = self._resolved.get(name)
         if found is None:
             found = self._resolve(name)
@@ -158,16 +151,8 @@ class ClassMap:
             self._resolved[name] = found
         return found
 
-    def with_hash(self, sha256: str) -> ClassMap:
-        """Return the map with the rules by which it has this hash; itself if it has none."""
-        return self.former if self.former and self.former.sha256 == sha256 else self
-
     def _resolve(self, name: str) -> Classified:
         """Resolve a name that is not listed by the rules."""
-        if self.rules is None:
-            return _UNMAPPED
-        if self.former is None:  # it has the rules of earlier datasets
-            return self._follow([normalise_name(name)], self.rules) or _UNMAPPED
         readings, parts = _read_both(name), list_parts(name)
         if parts == (name,) or self.lists(name):
             found = self._follow(readings, self.rules)
@@ -183,7 +168,7 @@ class ClassMap:
     def classify_whole(self, name: str) -> Classified:
         """Classify a name without the rules of the head noun and of typos: much faster."""
         found = self.lookup(name)
-        if found is None and self.rules is not None:
+        if found is None:
             found = self._follow(_read_both(name), self.rules, is_whole=True)
         return found or _UNMAPPED
 
@@ -227,7 +212,6 @@ class PublishedMap(NamedTuple):
     class_map: str
     class_space: str
     source: str  # whose names it maps
-    rules: bool  # whether rules resolve names that it does not list
 
 
 class OwnMap(Record):
@@ -270,8 +254,8 @@ def _find_nameless(names: Collection[str]) -> set[str]:
 def published_maps() -> Mapping[str, PublishedMap]:
     """Return the published maps by their names, in the order of `mappings/class_maps.csv`."""
     data = read_published("class_maps.csv")
-    rows = read_rows("class_maps.csv", data, ("class_map", "class_space", "source", "rules"))
-    return {row[0]: PublishedMap(row[0], row[1], row[2], row[3] == "yes") for _, row in rows}
+    rows = read_rows("class_maps.csv", data, PublishedMap._fields)
+    return {row[0]: PublishedMap(*row) for _, row in rows}
 
 
 def map_into(class_space: str) -> str:
@@ -320,7 +304,6 @@ def _load(name: str) -> ClassMap:
         spellings=read_published(f"{name}.csv"),
         classes=read_published(f"{row.class_space}.classes.csv"),
         structure=read_published(f"{name}.structure.csv"),
-        rules=row.rules,
     )
 
 
@@ -393,50 +376,28 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
         structure=frozenset().union(*(one.structure for one in maps)),
         entries=ChainMap(*(dict(one.entries) for one in maps)),
         normalised=normalised,
-        rules=_Synonyms(_list_synonyms, normalised, first.classes),
+        rules=_Synonyms(normalised, first.classes),
     )
 
 
 def _parse_map(
-    version: str,
-    space_name: str,
-    *,
-    spellings: bytes,
-    classes: bytes,
-    structure: bytes,
-    rules: bool = True,
+    version: str, space_name: str, *, spellings: bytes, classes: bytes, structure: bytes
 ) -> ClassMap:
     space, definitions = parse_class_space(space_name, classes)
     rows = read_rows(f"{version}.structure.csv", structure, ("category",))
     building_parts = frozenset([row[0] for _, row in rows])
     entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, building_parts)
-    plain = ClassMap(
+    files = (spellings, classes, structure, *map(read_published, _RULES), RULES_VERSION)
+    return ClassMap(
         version=version,
-        sha256=_hash(spellings, classes),
+        sha256=hashlib.sha256(b"".join(files)).hexdigest(),
         space=space,
         definitions=definitions,
         structure=building_parts,
         entries=entries,
         normalised=normalised,
+        rules=_Synonyms(normalised, space.classes),
     )
-    if not rules:
-        return plain
-    files_ = (spellings, classes, structure)
-    former = read_published(_FORMER_SYNONYMS)
-    return replace(
-        plain,
-        sha256=_hash(*files_, *map(read_published, _RULES), RULES_VERSION),
-        rules=_Synonyms(_list_synonyms, normalised, space.classes),
-        former=replace(
-            plain,
-            sha256=_hash(*files_, former, _FORMER_VERSION),
-            rules=_Synonyms(_list_former, normalised),
-        ),
-    )
-
-
-def _hash(*files: bytes) -> str:
-    return hashlib.sha256(b"".join(files)).hexdigest()
 
 
 def _list_synonyms(
@@ -462,12 +423,6 @@ def _list_synonyms(
             found.setdefault(name.replace(" ", ""), other)
     found = {name: other for name, other in found.items() if name not in listed}
     return found, frozenset(vocabulary) & found.keys()
-
-
-def _list_former(listed: Mapping[str, Classified]) -> tuple[dict[str, str], frozenset[str]]:
-    """Return the other words of earlier datasets."""
-    words = _parse_synonyms(_FORMER_SYNONYMS).items()
-    return {name: other for name, other in words if not other or other in listed}, frozenset()
 
 
 def _list_wider(word: str, category: str) -> Iterator[str]:

@@ -1,8 +1,8 @@
 """Class spaces: the ordered lists of classes of all histograms.
 
-A published space is a file of `mappings/` that never changes: `<name>.classes.csv` with
-`index,class,definition`. Models, pairs and beliefs have one class space. Several class maps can
-share a space (`bsg_data.scene.class_map`).
+A published space is a file of `mappings/`: `<name>.classes.csv` with `index,class,definition`.
+Models, pairs and beliefs have one class space. Several class maps can share a space
+(`bsg_data.scene.class_map`).
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ from pydantic import model_validator
 
 from bsg_data.arrays import Ints
 from bsg_data.errors import ClassMapError
-from bsg_data.first_fault import Listed
 from bsg_data.inputs.text_table import parse_csv
-from bsg_data.recipes import Record
+from bsg_data.records import Listed, Record
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 
-DEFAULT_CLASS_SPACE = "hm3d45-v2"
+DEFAULT_CLASS_SPACE = "hm3d45-v1"
 _MAX_CLASSES = 256  # the objects table stores the index in a byte
 _SUFFIX = ".classes.csv"
 _PARTS = "parts-v1.csv"
@@ -84,13 +83,14 @@ def load_class_space(name: str = DEFAULT_CLASS_SPACE) -> ClassSpace:
     return parse_class_space(name, read_published(f"{name}{_SUFFIX}"))[0]
 
 
-def read_published(file: str) -> bytes:
-    """Read a file of `mappings/` that SHA256SUMS lists; `ClassMapError` if it was changed."""
-    data = files("bsg_mappings").joinpath(file).read_bytes()
-    if f"{hashlib.sha256(data).hexdigest()}  {file}" not in _list_published():
+def read_published(file: str, *, folder: str = "bsg_mappings") -> bytes:
+    """Read a file that the SHA256SUMS of its folder lists; `ClassMapError` if it was changed."""
+    data = files(folder).joinpath(file).read_bytes()
+    if f"{hashlib.sha256(data).hexdigest()}  {file}" not in _list_published(folder):
+        where = folder.removeprefix("bsg_").replace(".", "/")
         raise ClassMapError(
-            f"mappings/{file} is not the published file (sha256 differs from SHA256SUMS): "
-            "published files never change; reinstall the package, or give your version a new name",
+            f"{where}/{file} is not the published file (sha256 differs from SHA256SUMS): "
+            "reinstall the package, or give your version a new name",
             code="file-changed",
             where=file,
         )
@@ -98,9 +98,9 @@ def read_published(file: str) -> bytes:
 
 
 @cache
-def _list_published() -> frozenset[str]:
-    """Return the hashes of all published files, with their names."""
-    sums = files("bsg_mappings").joinpath("SHA256SUMS").read_text("utf-8")
+def _list_published(folder: str) -> frozenset[str]:
+    """Return the hashes of the published files of a folder, with their names."""
+    sums = files(folder).joinpath("SHA256SUMS").read_text("utf-8")
     return frozenset(sums.splitlines())
 
 

@@ -6,7 +6,7 @@ The rules are tried in this order; each resulting form is looked up, and the dec
   `coffee table`, and a number at the end says nothing: `TV-stand_3` is `tv stand`, `bed side table`
   is `bedside table`;
 - vocabulary: a word of a published vocabulary, as mappings/vocabularies-v1.csv lists;
-- synonym: another word for the same thing, as mappings/synonyms-v2.csv lists;
+- synonym: another word for the same thing, as mappings/synonyms-v1.csv lists;
 - number: the last word in the singular or plural: `sofas` is `sofa`;
 - head noun: the last words alone, the longest first, or those before `of`, `with` or `for`:
   `leather armchair` is `armchair`. Only if that is a class;
@@ -26,7 +26,7 @@ from operator import itemgetter
 from typing import Literal
 
 Rule = Literal["separator", "vocabulary", "number", "synonym", "head noun", "phrase", "spelling"]
-RULES_VERSION = b"rules 2"  # of what is below: it is in the hash of every class map with rules
+RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map
 # What follows one of these tells what kind of the thing before it is meant.
 _PREPOSITION = re.compile(r"\s(?:with|without|for|of)\s")
 # A number of things is of the things' class (rule 3 of mappings/README.md).

@@ -1,6 +1,6 @@
 """Room labels: common words for kinds of rooms, and what the names of rooms mean.
 
-`mappings/room-labels-v3.csv` has `source,source_label,label`. Rows of the source `any` hold
+`mappings/room-labels-v1.csv` has `source,source_label,label`. Rows of the source `any` hold
 everyday words and count for every source. A row without a label marks a word that names no kind of
 room. Models were trained with the labels of `list_room_labels`; a row of the source `nearest` has
 the one of these by which they read another, such as an infirmary for an examination room. A row of
@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import read_number
+from bsg_data.records import read_number
 from bsg_data.scene.class_map import load_class_map, normalise_names, read_real_words
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.spelling import ask_if_meant, nearest_names, show_value
@@ -35,7 +35,7 @@ RoomType = str | Mapping[str, float]  # a label, or labels with their probabilit
 RoomRule = Literal["head noun", "first words", "misspelt"]  # that a reader should know of
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
 NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
-_FILE = "room-labels-v3.csv"
+_FILE = "room-labels-v1.csv"
 _ANY_SOURCE, _NEAREST, _BUILDING, _KIND = "any", "nearest", "building", "kind"
 _NUMBER = re.compile(r"[\s#]*[0-9]+$")
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 from pydantic import Field
 
 from bsg_data.arrays import Floats
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 from bsg_data.scene.class_map import Role
 
 Point = tuple[float, float, float]
@@ -97,7 +97,7 @@ class Room:
     floor_z: float | None = None  # height of its floor
     # corners (x, y) of the convex hull of its objects from above, against the clock
     footprint: tuple[tuple[float, float], ...] | None = None
-    # the common label of `source_label` (mappings/room-labels-v3.csv); None if unknown
+    # the common label of `source_label` (mappings/room-labels-v1.csv); None if unknown
     label: str | None = None
     floor_area: float | None = None  # square metres; None if unknown
 

@@ -1,7 +1,7 @@
 """Surroundings: what is known of a room and its building besides the objects. A mask hides none.
 
 Each kind of evidence is a field of `Surroundings`. A new kind also needs a field of
-`bsg_data.observation.partial_graph.KnownRoom`, which is how a robot says it, and a row of
+`bsg_models.belief.partial_graph.KnownRoom`, which is how a robot says it, and a row of
 `bsg_models.inputs.nodes.EVIDENCE`, which is how networks read and forget it.
 """
 
@@ -157,7 +157,7 @@ def _find_floor_area(
     """
     if is_floor_area(said):
         return said
-    area = measure_footprint(footprint) if footprint else None
+    area = measure_area(footprint) if footprint else None
     if area is None and box is not None:
         (a, b, _), (c, d, _) = box.minimum, box.maximum
         area = (c - a) * (d - b) if c > a and d > b else None
@@ -185,8 +185,8 @@ def area_of(room: Shaped) -> float | None:
     return _find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
 
 
-def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
-    """Return the area of a polygon (x, y); None if it has none.
+def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
+    """Return the area of a polygon (x, y) in square metres, four digits; None if it has none.
 
     Of one that crosses itself it is the area of the convex hull: to take it apart takes minutes.
     """
@@ -195,7 +195,7 @@ def measure_footprint(corners: Sequence[tuple[float, float]]) -> float | None:
     if len(corners) < 3:
         return None
     polygon = shapely.Polygon(corners)
-    return float((polygon if polygon.is_valid else polygon.convex_hull).area) or None
+    return round((polygon if polygon.is_valid else polygon.convex_hull).area, 4) or None
 
 
 def find_building_kind(said: str) -> str | None:

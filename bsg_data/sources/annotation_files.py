@@ -20,7 +20,7 @@ from bsg_data.errors import (
     find_io_error,
 )
 from bsg_data.inputs.bounded_file import PACKED, hash_file, read_bytes
-from bsg_data.recipes import name_fault
+from bsg_data.records import name_fault
 from bsg_data.sources.source import FoundScenes, SceneRef
 
 _SHOWN = 120  # characters of a faulty line

@@ -12,10 +12,11 @@ import pyarrow as pa
 from bsg_data.arrays import Ints
 from bsg_data.dataset.scenes import OBJECT_COLUMNS, Objects, spread_boxes, spread_places
 from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.geometry.placement import find_storeys, measure_area
+from bsg_data.geometry.placement import find_storeys
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Edge, Room, SceneGraph
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.source import AnnotatedRoom, Annotation, SceneRef
 
 

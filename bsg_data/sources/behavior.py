@@ -21,10 +21,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from bsg_data.dataset.manifest import SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import ForeignRecord, Keyed
 from bsg_data.inputs.documents import read_json
+from bsg_data.records import ForeignRecord, Keyed
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
@@ -38,6 +38,7 @@ from bsg_data.sources.source import (
     SourceRow,
 )
 from bsg_data.spelling import show_value
+from bsg_data.terms import Terms
 
 _FILE = "combined_room_object_list.json"
 _MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all

@@ -9,12 +9,12 @@ from typing import Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 
-from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
 from bsg_data.registry import Registry
 from bsg_data.sources.source import Source, SourceRow
 from bsg_data.spelling import ask_if_meant
+from bsg_data.terms import Terms
 
 _KINDS: tuple[type, ...] = (bool, int, float, Path)  # of options, besides text
 SOURCES = Registry(

@@ -21,8 +21,8 @@ import numpy.typing as npt
 from pydantic import Field
 
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import ForeignRecord, Keyed, Listed
 from bsg_data.inputs.bounds import MAX_GRAPH_EDGES, MAX_GRAPH_LABELS, MAX_GRAPH_NODES
+from bsg_data.records import ForeignRecord, Keyed, Listed
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import validate
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from bsg_data.dataset.manifest import SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
@@ -27,7 +27,7 @@ from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.results import BUILD
+from bsg_data.places import BUILD
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import (
     SPLITS,
@@ -42,6 +42,7 @@ from bsg_data.sources.annotation_files import (
 )
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import Annotation, FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.terms import Terms
 
 HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
 CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"

@@ -22,11 +22,10 @@ from pydantic import Field, ValidationError
 
 from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.files import AnyPath
-from bsg_data.first_fault import ForeignRecord, Listed
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_yaml
 from bsg_data.inputs.text_table import parse_csv
-from bsg_data.recipes import name_fault
+from bsg_data.records import ForeignRecord, Listed, name_fault
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.sources.dsg_file import DSGNode
 

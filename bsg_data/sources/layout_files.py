@@ -22,12 +22,12 @@ import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import MAX_METRES, ForeignRecord, Keyed, Listed, Metres, Position
-from bsg_data.geometry.placement import measure_area, surround
+from bsg_data.geometry.placement import surround
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_yaml, read_json
-from bsg_data.recipes import name_fault
+from bsg_data.records import MAX_METRES, ForeignRecord, Keyed, Listed, Metres, Position, name_fault
 from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.label_table import LabelTable, read_label_table
 from bsg_data.spelling import show_value
 

@@ -23,13 +23,14 @@ from typing import ClassVar
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.dataset.manifest import SkippedScene, Terms
-from bsg_data.first_fault import MAX_METRES
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.geometry.adjacency import connect_rooms
-from bsg_data.geometry.placement import measure_area, surround
+from bsg_data.geometry.placement import surround
+from bsg_data.records import MAX_METRES
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect
 from bsg_data.sources.source import (
@@ -41,6 +42,7 @@ from bsg_data.sources.source import (
     SourceRow,
 )
 from bsg_data.spelling import SHOWN
+from bsg_data.terms import Terms
 
 # The letters of regions, in the words of the format's description.
 REGION_LABELS = {

@@ -26,14 +26,14 @@ from typing import Annotated, Any, BinaryIO, ClassVar
 import numpy as np
 from pydantic import Field, field_validator
 
-from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import ForeignRecord, Listed, Position
-from bsg_data.geometry.placement import measure_area, surround
+from bsg_data.geometry.placement import surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.documents import require_json
+from bsg_data.records import ForeignRecord, Listed, Position
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
@@ -45,6 +45,7 @@ from bsg_data.sources.source import (
     SourceRow,
 )
 from bsg_data.spelling import show_value
+from bsg_data.terms import Terms
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file

@@ -10,11 +10,12 @@ from pathlib import Path
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
-from bsg_data.geometry.placement import find_storeys, measure_area
+from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs import text_table
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Room, SceneGraph
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import (
     fingerprint,
     list_files,

@@ -16,9 +16,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, RootModel
 
-from bsg_data.dataset.manifest import Terms
-from bsg_data.first_fault import Listed
 from bsg_data.inputs.documents import read_json
+from bsg_data.records import Listed
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
@@ -30,6 +29,7 @@ from bsg_data.sources.source import (
     SceneRef,
     SourceRow,
 )
+from bsg_data.terms import Terms
 
 _INSTANCE = re.compile(r"([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)")
 _UNLABELLED = "<UNK>_0_<UNK>_0_0"  # the first of the list, for pixels without a label

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from bsg_data.arrays import Ints
-from bsg_data.dataset.manifest import SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
 from bsg_data.scene.scene_graph import Box, MeshCoverage, Point, SceneGraph
+from bsg_data.terms import Terms
 
 if TYPE_CHECKING:
     import pyarrow as pa

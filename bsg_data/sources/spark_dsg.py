@@ -105,6 +105,6 @@ ROW = SourceRow(
     summary="a folder of Spark-DSG graphs, as Hydra records them: what robots saw",
     open=_RobotGraphs,
     terms=None,  # a recording belongs to whoever made it
-    class_map="hm3d45-v2",
+    class_map="hm3d45-v1",
     is_complete=False,
 )

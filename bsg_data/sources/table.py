@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from bsg_data.dataset.manifest import LICENCE_REF, SkippedScene, Terms
+from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point
@@ -30,6 +30,7 @@ from bsg_data.sources.source import (
     SourceRow,
 )
 from bsg_data.sources.table_rows import FIELDS, Facts, Row, Scene, read_scenes
+from bsg_data.terms import LICENCE_REF, Terms
 
 _NUMBER = re.compile(r"[0-9]{1,9}")
 _DIGITS = re.compile(r"([0-9]+)")

@@ -30,10 +30,9 @@ from pydantic import (
 )
 
 from bsg_data.errors import SourceError
-from bsg_data.first_fault import Metres
 from bsg_data.inputs.parquet import refusing_damage
 from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
-from bsg_data.recipes import name_fault
+from bsg_data.records import Metres, name_fault
 from bsg_data.scene.scene_graph import Box, Point, is_scene_id
 from bsg_data.spelling import ask_if_meant, list_some, meant_names
 

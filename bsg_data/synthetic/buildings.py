@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
-from bsg_data.errors import DatasetError
-from bsg_data.files import AnyPath, encode_json, name_finished, resolve_links, write_bytes
+from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.files import AnyPath, encode_json, resolve_links, write_bytes
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_json
-from bsg_data.results import BUILD, PLAN, FolderKind, write_folder
+from bsg_data.places import FolderKind
+from bsg_data.results import write_folder
 from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
 from bsg_data.synthetic.building import (
-    MAX_SCENES,
     SyntheticBuilding,
-    SyntheticError,
-    SyntheticRates,
-    load_rates,
     name_building,
     synthesise,
 )
@@ -40,18 +37,17 @@ def write_synthetic(
 
     Args:
         out: the folder above `train`, `val` and `layouts`.
-        scenes: 1 to 10,000,000.
+        scenes: 1 or more.
         seed: 0 or more; another seed gives other buildings.
         force: replace existing synthetic buildings.
 
     Raises:
-        SyntheticError: before anything is written, if a number is out of range.
+        RecipeError: before anything is written, if a number is out of range.
         DatasetError: before anything is written, if something is in the way.
     """
-    out, rates = Path(out), load_rates()
-    if seed < 0 or not 0 < scenes <= MAX_SCENES:
-        raise SyntheticError(
-            f"{scenes} scenes of seed {seed}: expected 1 to {MAX_SCENES} scenes, and a seed from 0",
+    if seed < 0 or scenes < 1:
+        raise RecipeError(
+            f"{scenes} scenes of seed {seed}: expected 1 scene or more, and a seed from 0",
             code="number-range",
             where=scenes,
         )
@@ -62,16 +58,14 @@ def write_synthetic(
         if not done:
             write_bytes(folder / SYNTHETIC_MARK, text)
         for number in range(scenes):
-            building = synthesise(rates, seed=seed, number=number)
+            building = synthesise(seed=seed, number=number)
             if not done:
-                _write_one(building, folder, rates, seed=seed, number=number)
+                _write_one(building, folder, seed=seed, number=number)
             yield out / _name_annotation(building.split, building.scene_id, building.hash)
 
 
-def _write_one(
-    building: SyntheticBuilding, folder: Path, rates: SyntheticRates, *, seed: int, number: int
-) -> None:
-    layout = draw_layout(rates, building, seed=seed, number=number)
+def _write_one(building: SyntheticBuilding, folder: Path, *, seed: int, number: int) -> None:
+    layout = draw_layout(building, seed=seed, number=number)
     write_bytes(folder / _name_layout(building.scene_id), layout.encode())
     rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
     path = folder / _name_annotation(building.split, building.scene_id, building.hash)
@@ -86,21 +80,18 @@ def _name_layout(scene_id: str) -> str:
     return f"{LAYOUTS}/{scene_id}.yaml"
 
 
-def _own(folder: Path) -> Callable[[str], bool]:
-    """Return whether a path below a folder of synthetic buildings is one of its files."""
-    paths = [folder / name for name in (SYNTHETIC_MARK, PLAN) if (folder / name).is_file()]
-    if not paths:
-        return lambda path: False
+def _list_own(folder: Path) -> set[str]:
+    """Return the files of a folder of synthetic buildings, by what its mark says."""
+    path = folder / SYNTHETIC_MARK
     try:
-        mark = parse_json(read_bytes(paths[0], error=DatasetError))
-        names = {*_list_names(int(mark["seed"]), mark["scenes"])}
+        mark = parse_json(read_bytes(path, error=DatasetError))
+        return {*_list_names(int(mark["seed"]), mark["scenes"])}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise DatasetError(
-            f"{paths[0]}: does not say which buildings are synthetic; move {folder} away",
+            f"{path}: does not say which buildings are synthetic; move {folder} away",
             code="mark-broken",
-            where=paths[0],
+            where=path,
         ) from error
-    return lambda path: path.startswith(f"{BUILD}/") or name_finished(path) in names
 
 
 def _list_names(seed: int, scenes: int) -> Iterator[str]:
@@ -111,4 +102,4 @@ def _list_names(seed: int, scenes: int) -> Iterator[str]:
         yield _name_layout(scene_id)
 
 
-SYNTHETIC = FolderKind("folder of synthetic buildings", mark=SYNTHETIC_MARK, owns=_own)
+SYNTHETIC = FolderKind("folder of synthetic buildings", mark=SYNTHETIC_MARK, lists=_list_own)

@@ -7,9 +7,8 @@ adds one for each of the likeliest classes of which the room shows none.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -17,10 +16,9 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
-from bsg_data.observation.partial_graph import PartialGraph, SeenObject
 from bsg_data.spelling import show_value
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.pieces import Labels, SeenPieces, find_pieces, furnish
+from bsg_models.belief.partial_graph import PartialGraph
 
 Mode = Literal["complete", "unseen"]
 LEAST_PRESENCE = 0.005  # classes of a lower presence get no blind node
@@ -79,7 +77,7 @@ def believe(
     mode: Mode = "complete",
     top: int = 3,
     model: str = "",
-    kinds: Sequence[Labels] = (),
+    piece_of: Callable[[int, int], str | None] = lambda room, index: None,
 ) -> BeliefGraph:
     """Return the belief graph of a partial graph.
 
@@ -89,7 +87,7 @@ def believe(
         mode: `complete` or `unseen`.
         top: number of classes per room that get a blind node under `unseen`.
         model: name to put into the result.
-        kinds: `[R]` that rooms may be of, with their probabilities; none for their own types.
+        piece_of: room, class → id of the seen piece of furniture where such an object probably is.
 
     Raises:
         RecipeError: if the expectation does not belong to this graph, or there is no such mode.
@@ -117,47 +115,15 @@ def believe(
             np.bincount(row, minlength=hidden.shape[1]) for row in rank_unseen(expectation, top)[1:]
         ]
     )
-    pieces = _find_pieces(graph, presence, kinds)
     blind = [
         BlindNode(
-            room, int(c), float(hidden[room, c]), float(presence[room, c]), pieces(room, int(c))
+            room, int(c), float(hidden[room, c]), float(presence[room, c]), piece_of(room, int(c))
         )
         for room, numbers in enumerate(chosen, start=1)
         for c in sorted(np.flatnonzero(numbers), key=lambda c: (-presence[room, c], c))
         for _ in range(numbers[c])
     ]
     return BeliefGraph(graph, expectation.expected, presence, tuple(blind), mode, model)
-
-
-def _find_pieces(
-    graph: PartialGraph, presence: Floats, kinds: Sequence[Labels]
-) -> Callable[[int, int], str | None]:
-    """Return room, class → the piece where such a thing is likelier than at any not seen yet."""
-    classes = graph.class_space.classes
-    objects: dict[int, list[SeenObject]] = {}
-    for obj in graph.objects:
-        objects.setdefault(obj.room_index, []).append(obj)
-
-    @cache
-    def seen(room: int) -> SeenPieces:
-        return find_pieces(objects.get(room, ()))
-
-    @cache
-    def find(room: int, index: int) -> str | None:
-        known = furnish(
-            classes[index],
-            graph.rooms[room - 1],
-            seen(room),
-            classes=classes,
-            unseen=presence[room],
-            kinds=kinds[room - 1] if kinds else None,
-        )
-        if known is None or not known.pieces:
-            return None
-        best = int(known.rates[:-1].argmax())
-        return known.pieces[best].name if known.rates[best] >= known.rates[-1] else None
-
-    return find
 
 
 def complete(hidden: Floats) -> npt.NDArray[np.int64]:

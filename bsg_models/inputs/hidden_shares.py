@@ -33,10 +33,10 @@ from functools import lru_cache
 import numpy as np
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
-from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
-from bsg_data.observation.partial_graph import PartialGraph
 from bsg_models.belief.count_distribution import CountDistribution
+from bsg_models.belief.hidden_share import ShareBelief
+from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.special_functions import beta_quantiles, gauss_legendre, log_sum_exp
 
 _LEVELS = 8  # the error of a presence is then .0004 on average, and .011 at most

@@ -20,9 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.files import AnyPath, write_bytes
-from bsg_data.observation.partial_graph import KnownRoom
 from bsg_models.belief.belief_graph import BeliefGraph
-from bsg_models.belief.formats import FormatRow
+from bsg_models.belief.partial_graph import KnownRoom
 from bsg_models.rendering.pages import render_page
 from bsg_models.rendering.plan import (
     KnownOutline,
@@ -268,10 +267,3 @@ def _say_left_out(view: ShownBelief, rooms: int, objects: int, blind: int) -> st
         "likeliest for each class, then those with the most expected unseen objects. The numbers "
         f"of the building and of each room count everything. {_ALL_OF_IT}"
     )
-
-
-def _write_beliefs(beliefs: Iterable[BeliefGraph], path: Path) -> None:
-    write_explorer([ShownBelief(belief) for belief in beliefs], path)
-
-
-HTML = FormatRow("html", (".html", ".htm"), write_all=_write_beliefs)

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
-from bsg_data.observation.partial_graph import KnownRoom
 from bsg_data.scene.scene_graph import Point, Room
+from bsg_models.belief.partial_graph import KnownRoom
 
 Spot = tuple[float, float]
 Outline = tuple[Spot, ...]

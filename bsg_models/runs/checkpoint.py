@@ -23,10 +23,10 @@ from safetensors.numpy import load, save
 
 from bsg_data.dataset.manifest import FORMAT_VERSION
 from bsg_data.files import AnyPath, write_bytes
-from bsg_data.recipes import Record, name_fault
-from bsg_data.results import SEAL
+from bsg_data.records import Record, name_fault
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
+from bsg_data.seal import SEAL
 from bsg_data.spelling import show_value
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.inputs.folds import untaught_of

@@ -13,7 +13,7 @@ from bsg_data.errors import ask_to_upgrade
 from bsg_data.inputs.documents import parse_json
 from bsg_models.errors import CheckpointError
 
-CHECKPOINT_VERSION = 4
+CHECKPOINT_VERSION = 1
 AGAIN = "take another copy of it, or train again"
 _LENGTH = 8  # bytes that hold the length of the header
 _SEAL = ',"sha256":"'  # begins the hash of the header, which covers all text before it

@@ -19,13 +19,17 @@ from bsg_data.errors import RecipeError, ask_to_install
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.registry import require_known
-from bsg_data.results import read_seal
+from bsg_data.seal import read_seal
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.run_folder import BEST
 
 DEFAULT_MODEL = "universal"
+TERMS = (  # said where nobody named a model: who takes the default has not chosen its licence
+    "universal: weights for non-commercial research (NOTICE); for any other use, name the model "
+    "open"
+)
 WIDE_MAP = "hm3d-wide-v1"  # which knows names of things that the default map leaves out
 SUFFIX = ".safetensors"
 HUB_WEIGHTS, HUB_CONFIG, HUB_CARD = "model.safetensors", "config.json", "README.md"

@@ -15,12 +15,12 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
-from bsg_data.dataset.manifest import LICENCE_REF, is_address
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.documents import parse_yaml
-from bsg_data.recipes import Record, name_fault
+from bsg_data.records import Record, name_fault
 from bsg_data.tables import escape_markdown, format_markdown, make_plain, mark_code
+from bsg_data.terms import LICENCE_REF, is_address
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.found_model import (

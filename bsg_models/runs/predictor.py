@@ -11,10 +11,7 @@ from bsg_data.arrays import Bools
 from bsg_data.errors import ClassMapError, MismatchError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.observation.hidden_share import ShareBelief
 from bsg_data.observation.observation import Observation
-from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.results import read_seal
 from bsg_data.scene.class_map import (
     ClassMap,
     OwnMap,
@@ -24,7 +21,10 @@ from bsg_data.scene.class_map import (
     parse_own_map,
     published_maps,
 )
+from bsg_data.seal import read_seal
 from bsg_models.belief.expectation import Expectation, mix_copies
+from bsg_models.belief.hidden_share import ShareBelief
+from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.errors import CheckpointError
 from bsg_models.inputs.hidden_shares import spread_shares, update_shares
 from bsg_models.runs.checkpoint import CheckpointHeader, load_checkpoint, restore_model

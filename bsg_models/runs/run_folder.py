@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field, ValidationError
 
 from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.recipes import Record, name_fault
+from bsg_data.records import Record, name_fault
 from bsg_models.errors import TrainingError
 
 if TYPE_CHECKING:  # a card is read without Arrow

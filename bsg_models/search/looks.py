@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.observation.reports import LOOK_CHANCE
+from bsg_models.belief.partial_graph import LOOK_CHANCE
 
 USUAL_WAY = 4.2  # metres between rooms that connect: the mean of 688 in 50 layouts of HM3D
 USUAL_AREA = 12.0  # square metres of a room of unknown size: the median of 712 in these layouts

@@ -24,7 +24,7 @@ from pydantic import Field, model_validator
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
-from bsg_data.recipes import Record
+from bsg_data.records import Record
 from bsg_data.registry import require_known
 from bsg_data.scene.connections import Connections
 from bsg_data.spelling import SHOWN

@@ -26,7 +26,7 @@ from scipy.stats import binom
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
-from bsg_data.observation.reports import LOOK_CHANCE
+from bsg_models.belief.partial_graph import LOOK_CHANCE
 from bsg_models.search.catalogue import Planner
 from bsg_models.search.knowledge import Knowledge, Task, Travel, find_ways
 from bsg_models.search.looks import leave_out

@@ -17,7 +17,8 @@ from bsg_data.dataset.manifest import require_class_space
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, stem_of
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.recipes import PairsRecipe, Record
+from bsg_data.recipes import PairsRecipe
+from bsg_data.records import Record
 from bsg_models.belief.expectation import Expectation
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.bootstrap import LEAST_BUILDINGS, Bootstrap, Estimate

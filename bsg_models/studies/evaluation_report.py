@@ -18,9 +18,11 @@ import numpy as np
 
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
-from bsg_data.observation.masked_graph import list_withheld, mask_dataset
-from bsg_data.results import refuse_datasets, write_files, write_results
+from bsg_data.outputs import was_stopped, write_files
+from bsg_data.places import refuse_datasets
+from bsg_data.results import write_results
 from bsg_models.belief.belief_graph import believe
+from bsg_models.belief.masked_graph import list_withheld, mask_dataset
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.prediction_files import PredictionWriter
@@ -65,12 +67,13 @@ def report_evaluation(
     pages = [] if request.html is None else [request.html]
     if request.write_predictions is not None:
         refuse_datasets(request.write_predictions)
+    left = was_stopped([folder, *pages])
     with (
-        write_files(pages, force=force) as beside,
         write_results(folder, report=REPORT, force=force) as staged,
+        write_files(pages, force=force, left=left) as beside,
     ):
         with ExitStack() as opened:
-            begin = partial(_begin_entry, request, staged, opened)
+            begin = partial(_begin_entry, request, staged, opened, left)
             writes = begin if request.write_predictions else None
             comparison = compare_runs(request, write=writes, progress=progress)
         summary, notes = _encode_comparison(comparison), list[str]()
@@ -105,6 +108,7 @@ def _begin_entry(
     request: EvaluationRequest,
     staged: Path,
     opened: ExitStack,
+    left: bool,
     pairs: MeasuredPairs,
     name: str,
     fold: int | None,
@@ -114,7 +118,7 @@ def _begin_entry(
     is_part = resolve_links(into) == resolve_links(request.folder)
     writer = pairs.open_entry(staged if is_part else into, name, fold)
     if not is_part:
-        files = opened.enter_context(write_files([writer.path], force=request.force))
+        files = opened.enter_context(write_files([writer.path], force=request.force, left=left))
         writer.path = files[writer.path]
     return opened.enter_context(writer)
 

@@ -38,8 +38,10 @@ from bsg_data.files import AnyPath, hold, refuse_links, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.observation.masks import MASKS
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.recipes import MAX_SEED, Fraction, MaskRecipe, PairsRecipe, Record, Seed, SplitRecipe
-from bsg_data.results import name_staged, refuse_datasets, write_folder
+from bsg_data.places import refuse_datasets
+from bsg_data.recipes import MAX_SEED, Fraction, MaskRecipe, PairsRecipe, Seed, SplitRecipe
+from bsg_data.records import Record
+from bsg_data.results import name_staged, write_folder
 from bsg_models.belief.expectation import Expectation
 from bsg_models.evaluation.bootstrap import Bootstrap, average_seeds
 from bsg_models.evaluation.measurement import Fold, measure

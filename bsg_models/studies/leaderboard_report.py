@@ -14,16 +14,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bsg_data.errors import DatasetError
-from bsg_data.files import AnyPath, encode_json, noting_failures, write_bytes
-from bsg_data.results import refuse_other_results, write_results
+from bsg_data.dataset.manifest import MANIFEST
+from bsg_data.files import AnyPath, encode_json, list_files, noting_failures, write_bytes
+from bsg_data.outputs import write_into
+from bsg_data.places import taken
+from bsg_data.seal import SEAL, read_seal, refuse_other_results, write_seal
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value, list_added_values
 from bsg_models.evaluation.measurement import EVALUATOR_VERSION
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.rendering.figures import plot_leaderboard
 from bsg_models.rendering.pages import Table, write_report
-from bsg_models.studies.leaderboard import Leaderboard, ModelResult
+from bsg_models.studies.leaderboard import DATASET, Leaderboard, ModelResult
 
 REPORT, _PAGE = "leaderboard.json", "leaderboard.html"
 _REFERENCE = "gamma-poisson"  # the model whose likelihood counts as 1
@@ -52,17 +54,17 @@ def refuse_finished(out: AnyPath, *, force: bool) -> None:
     """
     out = Path(out)
     refuse_other_results(out, REPORT)
-    if (out / REPORT).exists() and not force:
-        raise DatasetError(
-            f"{out / REPORT}: is there already; --force replaces it, --out puts it elsewhere"
-        )
+    is_begun = any(out.glob(f"*/{DATASET}/{MANIFEST}"))
+    for name in (SEAL,) if is_begun else (SEAL, REPORT, _PAGE):
+        if (out / name).exists() and not force:
+            raise taken(out / name)
 
 
 def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
     """Write the files of a leaderboard."""
     out = Path(out)
     summary = write_json(board)
-    with write_results(out, report=REPORT) as staged:
+    with write_into(out, force=True) as staged:
         figures: dict[str, Path] = {}
         notes: list[str] = []
         for mask, results in board.results.items():
@@ -71,6 +73,11 @@ def report_leaderboard(board: Leaderboard, out: AnyPath) -> LeaderboardReport:
                 figures[f"{mask} masks"] = staged / f"{mask}.png"
         _write_page(board, staged / _PAGE, figures)
         write_bytes(staged / REPORT, (encode_json(summary, indent=1) + "\n").encode())
+        write_seal(staged, list_files(staged))
+        old = read_seal(out) or {}
+        (out / SEAL).unlink(missing_ok=True)
+        for name in old.keys() - list_files(staged):
+            (out / name).unlink(missing_ok=True)
     return LeaderboardReport(
         summary,
         report=out / REPORT,

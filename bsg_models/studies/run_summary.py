@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bsg_data.files import AnyPath
-from bsg_data.results import require_seal
+from bsg_data.seal import require_seal
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header
 from bsg_models.runs.run_folder import BEST, CONFIG, CURVE, TrainingRecord, read_record
 from bsg_models.studies.sealed_results import list_of_other_weights

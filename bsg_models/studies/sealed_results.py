@@ -12,7 +12,7 @@ from bsg_data.errors import BSGError, DatasetError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file, read_bytes
 from bsg_data.inputs.documents import parse_json
-from bsg_data.results import SEAL, require_seal
+from bsg_data.seal import SEAL, require_seal
 from bsg_models.runs.checkpoint_file import read_fields
 
 _WEIGHTS = ".safetensors"

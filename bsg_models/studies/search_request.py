@@ -13,7 +13,8 @@ from bsg_data.dataset.manifest import require_class_space
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.observation.masks import MASKS
-from bsg_data.recipes import MaskRecipe, Record, Seed
+from bsg_data.recipes import MaskRecipe, Seed
+from bsg_data.records import Record
 from bsg_data.registry import require_known
 from bsg_models.inputs.folds import Split, scenes_of
 from bsg_models.runs.checkpoint import read_header

@@ -30,7 +30,7 @@ from bsg_models.runs.checkpoint import (
     name_tensors,
     save_checkpoint,
 )
-from bsg_models.runs.run_folder import METRICS, EpochReport, encode_metrics
+from bsg_models.runs.run_folder import EpochReport, encode_metrics
 from bsg_models.training.buildings import (
     TrainingGraphs,
     TrainingNodes,
@@ -172,6 +172,7 @@ def train_network(
     data: Dataset,
     *,
     unfinished: Path,
+    metrics: Path,
     progress: Progress,
 ) -> tuple[State, list[EpochReport]]:
     """Train a network from its start, or from where it was stopped.
@@ -182,7 +183,8 @@ def train_network(
         data: an open dataset.
         unfinished: the checkpoint that validations write, some seconds apart, and that a stopped
             training goes on from.
-        progress: is told of every epoch; so is `metrics.csv` beside `unfinished`.
+        metrics: file that gets a line of every epoch.
+        progress: is told of every epoch.
 
     Returns:
         The weights of the lowest validation loss, and one report per epoch.
@@ -194,8 +196,7 @@ def train_network(
     network.fit(data, config.data)
     steps = GradientSteps(network, config, device=device)
     done = steps.restore(unfinished, data)
-    saved, metrics = time.monotonic(), unfinished.with_name(METRICS)
-    metrics.parent.mkdir(exist_ok=True)
+    saved = time.monotonic()
     write_bytes(metrics, encode_metrics(done.reports).encode())
     for epoch in range(len(done.reports) + 1, training.epochs + 1):
         if done.waited(training.patience):

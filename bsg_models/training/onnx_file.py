@@ -23,7 +23,8 @@ from torch import nn
 from bsg_data.arrays import Bools
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, encode_json
-from bsg_data.results import refuse_file, write_files
+from bsg_data.outputs import was_stopped, write_files
+from bsg_data.places import refuse_file
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES
@@ -75,8 +76,9 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
     beside = path.with_suffix(".json")
     if path.suffix != ".onnx":
         raise RecipeError(f"{path}: expected the name of an ONNX file, such as universal.onnx")
+    left = was_stopped([path, beside])
     for one in (path, beside):
-        refuse_file(one, force=force)
+        refuse_file(one, force=force or left)
     checkpoint = load_checkpoint(found.path)
     header = checkpoint.header
     network = restore_model(found.path, checkpoint)
@@ -116,7 +118,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
         {key: encode_json(value) for key, value in said.items()}
         | {"checkpoint": header.model_dump_json()}
     )
-    with write_files([path, beside], force=force) as staged:
+    with write_files([path, beside], force=force, left=left) as staged:
         program.save(staged[path])
         staged[beside].write_text(encode_json(said, indent=1) + "\n", "utf-8")
     return beside
@@ -124,7 +126,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
 
 def _list_words(class_map: ClassMap, vocabulary: Collection[str]) -> dict[str, str]:
     """Return what the words of a class map mean: a class, or a word of the vocabulary."""
-    names = {*class_map.normalised, *(class_map.synonyms or ())}
+    names = {*class_map.normalised, *class_map.synonyms}
     known = {name: class_map.classify(name) for name in sorted(names)}
     return {
         name: str(one.category) if one.class_index is None else class_map.classes[one.class_index]

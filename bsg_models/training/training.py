@@ -9,7 +9,6 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -21,6 +20,7 @@ import torch
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.files import AnyPath, noting_failures, refuse_links, resolve_links, write_bytes
 from bsg_data.observation.masked_buildings import BATCH, MaskedBuildings, stack_masked
+from bsg_data.places import BUILD
 from bsg_data.results import name_staged, write_results
 from bsg_models.belief.count_distribution import concatenate
 from bsg_models.errors import TrainingError
@@ -86,18 +86,19 @@ def train_run(
     data, run, began = Dataset.open(Path(dataset)), resolve_links(Path(run)), time.perf_counter()
     partial = name_staged(run)
     refuse_links(run.parent, partial)
-    with write_results(run, report=BEST, force=force) as staged:
-        trained = _Training(data, partial, progress or (lambda _: None), force).train(config)
+    with write_results(run, report=BEST, force=force, goes_on=True) as staged:
+        trained = _Training(data, staged, progress or (lambda _: None), force).train(config)
         save_model(trained.model, config, data, staged / BEST, **trained.fields)
         write_bytes(staged / CONFIG, write_toml(config).encode())
         notes = list(trained.model.notes)
         if trained.reports:
             write_bytes(staged / METRICS, encode_metrics(trained.reports).encode())
             _plot_curve(config, trained.reports, staged / CURVE, notes)
+        else:
+            (staged / METRICS).unlink(missing_ok=True)  # of the members of an ensemble
         known = list_trained_on(data, scenes_of(data, "train", fold=config.data.fold))
         record = _make_record(known, began=began, notes=notes)
         write_bytes(staged / RECORD, (record.model_dump_json(indent=1) + "\n").encode())
-    _remove_partial(partial)
     return trained.reports
 
 
@@ -115,7 +116,7 @@ class _Training:
     """What the trainings of a model and of its members share."""
 
     data: Dataset
-    partial: Path  # folder of what a stopped training goes on from
+    staged: Path  # folder of the run, with what a stopped training goes on from
     progress: Progress
     force: bool  # whether it may replace what another training left
 
@@ -129,11 +130,16 @@ class _Training:
             elif network is None:
                 model.fit(self.data, config.data)
             else:
-                unfinished = self.partial / f"{name}.safetensors"
+                unfinished = self.staged / BUILD / f"{name}.safetensors"
                 if not self.force:
                     _refuse_other(unfinished, config, self.data)
                 best, reports = train_network(
-                    network, config, self.data, unfinished=unfinished, progress=self.progress
+                    network,
+                    config,
+                    self.data,
+                    unfinished=unfinished,
+                    metrics=self.staged / METRICS,
+                    progress=self.progress,
                 )
                 model.load_state(best)
                 fields |= _describe_best(reports)
@@ -154,10 +160,10 @@ def _refuse_other(unfinished: Path, config: RunConfig, data: Dataset) -> None:
     """Refuse to write over what a stopped training of other settings or data left."""
     if unfinished.exists() and not read_header(unfinished).is_of(config, data):
         raise TrainingError(
-            f"{unfinished.parent}: a stopped training of other settings or another dataset can go "
-            "on from here; choose another --out, or give it up by --force",
+            f"{unfinished.parents[1]}: a stopped training of other settings or another dataset can "
+            "go on from here; choose another --out, or give it up by --force",
             code="training-other",
-            where=unfinished.parent,
+            where=unfinished.parents[1],
         )
 
 
@@ -203,15 +209,6 @@ def _make_record(
         notes=tuple(notes),
         trained_on=known,
     )
-
-
-def _remove_partial(partial: Path) -> None:
-    """Remove what a stopped training would have gone on from."""
-    for pattern in ("network.safetensors", "member-*.safetensors", METRICS):
-        for path in partial.glob(pattern):
-            path.unlink()
-    with suppress(OSError):
-        partial.rmdir()  # unless anything else is in it
 
 
 def new_model(config: RunConfig, data: Dataset) -> BeliefModel:

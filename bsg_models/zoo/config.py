@@ -25,7 +25,8 @@ from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_toml
-from bsg_data.recipes import Exploration, MaskRecipe, Record, Seed
+from bsg_data.recipes import Exploration, MaskRecipe, Seed
+from bsg_data.records import Record
 from bsg_data.spelling import SHOWN, ask_if_meant, show_value
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import RECIPES, ZOO

@@ -3,7 +3,7 @@
 Every feature is of order one, whatever the size of a room or a building.
 
 `LabelPrior` is common sense about room labels. Few buildings have a laundry room, and a table
-written by hand knows what one holds (`mappings/hand-prior-v2.json`). It changes the odds that a
+written by hand knows what one holds (`bsg_models.zoo.hand_prior`). It changes the odds that a
 room holds any of class c, and not how many it holds if it does:
 
     log odds of at least one  +=  f · trust_c · (logit P(c | label) − logit P(c | any room))

@@ -1,17 +1,19 @@
-"""Read the table, written by hand, of what a room with a label holds."""
+"""Read `hand-prior-v1.json`, written by hand: what a room with a label holds (docs/models.md)."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
 
-_TABLE = "hand-prior-v2.json"  # of `bsg_mappings`
+HAND_TABLE = Path(__file__).with_name("hand-prior-v1.json")
 _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 
 
@@ -23,9 +25,16 @@ class HandPrior:
     presence: Floats  # [L, C] P(such a room has at least one of the class)
 
 
+@cache
+def read_hand_table() -> dict[str, Any]:
+    """Return the table as it is written: `room_types`, and `unlisted` for other classes."""
+    table: dict[str, Any] = json.loads(HAND_TABLE.read_bytes())
+    return table
+
+
 def read_hand_prior(classes: tuple[str, ...]) -> HandPrior:
     """Return the shipped table for some classes."""
-    table = json.loads(read_published(_TABLE))
+    table = read_hand_table()
     unlisted, none = table["unlisted"], {"weight": 0.0, "presence": {}}
     rooms = [table["room_types"].get(label, none) for label in list_room_labels()]
     weight = np.array([one["weight"] for one in rooms])

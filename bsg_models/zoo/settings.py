@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from bsg_data.observation.masks import MASKS
-from bsg_data.recipes import MaskRecipe, Record
+from bsg_data.recipes import MaskRecipe
+from bsg_data.records import Record
 from bsg_models.inputs.nodes import EdgeSet
 
 Device = Literal["auto", "cpu", "cuda"]

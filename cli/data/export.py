@@ -20,13 +20,8 @@ from bsg_data.exports.catalogue import EXPORTS
 def export(dataset: Path, to: str, out: Path, force: bool) -> None:
     """Write a dataset in the format of another program.
 
-    graphml: one <scene>.graphml per scene, with the building, its rooms and objects as
-    nodes, for networkx, igraph and other programs for graphs.
-
-    networkx: the same graph as networkx's node-link JSON, <scene>.node-link.json.
-
-    habitat: one <scene>.semantic_config.json per scene, with rooms for habitat-sim;
-    it needs geometry.
+    graphml and networkx hold building, rooms and objects as one graph; they need networkx
+    (the extra train). habitat has the rooms with boxes as habitat-sim's regions.
 
     table: one <scene>.objects.csv per scene, which `--source table` reads; joined, they
     are one table.

@@ -34,7 +34,7 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
         refuse_unused(("force",), "info without --figure")
     else:
         extend.refuse_file(figure, force=force)
-    classes = extend.count_frequencies(data)
+    classes = sorted(extend.count_classes(data), key=lambda row: (-row["instances"], row["class"]))
     splits = {name: len(ids) for name, ids in data.splits.items()}
     hashes = extend.hash_splits(data) if manifest.pairs else {}
     if figure is not None:
@@ -58,7 +58,7 @@ def info(dataset: Path, figure: Path | None, force: bool, as_json: bool) -> None
         print_text(f"pairs: {recipe.draws} draws of {recipe.mask}\n{format_hashes(hashes)}")
     most = max(1, *(row["instances"] for row in classes))
     rows = [(*row.values(), _bar(row["instances"] / most)) for row in classes]
-    print_text("\n" + format_text(rows, header=("class", "instances", "rooms", "scenes", "")))
+    print_text("\n" + format_text(rows, header=("class", "instances", "rooms", "buildings", "")))
     if figure is not None:
         print_note(f"figure in {figure}")
 

@@ -122,18 +122,16 @@ def _map_show(category: str, class_map: str, as_json: bool) -> None:
     help="Look up all objects in this map instead: a version, or your NAME.csv. Repeat it to "
     "compare maps.",
 )
-@click.option("--classes", "by_class", is_flag=True, help="Count every class, too.")
 @json_option
-def _map_coverage(dataset: Path, names: tuple[str, ...], by_class: bool, as_json: bool) -> None:
+def _map_coverage(dataset: Path, names: tuple[str, ...], as_json: bool) -> None:
     """Measure how much of a dataset class maps cover.
 
-    Without --class-map, these are the maps that the dataset was built with. --classes adds the
-    instances of each class, the rooms with at least one, and the rooms with two or more.
+    Without --class-map, these are the maps that the dataset was built with.
 
     \b
     Example:
       bsg-data map coverage dataset
-      bsg-data map coverage dataset --class-map hm3d45-v1 --class-map hm3d45-v2 --classes
+      bsg-data map coverage dataset --class-map hm3d45-v1 --class-map hm3d-wide-v1
     """
     data = bsg_data.Dataset.open(dataset)
     manifest = data.manifest
@@ -142,13 +140,11 @@ def _map_coverage(dataset: Path, names: tuple[str, ...], by_class: bool, as_json
             "each map looks up all objects, although the dataset was built with several maps "
             f"({manifest.class_map_names}); without --class-map they are counted as built"
         )
-    found: dict[str, dict[str, Any]] = {}
-    for name in names or (manifest.class_map_names,):
-        one = bsg_data.load_class_map(name) if names else None  # as built
-        found[name] = extend.measure_coverage(data, one)
-        if by_class:
-            rows = extend.count_classes(data, one)
-            found[name]["classes"] = {row.pop("class"): row for row in rows}
+    found = {
+        # None: as built
+        name: extend.measure_coverage(data, bsg_data.load_class_map(name) if names else None)
+        for name in names or (manifest.class_map_names,)
+    }
     if as_json:
         print_json(found)
     else:
@@ -156,7 +152,7 @@ def _map_coverage(dataset: Path, names: tuple[str, ...], by_class: bool, as_json
 
 
 def _format_coverage(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the tables of `map coverage`: numbers, names left out, and classes if counted."""
+    """Yield the tables of `map coverage`: numbers, and names left out."""
     columns = list(found.values())
     numbers = [name for name, value in columns[0].items() if not isinstance(value, dict)]
     shares = [name for name in numbers if name.startswith("share")]
@@ -165,12 +161,3 @@ def _format_coverage(found: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     for name, one in found.items():
         if most := list(one["most_left_out"].items()):
             yield format_text(most, header=(f"most left out by {name}", "instances"))
-    if "classes" in columns[0]:
-        counts = {"instances": "instances", "rooms": "rooms", "doubles": "two or more"}
-        header = [f"{said} {name}" for said in counts.values() for name in found]
-        known = [one["classes"] for one in columns]
-        rows = [
-            (word, *(one[word][n] if word in one else "-" for n in counts for one in known))
-            for word in sorted(set().union(*known))
-        ]
-        yield format_text(rows, header=("class", *header), numeric=header)

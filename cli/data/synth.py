@@ -7,20 +7,13 @@ from pathlib import Path
 import click
 
 import bsg_data
-from bsg_cli.choices import MOST_SCENES
-from bsg_cli.options import force_option, out_option, seed_option
+from bsg_cli.options import force_option, number_option, out_option, seed_option
 from bsg_cli.terminal import Command, print_text, progress_bar
 
 
 @click.command("synth", cls=Command)
 @out_option("Folder to write.", required=True)
-@click.option(
-    "--scenes",
-    type=click.IntRange(1, MOST_SCENES),
-    default=20,
-    show_default=True,
-    help="Number of buildings.",
-)
+@number_option("--scenes", "Number of buildings.", default=20)
 @seed_option()
 @force_option
 def synth(out: Path, scenes: int, seed: int, force: bool) -> None:

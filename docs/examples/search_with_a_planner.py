@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 from bsg_data import RecipeError
-from bsg_models import Place, SeenBuilding, open_graph
+from bsg_robot import Place, SeenBuilding, open_graph
 
 NUMBERED = re.compile(r"(.+?)_[0-9]+")  # cup_4: one cup of several, as simulators name them
 ON_ITS_WAY = "_loc"  # suffix of a robot's name: where railroad puts it after an interrupted move

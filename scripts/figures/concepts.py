@@ -24,16 +24,17 @@ from bsg_data import (
     MaskRecipe,
     SceneGraph,
     build_dataset,
-    mask_scene,
     open_source,
     read_manifest,
-    read_robot_graph,
     read_scene_graphs,
     write_synthetic,
 )
-from bsg_data.extend import ClassSpace, ShareBelief, WithLayouts
-from bsg_data.observation.reports import hide_of_room
-from bsg_models import Predictor, SeenBuilding, open_graph
+from bsg_data.extend import WithLayouts
+from bsg_data.scene.class_space import ClassSpace
+from bsg_models import Predictor, mask_scene
+from bsg_models.belief.hidden_share import ShareBelief
+from bsg_robot import SeenBuilding, open_graph, read_robot_graph
+from bsg_robot.graph.reports import hide_of_room
 
 HOME = Path(__file__).resolve().parents[2] / "docs" / "home.json"
 STEPS = (
@@ -197,7 +198,7 @@ def _make_building() -> tuple[SceneGraph, ClassSpace]:
     """Return a synthetic building of six rooms with places, and its class space."""
     with tempfile.TemporaryDirectory() as name:
         folder, dataset = Path(name, "buildings"), Path(name, "dataset")
-        list(write_synthetic(folder, scenes=6, seed=7))
+        list(write_synthetic(folder, scenes=4, seed=5))
         build_dataset(WithLayouts(open_source("hm3d", folder), folder / "layouts"), dataset)
         graphs = (graph for graph in read_scene_graphs(dataset) if len(graph.rooms) == 6)
         return next(graphs), read_manifest(dataset).class_space

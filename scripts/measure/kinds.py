@@ -25,15 +25,16 @@ from folds import READS
 from results import ResultsTable, write_figures
 
 from bsg_data.arrays import Bools
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.things import classify_seen
-from bsg_models import Predictor, SeenBuilding, open_graph
-from bsg_models.robot import weighed_graph
-from bsg_models.robot.kind_table import read_kinds
-from bsg_models.robot.kinds import infer_kinds
-from bsg_models.robot.usual_places import OF_HOMES
+from bsg_models import Predictor
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_robot import SeenBuilding, open_graph
+from bsg_robot.answers import weighed_graph
+from bsg_robot.answers.kind_table import read_kinds
+from bsg_robot.answers.kinds import infer_kinds
+from bsg_robot.answers.usual_places import OF_HOMES
+from bsg_robot.things.things import classify_seen
 
 _FEWEST_THINGS = {"HM3D": 1, "Matterport3D": 3}  # of a room that is asked about
 _NOTED = {"HM3D": 1.0, "Matterport3D": 0.63}  # share of the things of the rooms

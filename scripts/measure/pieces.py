@@ -22,10 +22,10 @@ from receptacle_shares import WORDS
 from results import ResultsTable, format_estimate, write_figures
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.observation.partial_graph import KnownRoom, SeenObject
-from bsg_data.scene.things import find_receptacle, read_shares
-from bsg_models.belief.pieces import find_pieces, furnish
+from bsg_models.belief.partial_graph import KnownRoom, SeenObject
 from bsg_models.evaluation.bootstrap import estimate_value, weigh_buildings
+from bsg_robot.things.pieces import find_pieces, furnish
+from bsg_robot.things.things import find_receptacle, read_shares
 
 VOTES = 6  # of ten people make a piece right
 ROOMS = WORDS | {"childs_room": "bedroom"}  # of Housekeep, as robots call them

@@ -1,4 +1,4 @@
-"""Make mappings/receptacle-shares-v1.csv: how often people chose each piece of furniture.
+"""Make bsg_robot/tables/receptacle-shares-v1.csv: how often people chose each piece of furniture.
 
     python scripts/measure/receptacle_shares.py --housekeep PLACEMENTS --out FILE
 

@@ -26,7 +26,7 @@ WORDS = ("sofa", "bed", "table", "chair", "lamp", "sink", "toilet", "stove", "ca
 
 def main(path: str) -> None:
     """Measure the first answer, then others."""
-    from bsg_models import open_graph
+    from bsg_robot import open_graph
 
     open_graph(path).where(THING)
     print(f"| import and first answer, processor | {time.process_time():.2f} s |")

@@ -29,8 +29,7 @@ ELSEWHERE = {  # path in the repository → place on the site
     "NOTICE": "NOTICE.txt",
     "mappings/README.md": "class-maps.md",
     "mappings/hm3d-wide-v1.md": "class-maps/hm3d-wide-v1.md",
-    "mappings/things-v1.md": "class-maps/things-v1.md",
-    "mappings/prior-table-prompt.md": "class-maps/prior-table-prompt.md",
+    "bsg_robot/tables/things-v1.md": "class-maps/things-v1.md",
     **{
         f"weights/{path.name}": f"model-cards/{path.name}"
         for path in sorted((REPOSITORY / "weights").glob("*.md"))
@@ -42,7 +41,7 @@ SOURCES = {
     ".toml": "toml",
     ".xml": "xml",
 }  # shown as code, by its language
-PACKAGES = ("bsg_data", "bsg_models")
+PACKAGES = ("bsg_data", "bsg_models", "bsg_robot")
 _IN_ORDER: list[Page] = []
 SHIM = "assets/iframe-worker.js"
 _SHIM = "https://unpkg.com/iframe-worker/shim"
@@ -159,7 +158,7 @@ def public_names() -> dict[str, list[str]]:
     for package in PACKAGES:
         stubs = sorted((REPOSITORY / package).glob("*.pyi"))  # the root's, and `extend`
         for node in [one for stub in stubs for one in ast.parse(stub.read_text("utf-8")).body]:
-            if isinstance(node, ast.ImportFrom) and node.module and node.module != "testing":
+            if isinstance(node, ast.ImportFrom) and node.level and node.module != "testing":
                 is_room = "." in node.module
                 room = f"{package}.{node.module.split('.')[0]}" if is_room else package
                 names = [f"{package}.{node.module}.{alias.name}" for alias in node.names]
@@ -186,7 +185,7 @@ def _write_index(rooms: dict[str, list[str]]) -> str:
         "",
         "Import every name from its package: `from bsg_data import Dataset`, ",
     ]
-    lines += ["`from bsg_models import open_graph`. Each is loaded when it is first used.", ""]
+    lines += ["`from bsg_robot import open_graph`. Each is loaded when it is first used.", ""]
     for room, names in rooms.items():
         lines += [f"## [{room}]({room}.md)", "", _describe(room).partition("\n\n")[0], ""]
         lines += [" · ".join(f"[`{name.rpartition('.')[2]}`][{name}]" for name in names), ""]

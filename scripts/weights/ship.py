@@ -33,7 +33,7 @@ from bsg_data.observation.masked_buildings import MaskedBuildings, sample_masked
 from bsg_data.observation.pairs import write_pairs
 from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.registry import require_known
-from bsg_data.results import write_seal
+from bsg_data.seal import write_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.evaluation.measurement import predict_all
 from bsg_models.inputs.folds import scenes_of

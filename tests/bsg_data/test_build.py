@@ -179,7 +179,7 @@ def test_strict_refuses_a_loss_also_of_a_build_that_was_begun(
     with pytest.raises(KeyboardInterrupt):
         build_dataset(source, tmp_path / "out", scenes_per_shard=2, executor=StoppingExecutor(3))
     for size in (2, 16):  # shards of the other build are there, or none
-        with pytest.raises(ClassMapError, match=r"'zzqx thing' is not in class map hm3d45-v2"):
+        with pytest.raises(ClassMapError, match=r"'zzqx thing' is not in class map hm3d45-v1"):
             build_dataset(source, tmp_path / "out", scenes_per_shard=size, strict=True)
 
 

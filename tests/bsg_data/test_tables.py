@@ -46,5 +46,5 @@ def test_a_name_in_a_cell_is_escaped_once_and_ends_no_cell(names: list[str]) -> 
 
 
 def test_a_name_is_code_unless_it_could_end_it() -> None:
-    assert mark_code("hm3d45-v2") == "`hm3d45-v2`"
+    assert mark_code("hm3d45-v1") == "`hm3d45-v1`"
     assert mark_code("a`<b>") == r"a\`&lt;b&gt;"

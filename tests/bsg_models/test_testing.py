@@ -17,20 +17,15 @@ from bsg_data.arrays import Floats, Ints
 from bsg_data.registry import Registry
 from bsg_models.belief.belief_graph import BeliefGraph
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.formats import FORMATS, FormatRow
 from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.evaluation.metric_kinds import NodeMetric
 from bsg_models.evaluation.truth import Truth
 from bsg_models.search.catalogue import PLANNERS, Planner
 from bsg_models.search.knowledge import Knowledge
-from bsg_models.testing import (
-    FormatContract,
-    MetricContract,
-    ModelContract,
-    PlannerContract,
-    make_belief,
-)
+from bsg_models.testing import MetricContract, ModelContract, PlannerContract
 from bsg_models.zoo.catalogue import ZOO
+from bsg_robot.graph.formats import FORMATS, FormatRow
+from bsg_robot.testing import FormatContract, make_belief
 
 
 class TestModels(ModelContract):

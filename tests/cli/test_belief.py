@@ -13,13 +13,12 @@ from dsg_files import write_graph
 
 import bsg_models
 from bsg_cli.belief import main
-from bsg_cli.options import TERMS
 from bsg_data.dataset.dataset import Dataset
-from bsg_models.belief.annotation import _strip
-from bsg_models.belief.formats import read_belief
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.runs.found_model import read_shipped_card
+from bsg_models.runs.found_model import TERMS, read_shipped_card
 from bsg_models.runs.model_card import read_card
+from bsg_robot.graph.annotation import _strip
+from bsg_robot.graph.formats import read_belief
 
 call = runner(main)
 

@@ -15,7 +15,7 @@ from bsg_cli import train
 from bsg_cli.evaluate import main
 from bsg_data.files import FigureError, write_figure
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.results import read_seal
+from bsg_data.seal import read_seal
 from bsg_models.evaluation.catalogue import head_value
 from bsg_models.evaluation.verdict import HEADLINES
 from bsg_models.zoo.catalogue import BASELINES

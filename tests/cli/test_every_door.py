@@ -13,9 +13,9 @@ from click.testing import CliRunner
 from conftest import REPOSITORY
 
 from bsg_cli.belief import main as belief
-from bsg_cli.find import describe_things
-from bsg_cli.ros.requests import Robot
-from bsg_models import SeenBuilding, open_graph
+from bsg_robot import SeenBuilding, open_graph
+from bsg_robot.answers.description import describe_things
+from bsg_robot.ros.requests import Robot
 
 Map = dict[str, Any]
 
@@ -167,7 +167,7 @@ def by_ros(asked: Question) -> Map:
 @pytest.fixture(scope="module")
 def service() -> Any:
     pytest.importorskip("mcp", reason="needs the extra serve")
-    from bsg_cli.serve.questions import Service
+    from bsg_robot.service.questions import Service
 
     return Service()
 

@@ -11,7 +11,7 @@ from commands import runner
 from conftest import REPOSITORY
 
 from bsg_cli.belief import main
-from bsg_models import open_graph
+from bsg_robot import open_graph
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 

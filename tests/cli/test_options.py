@@ -11,12 +11,7 @@ from click.testing import CliRunner
 from bsg_cli import choices
 from bsg_cli.options import split_names, workers_option
 from bsg_cli.registry import COMMANDS
-from bsg_data.synthetic.building import MAX_SCENES
 from bsg_models.zoo.config import find_config
-
-
-def test_names_that_helps_repeat_are_those_of_the_library() -> None:
-    assert choices.MOST_SCENES == MAX_SCENES
 
 
 def test_a_name_of_the_zoo_comes_before_a_file_of_that_name(

@@ -10,7 +10,7 @@ from click.testing import CliRunner, Result
 from conftest import REPOSITORY
 
 from bsg_cli.registry import COMMANDS
-from bsg_data.results import write_seal
+from bsg_data.seal import write_seal
 
 # PLACE is where the command is told to write: a folder, or a file with a suffix.
 INTO = (

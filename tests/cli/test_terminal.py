@@ -13,7 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-import bsg_models
+import bsg_robot
 from bsg_cli.terminal import Command, print_json, print_note, print_text, progress_bar
 from bsg_data.errors import BSGError
 
@@ -61,14 +61,14 @@ def test_a_command_that_lacks_an_extra_names_it(monkeypatch: pytest.MonkeyPatch)
 
     @click.command(cls=Command)
     def ask() -> None:
-        bsg_models.open_graph("home.json")
+        bsg_robot.open_graph("home.json")
 
-    monkeypatch.setattr(bsg_models, "_load", load)
-    monkeypatch.delitem(vars(bsg_models), "open_graph", raising=False)
+    monkeypatch.setattr("importlib.import_module", load)
+    monkeypatch.delitem(vars(bsg_robot), "open_graph", raising=False)
     done = CliRunner().invoke(ask)
     assert done.exit_code == 1
     assert done.output == (
-        "Error: torch is not installed; bsg_models needs it: "
+        "Error: torch is not installed; bsg_robot needs it: "
         "pip install '.[train]' in your clone of the project (or name your wheel for the dot)\n"
     )
 

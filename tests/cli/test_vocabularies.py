@@ -17,17 +17,17 @@ from conftest import REPOSITORY
 from dsg_files import robot_graph, write_graph
 
 from bsg_cli.belief import main as belief
-from bsg_cli.find import describe_things
-from bsg_cli.ros.requests import Robot
-from bsg_data import SceneObject, build_dataset, check_dataset, read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.observation.robot_json import parse_robot_graph
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
 from bsg_data.sources.catalogue import open_source
-from bsg_models import Predictor, annotate_hydra, believe, open_graph
-from bsg_models.belief.graph_file import open_graph_file, parse_graph
-from bsg_models.robot.words import find_meaning
+from bsg_models import Predictor, believe
+from bsg_robot import annotate_hydra, open_graph
+from bsg_robot.answers.description import describe_things
+from bsg_robot.answers.words import find_meaning
+from bsg_robot.graph.graph_file import open_graph_file, parse_graph
+from bsg_robot.graph.robot_json import parse_robot_graph
+from bsg_robot.ros.requests import Robot
 
 MAP = load_class_map()
 LISTED = sorted({word for name in list_vocabularies() for word in vocabulary_words(name)})
@@ -183,7 +183,7 @@ HOME = {"kitchen": ["stove", "sink"], "living room": ["couch"], "hall": []}
 def ask_everywhere(words: list[str]) -> Iterator[tuple[str, Any]]:
     """Yield the answers of all doors that take a question about a map."""
     pytest.importorskip("mcp", reason="needs the extra serve")
-    from bsg_cli.serve.questions import Service
+    from bsg_robot.service.questions import Service
 
     for door, told in ask_service(Service(), {"map": HOME, "things": words}).items():
         yield door, told["things"]
@@ -200,29 +200,6 @@ def test_a_few_words_are_asked_by_every_door_as_their_plain_names() -> None:
     plain = tell(describe_things(open_graph(HOME), [*FEW.values()], here=None)["things"])
     for door, things in ask_everywhere([*FEW]):
         assert tell(things) == {word: plain[name] for word, name in FEW.items()}, door
-
-
-def test_a_dataset_of_earlier_rules_is_sound(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By rules 1 a tv_monitor was a computer; the manifest has the hash of the map with them."""
-    (tmp_path / "things.csv").write_text("scene,room,category\ns,r,tv_monitor\ns,r,chair\n")
-    source, earlier = open_source("table", tmp_path / "things.csv"), MAP.former
-    with monkeypatch.context() as patched:
-        patched.setattr("bsg_data.build.load_class_map", lambda name: earlier)
-        manifest = build_dataset(source, tmp_path / "earlier")
-    assert earlier is not None
-    assert {entry.sha256 for entry in manifest.class_maps} == {earlier.sha256}
-    assert earlier.sha256 != MAP.sha256
-    assert {obj.category for obj in objects_of(tmp_path / "earlier")} == {"monitor", "chair"}
-    assert check_dataset(tmp_path / "earlier") == ()
-    build_dataset(source, tmp_path / "now")
-    assert {obj.category for obj in objects_of(tmp_path / "now")} == {"tv", "chair"}
-    assert check_dataset(tmp_path / "now") == ()
-
-
-def objects_of(dataset: Path) -> list[SceneObject]:
-    return [obj for graph in read_scene_graphs(dataset) for obj in graph.objects]
 
 
 def test_an_annotated_graph_opens_with_the_names_that_it_carries(

@@ -22,15 +22,15 @@ from refusals import refuses
 
 from bsg_cli.belief import main
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.observation.partial_graph import KnownRoom
-from bsg_data.results import write_seal
-from bsg_models.belief.document import to_networkx
-from bsg_models.belief.formats import FORMATS, choose_format, read_belief, write_beliefs
-from bsg_models.belief.graph_file import open_graph_file
-from bsg_models.studies import belief_report
-from bsg_models.studies.belief_report import BeliefRequest, report_beliefs
+from bsg_data.seal import write_seal
+from bsg_models.belief.partial_graph import KnownRoom
 from bsg_models.studies.sealed_results import check_results
-from bsg_models.testing import FormatContract
+from bsg_robot.answers import belief_report
+from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
+from bsg_robot.graph.document import to_networkx
+from bsg_robot.graph.formats import FORMATS, choose_format, read_belief, write_beliefs
+from bsg_robot.graph.graph_file import open_graph_file
+from bsg_robot.testing import FormatContract
 
 FOLDER = EXAMPLES / "formats"
 OFFICE = REPOSITORY / "docs" / "office.json"
@@ -46,7 +46,7 @@ def _installed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 class TestFormats(FormatContract):
-    @pytest.fixture(autouse=True, params=PROJECT["entry-points"]["bsg_models.formats"])
+    @pytest.fixture(autouse=True, params=PROJECT["entry-points"]["bsg_robot.formats"])
     def _row(self, request: pytest.FixtureRequest) -> None:
         if request.param == "rerun":
             pytest.importorskip("rerun", reason="rerun-sdk is not installed")

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.belief.expectation import Expectation
-from bsg_models.robot.seen_building import SeenBuilding
+from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.predictor import Predictor
+from bsg_robot.answers.seen_building import SeenBuilding
+from bsg_robot.graph.robot_json import read_robot_graph
 
 GRAPH = read_robot_graph(REPOSITORY / "docs" / "office.json")
 EXAMPLE = REPOSITORY / "docs" / "examples" / "search_with_a_planner.py"

@@ -23,7 +23,7 @@ READ = """
 import resource, sys
 from pathlib import Path
 from bsg_data.errors import BSGError
-from bsg_models.robot.seen_building import open_graph
+from bsg_robot.answers.seen_building import open_graph
 used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + {most}, used + {most}))
 try:

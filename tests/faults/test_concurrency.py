@@ -23,10 +23,8 @@ from bsg_data import (
     write_synthetic,
 )
 from bsg_data.errors import BSGError, DatasetError
-from bsg_data.extend import HM3DFolder
 from bsg_data.files import hold
-from bsg_models.studies.comparison import EvaluationRequest
-from bsg_models.studies.evaluation_report import report_evaluation
+from bsg_data.sources.hm3d import HM3DFolder
 from bsg_models.studies.sealed_results import check_results
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config, override, validate_config
@@ -100,12 +98,3 @@ def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: 
 
     train_run(config, dataset, tmp_path / "run", progress=interrupt)
     assert "best.safetensors" in check_results(tmp_path / "run")
-
-
-def test_other_results_and_runs_are_left_alone(dataset: Path, run: Path) -> None:
-    for out in (run, dataset, dataset / "pairs"):
-        before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
-        request = EvaluationRequest(runs=(run,), dataset=dataset, out=out, resamples=0, force=True)
-        with pytest.raises(DatasetError):
-            report_evaluation(request)
-        assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before

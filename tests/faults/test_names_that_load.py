@@ -17,12 +17,12 @@ from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.observation.masks import MASKS
 from bsg_data.registry import Registry
 from bsg_data.sources.catalogue import SOURCES
-from bsg_models.belief.formats import FORMATS
 from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import validate_config
 from bsg_models.zoo.ensemble import make_model
+from bsg_robot.graph.formats import FORMATS
 
 REGISTRIES = (EXPORTS, FORMATS, MASKS, METRICS, PLANNERS, SOURCES, ZOO)
 CANARY = "canary_of_the_tests"  # a module that says so when it is imported

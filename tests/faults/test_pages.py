@@ -20,11 +20,11 @@ import pytest
 from headless_browser import start_browser
 from replays import make_replay
 
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.rendering.explorer import ShownBelief, explorer_page
 from bsg_models.rendering.pages import Table, write_report
 from bsg_models.rendering.replay import replay_page

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
-from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.files import hold
@@ -130,20 +128,6 @@ def test_a_file_of_other_columns_or_rows_is_named(dataset: Path) -> None:
     list_again(dataset, SCENES, rows=len(table))
     list_again(dataset, ROOMS, rows=1)
     assert [fault.where for fault in check_dataset(dataset)] == [SCENES, ROOMS]
-
-
-def test_a_column_that_was_added_later_is_null_in_an_older_file(dataset: Path) -> None:
-    """`building` stands for one: the reader, the scene graphs and the check do without it."""
-    before = list(read_scene_graphs(dataset))
-    table = pq.read_table(dataset / SCENES)
-    pq.write_table(table.drop_columns(["building", "up_axis"]), dataset / SCENES)
-    list_again(dataset, SCENES, rows=len(table))
-    assert check_dataset(dataset) == ()
-    assert list(read_scene_graphs(dataset)) == [
-        replace(one, building=None) if place < 5 else one for place, one in enumerate(before)
-    ]
-    data = Dataset.open(dataset)
-    assert data.keys[:5] == data.scene_ids[:5]
 
 
 def test_a_class_map_that_is_not_the_published_one_is_named(dataset: Path) -> None:

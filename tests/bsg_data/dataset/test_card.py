@@ -65,12 +65,8 @@ def test_another_dataset_in_a_folder_of_the_same_name_is_not_taken_for_the_first
         table.parent.mkdir(exist_ok=True)
         table.write_text(f"scene,room,category\nflat,bedroom,{thing}\n")
         build_dataset(open_source("table", table), table.parent / "dataset", force=True)
-        rows = datasets.load_dataset(
-            str(table.parent / "dataset"),
-            "objects",
-            split="train",
-            cache_dir=str(tmp_path / "cache"),
-        )
+        cache = {"split": "train", "cache_dir": str(tmp_path / "cache")}
+        rows = datasets.load_dataset(str(table.parent / "dataset"), "objects", **cache)
         found.append([row["raw_category"] for row in rows])
     assert found == [["bed"], ["pillow"], ["lamp"]]
 

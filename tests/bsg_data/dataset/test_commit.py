@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pyarrow as pa
 import pytest
-from conftest import commit_manifest, describe_file
-from killed_process import start, wait_for
+from conftest import commit_manifest
 from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.commit import is_own, update_manifest
+from bsg_data.dataset.commit import update_manifest
 from bsg_data.dataset.dataset import read_splits
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.schema import SPLITS
@@ -26,7 +24,6 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.sources.hm3d import HM3DFolder
 
 FOLDS = SplitRecipe(method="folds", ratios=None, folds=3)
-Change = Callable[[Path], Manifest]
 
 
 def all_bytes(folder: Path) -> dict[str, bytes]:
@@ -45,43 +42,6 @@ def pair_anew(dataset: Path) -> Manifest:
     return write_pairs(dataset, PairsRecipe(draws=2), force=True)
 
 
-def build_anew(dataset: Path) -> Manifest:
-    source = HM3DFolder(dataset.parent / "hm3d")
-    return build_dataset(source, dataset, force=True, scenes_per_shard=5)
-
-
-@pytest.mark.heavy
-@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-@pytest.mark.parametrize("change", [split_anew, pair_anew, build_anew])
-def test_killed_at_any_change_of_a_file(
-    dataset: Path, hm3d_folder: Path, tmp_path: Path, change: Change, stride: int
-) -> None:
-    """One of the two manifests is there with all its files; the same command gets through."""
-    work = tmp_path / "work"
-    old, at, ends = read_manifest(dataset), 1, []
-    while True:
-        shutil.rmtree(work, ignore_errors=True)
-        shutil.copytree(dataset, work / "dataset")
-        shutil.copytree(hm3d_folder, work / "hm3d")
-        copy = work / "dataset"
-        ended = wait_for(*start(lambda at=copy: change(at), inside=work, kill_at=at))  # type: ignore[misc]
-        manifest = read_manifest(copy)
-        assert all(
-            describe_file(copy, entry.path, rows=entry.rows) == entry for entry in manifest.files
-        )
-        ends.append(manifest == old)
-        if ended.how == "done":
-            break
-        assert ended.how == "killed", ended
-        change(copy)
-        assert check_dataset(copy) == ()
-        assert sorted(path.name for path in work.iterdir()) == ["dataset", "hm3d"]
-        at += stride
-    assert ends == sorted(ends, reverse=True)  # old until the commit, new from then on
-    assert not ends[-1]
-    assert ends[0]
-
-
 def test_an_error_leaves_the_old_dataset(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = all_bytes(dataset)
 
@@ -95,23 +55,17 @@ def test_an_error_leaves_the_old_dataset(dataset: Path, monkeypatch: pytest.Monk
 
 
 def test_files_of_the_users_stay(dataset: Path) -> None:
-    (dataset / "notes.txt").write_text("mine")
+    """Also those that are called as ours; they are told, and stop what would remove them."""
+    mine = ("notes.txt", "pairs/uniform-0123abcd/val-00000.parquet", "rooms/part-99999.parquet")
+    for name in mine:
+        (dataset / name).parent.mkdir(exist_ok=True)
+        (dataset / name).write_text("mine")
     split_anew(dataset)
     write_pairs(dataset, PairsRecipe(draws=1))
-    assert [fault.where for fault in check_dataset(dataset)] == ["notes.txt"]
+    assert {fault.where for fault in check_dataset(dataset)} == {*mine}
     with refuses(DatasetError, "foreign-file", dataset):
         build_dataset(HM3DFolder(dataset.parent / "hm3d"), dataset, force=True)
-
-
-def test_what_no_manifest_names_goes_with_the_next_command(dataset: Path) -> None:
-    old = sorted(dataset.glob("pairs/*/*"))
-    pair_anew(dataset)
-    assert not any(path.exists() for path in old)
-    (dataset / "pairs" / "uniform-00000000").mkdir()
-    (dataset / "pairs" / "uniform-00000000" / "val-00000.parquet").write_bytes(b"PAR1")
-    assert len(check_dataset(dataset)) == 1
-    pair_anew(dataset)
-    assert check_dataset(dataset) == ()
+    assert [(dataset / name).read_text() for name in mine] == ["mine"] * 3
 
 
 def test_a_damaged_file_is_replaced_although_the_manifest_stays_the_same(dataset: Path) -> None:
@@ -147,12 +101,5 @@ def test_no_split_is_read_whose_name_could_lead_anywhere(dataset: Path, name: st
 
 def test_a_change_needs_a_dataset(tmp_path: Path) -> None:
     with refuses(DatasetError, "dataset-missing", tmp_path / "none"):
-        update_manifest(tmp_path / "none", lambda data: data.manifest)
+        update_manifest(tmp_path / "none", lambda data: data.manifest, is_made=lambda _: False)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_names_are_ours_or_the_users() -> None:
-    ours = ("objects/part-00000.parquet", ".build/plan.json", ".staged/val-00000.parquet")
-    assert all(map(is_own, (*ours, "pairs/uniform-0123abcd/val-00000.parquet", "README.md")))
-    others = ("pairs/notes.txt", "objects/part-0.parquet", "thesis.tex", "scenes/../part.parquet")
-    assert not any(map(is_own, others))

@@ -20,13 +20,14 @@ from bsg_data.dataset.manifest import hash_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
-from bsg_data.observation.masked_graph import mask_scene
 from bsg_data.recipes import MaskRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap, is_nameless
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES, UNKNOWN
-from bsg_data.sources.hm3d import HM3DFolder, SceneRef
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.source import SceneRef
+from bsg_models.belief.masked_graph import mask_scene
 
 HOUSE, SHED, LAWN, RUIN = (f"0000{k}-abcdefghi0{k}" for k in range(4))
 

@@ -61,28 +61,30 @@ def test_folds_are_even_and_disjoint(number: int, folds: int, seed: int) -> None
 
 
 def test_official_holds_the_sources_val_out() -> None:
-    recipe = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
-    chosen = assign_splits({**ids(20), **ids(5, "val")}, recipe)
+    chosen = assign_splits({**ids(20), **ids(5, "val")}, OFFICIAL)
     assert Counter(chosen.values()) == {"train": 18, "val": 2, "test": 5}
     assert {scene[:3] for scene, split in chosen.items() if split == "test"} == {"val"}
-    minival = assign_splits({**ids(20), **ids(2, "minival")}, recipe)
+    minival = assign_splits({**ids(20), **ids(2, "minival")}, OFFICIAL)
     assert Counter(minival.values()) == {"train": 18, "val": 2, "test": 2}
-    with pytest.raises(RecipeError, match="found 20 of train"):
-        assign_splits(ids(20), recipe)
-    with pytest.raises(RecipeError, match="2 of None"):
-        assign_splits({**ids(20), **ids(5, "val"), "a": None, "b": None}, recipe)
+
+
+OFFICIAL = SplitRecipe(method="official", ratios=(0.9, 0.1, 0.0))
 
 
 @pytest.mark.parametrize(
-    ("number", "recipe", "message"),
+    ("scenes", "recipe", "said"),
     [
-        (3, SplitRecipe(), "leave val and test empty|leave test empty"),
-        (3, SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected at most"),
+        (ids(3), SplitRecipe(), "leave val and test empty|leave test empty"),
+        (ids(3), SplitRecipe(method="folds", ratios=None, folds=4), "folds: expected at most"),
+        (ids(20), OFFICIAL, "found 20 of train"),
+        ({**ids(20), **ids(5, "val"), "a": None, "b": None}, OFFICIAL, "2 of None"),
     ],
 )
-def test_an_impossible_split_is_refused(number: int, recipe: SplitRecipe, message: str) -> None:
-    with pytest.raises(RecipeError, match=message):
-        assign_splits(ids(number), recipe)
+def test_an_impossible_split_is_refused(
+    scenes: dict[str, str | None], recipe: SplitRecipe, said: str
+) -> None:
+    with pytest.raises(RecipeError, match=said):
+        assign_splits(scenes, recipe)
 
 
 @pytest.mark.parametrize(
@@ -101,6 +103,7 @@ def test_an_impossible_recipe_is_refused(said: dict[str, Any]) -> None:
 
 def test_splitting_again_needs_force_and_removes_the_pairs(dataset: Path) -> None:
     before = read_splits(dataset)
+    assert list(before) == ["train", "val", "test"]
     with pytest.raises(DatasetError, match="--force"):
         split_dataset(dataset, SplitRecipe(seed=1))
     assert read_splits(dataset) == before
@@ -111,10 +114,5 @@ def test_splitting_again_needs_force_and_removes_the_pairs(dataset: Path) -> Non
     assert read_splits(dataset) != before
     assert read_manifest(dataset) == manifest
     assert check_dataset(dataset) == ()
-
-
-def test_splits_are_read_train_first_and_folds_by_number(dataset: Path) -> None:
-    assert list(read_splits(dataset)) == ["train", "val", "test"]
-    recipe = SplitRecipe(method="folds", ratios=None, folds=12)
-    split_dataset(dataset, recipe, force=True)
+    split_dataset(dataset, SplitRecipe(method="folds", ratios=None, folds=12), force=True)
     assert list(read_splits(dataset)) == [f"fold-{k}" for k in range(12)]  # 2 before 10

@@ -18,7 +18,7 @@ CUBE = Box((0, 0, 0), (1, 1, 1))
 
 
 def regions_of(*rooms: Room) -> list[dict[str, Any]]:
-    graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (), class_map="hm3d45-v2")
+    graph = SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, (), class_map="hm3d45-v1")
     (data,) = _encode_regions(graph).files.values()
     assert b"-0.0" not in data
     return json.loads(data)["region_annotations"]

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bsg_data.geometry.passages import _share_of_forests, choose_pairs, score_pairs
-from bsg_data.sources.room_layouts import read_layout
+from bsg_data.sources.layout_files import read_layout
 
 Floats = npt.NDArray[np.float64]
 seeds = st.integers(0, 2**32 - 1)
@@ -22,19 +22,16 @@ seeds = st.integers(0, 2**32 - 1)
 def shares_by_counting(pairs: list[tuple[int, int]], weight: Floats, rooms: int) -> Floats:
     """List every way to give each room a parent or none, keep those without a circle."""
     total, having = 0.0, np.zeros(len(pairs))
-    ways: list[list[tuple[int, int, float, int]]] = [[] for _ in range(rooms)]
+    ways: list[list[tuple[int, int, int, int] | None]] = [[None] for _ in range(rooms)]
     for number, (a, b) in enumerate(pairs):
-        ways[a].append((a, b, weight[0, number], number))
-        ways[b].append((b, a, weight[1, number], number))
-    for chosen in product(*([None, *some] for some in ways)):
+        ways[a].append((a, b, 0, number))
+        ways[b].append((b, a, 1, number))
+    for chosen in product(*ways):
         edges = [edge for edge in chosen if edge is not None]
-        graph = nx.DiGraph((child, parent) for child, parent, _, _ in edges)
-        if len(edges) and not nx.is_directed_acyclic_graph(graph):
-            continue
-        product_of_weights = float(np.prod([edge[2] for edge in edges]))
-        total += product_of_weights
-        for edge in edges:
-            having[edge[3]] += product_of_weights
+        if not edges or nx.is_directed_acyclic_graph(nx.DiGraph(edge[:2] for edge in edges)):
+            share = float(np.prod([weight[way, number] for _, _, way, number in edges]))
+            total += share
+            having[[number for *_, number in edges]] += share
     return having / total
 
 

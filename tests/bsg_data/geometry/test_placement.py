@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from bsg_data.geometry.placement import _find_up_axis, find_storeys, place_scene, surround
+from bsg_data.geometry.placement import find_storeys, place_scene, surround
 from bsg_data.geometry.semantic_mesh import MeshSurvey
 from bsg_data.scene.scene_graph import MeshCoverage, Room, SceneGraph, SceneObject
+from bsg_data.scene.surroundings import measure_area
 
 # What x, y and z of the building are in the axes of a file in which this axis is up.
 AXES = {
@@ -37,20 +38,13 @@ BOXES = np.array(
 )
 
 
-def scene(rooms: int = 2) -> SceneGraph:
-    return SceneGraph(
-        scene_id="00001-aaaaaaaaaaa",
-        source="hm3d",
-        source_version=None,
-        source_split=None,
-        annotation_sha256="0" * 64,
-        class_map="hm3d45-v1",
-        rooms=tuple(Room(i, 3 * i) for i in range(1, rooms + 1)),
-        objects=tuple(
-            SceneObject(i, i, min(1 + (i > 3), rooms), name, name, None, "left-out")
-            for i, name in enumerate(NAMES, 1)
-        ),
+def scene() -> SceneGraph:
+    objects = tuple(
+        SceneObject(i, i, 1 + (i > 3), name, name, None, "left-out")
+        for i, name in enumerate(NAMES, 1)
     )
+    rooms = Room(1, 3), Room(2, 6)
+    return SceneGraph("s", "hm3d", None, None, "0" * 64, rooms, objects, class_map="m")
 
 
 def survey_in(up_axis: str) -> MeshSurvey:
@@ -58,17 +52,9 @@ def survey_in(up_axis: str) -> MeshSurvey:
     turn = np.array(AXES[up_axis], dtype=float)
     boxes = np.sort(BOXES @ turn.T, axis=1)
     boxes[-1] = np.nan
-    area = np.array([12.0, 12, 2, 12, 12, 0])
-    corners = boxes[:5]
-    return MeshSurvey(
-        area=area,
-        centroid=boxes.mean(axis=1),
-        box=boxes,
-        part_box=boxes,
-        cells=corners,
-        owner=np.arange(5),
-        coverage=MeshCoverage(sha256="0" * 64),
-    )
+    area, owner = np.array([12.0, 12, 2, 12, 12, 0]), np.arange(5)
+    coverage = MeshCoverage(sha256="0" * 64)
+    return MeshSurvey(area, boxes.mean(axis=1), boxes, boxes, boxes[:5], owner, coverage)
 
 
 @pytest.mark.parametrize("up_axis", AXES)
@@ -96,17 +82,11 @@ def test_rooms_by_hand() -> None:
 
 def test_without_floors_and_ceilings_the_standard_decides() -> None:
     graph, survey = scene(), survey_in("z")
-    nothing = MeshSurvey(
-        area=survey.area * np.array([0, 0, 1, 0, 0, 0]),
-        centroid=survey.centroid,
-        box=survey.box,
-        part_box=survey.part_box,
-        cells=survey.cells[2:3],
-        owner=np.array([2]),
-        coverage=survey.coverage,
-    )
-    assert _find_up_axis(graph, nothing) == "y"
-    assert place_scene(graph, nothing).rooms[1].box is None
+    seen = survey.area * np.array([0, 0, 1, 0, 0, 0])
+    nothing = replace(survey, area=seen, cells=survey.cells[2:3], owner=np.array([2]))
+    placed = place_scene(graph, nothing)
+    assert placed.up_axis == "y"
+    assert placed.rooms[1].box is None
 
 
 def test_storeys_by_hand() -> None:
@@ -126,9 +106,8 @@ def test_stairs_do_not_reach_out_of_their_room() -> None:
     boxes[3] = [[5, 0, 0], [9, 3, 3]]  # what leads up to the upper room is annotated there
     stairs = graph.objects[3]._replace(category="stairs")
     objects = (*graph.objects[:3], stairs, *graph.objects[4:])
-    placed = place_scene(
-        replace(graph, objects=objects), replace(survey, box=boxes, part_box=boxes, cells=boxes[:5])
-    )
+    survey = replace(survey, box=boxes, part_box=boxes, cells=boxes[:5])
+    placed = place_scene(replace(graph, objects=objects), survey)
     upper = placed.rooms[1].box
     assert upper is not None
     assert upper.minimum[2] == 5.5  # its ceiling is all that is left of it
@@ -145,8 +124,5 @@ def test_hulls_hold_every_point_and_turn_left(points: list[tuple[int, int]]) -> 
     for point in array:
         away = point - corners
         assert (sides[:, 0] * away[:, 1] - sides[:, 1] * away[:, 0] >= -1e-9).all()
-    spread = np.linalg.matrix_rank(array - array[0])
-    if spread == 2:
-        x, y = corners.T
-        area = (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() / 2
-        assert area == pytest.approx(ConvexHull(array).volume)
+    if np.linalg.matrix_rank(array - array[0]) == 2:
+        assert measure_area(corners.tolist()) == pytest.approx(ConvexHull(array).volume)

@@ -31,7 +31,8 @@ from bsg_data.observation.view import sample_hidden
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Edge, SceneGraph
-from bsg_data.sources.hm3d import HM3DFolder, SceneRef
+from bsg_data.sources.hm3d import HM3DFolder
+from bsg_data.sources.source import SceneRef
 
 
 @pytest.mark.parametrize(("strategy", "withhold"), [("uniform", 0.2), ("mixed", 0)])

@@ -56,39 +56,26 @@ def test_words_of_sources_and_of_people(source: str, word: str | None, label: st
     assert label_of(source, word) == label
 
 
-# What models read otherwise than by v2; but for a mudroom, as they know little of that label.
-CORRECTED = {
-    ("any", "linen room"): "closet",
-    ("any", "mudroom"): "entrance",
-    ("any", "phone booth"): "phone booth",
-    ("any", "photocopy room"): "printer room",
-    ("any", "print room"): "printer room",
-    ("any", "printer room"): "printer room",
-    ("any", "server room"): "server room",
-    ("nearest", "patient room"): "bedroom",
-}
+KNOWN = """
+bar, bathroom, bedroom, break room, classroom, closet, computer room, conference hall, copy room,
+corridor, dining room, entrance, game room, garage, garden, gym, infirmary, kitchen, laboratory,
+laundry room, library, living room, lobby, locker room, lounge, meeting room, office, pantry,
+phone room, playroom, restaurant, shop, spa, staircase, storage room, terrace, toilet, tv room,
+utility room
+"""
 
 
-def read_rows(version: int) -> dict[tuple[str, str], str]:
-    file = files("bsg_mappings").joinpath(f"room-labels-v{version}.csv")
+def test_every_label_is_a_word_for_itself_and_models_know_these_in_this_order() -> None:
+    labels = list_all_labels()
+    assert [label_of("table", label) for label in labels] == [*labels]
+    assert ", ".join(list_room_labels()) == " ".join(KNOWN.split())
+    assert {known_label(label) for label in labels} == set(list_room_labels())
+    file = files("bsg_mappings").joinpath("room-labels-v1.csv")
     header, *rows = csv.reader(file.read_text("utf-8").splitlines())
     assert header == ["source", "source_label", "label"]
     assert rows == sorted(rows)
-    found = {(source, word): label for source, word, label in rows}
-    assert len(found) == len(rows)
-    return found
-
-
-def test_every_label_is_a_word_for_itself_and_models_know_those_of_the_first_list() -> None:
-    """Weights were trained with these, in this order."""
-    first, rows = read_rows(1), read_rows(3)
-    labels = set(list_all_labels())
-    assert {label: label_of("table", label) for label in labels} == {n: n for n in labels}
-    assert list_room_labels() == tuple(sorted({label for label in first.values() if label}))
-    assert {known_label(label) for label in labels} == set(list_room_labels())
-    for key, label in first.items():
-        assert known_label(label_of(*key) or "") == known_label(CORRECTED.get(key, label)), key
-    told = {kind for (source, _), kind in rows.items() if source in ("building", "kind")}
+    assert len({(source, word) for source, word, _ in rows}) == len(rows)
+    told = {kind for source, _, kind in rows if source in ("building", "kind")}
     assert told == set(SAID_KINDS)
 
 

@@ -10,7 +10,6 @@ from one_building import same_surroundings, surround_rooms
 from refusals import refuses
 
 from bsg_data.errors import RecipeError
-from bsg_data.geometry.placement import measure_area
 from bsg_data.scene.room_label import RoomType, check_room_type, list_room_labels, read_room_type
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
@@ -23,7 +22,7 @@ from bsg_data.scene.surroundings import (
     _find_floor_area,
     find_building_kind,
     guess_building_kind,
-    measure_footprint,
+    measure_area,
     stack_surroundings,
 )
 
@@ -172,12 +171,11 @@ def test_the_first_that_says_a_floor_area_counts() -> None:
 
 def test_polygons_have_the_area_of_the_shoelace_formula_or_what_they_cover() -> None:
     bow = [(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0)]
-    assert measure_footprint(bow) == pytest.approx(4)  # of its hull
+    assert measure_area(bow) == pytest.approx(4)  # of its hull
     rng = np.random.default_rng(3)
     for _ in range(20):
         angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
         x, y = rng.uniform(1, 4, 9) * np.stack([np.cos(angles), np.sin(angles)])
         corners = list(zip(x.tolist(), y.tolist(), strict=True))
         shoelace = abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
-        assert measure_footprint(corners) == pytest.approx(shoelace)
         assert measure_area(corners) == pytest.approx(shoelace, abs=1e-4)

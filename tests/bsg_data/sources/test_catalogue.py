@@ -10,11 +10,11 @@ import pytest
 from conftest import write_twelve
 from refusals import refuses
 
-from bsg_data.dataset.manifest import Terms
 from bsg_data.errors import SourceError
 from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
 from bsg_data.sources.source import Source, SourceRow
 from bsg_data.synthetic.buildings import write_synthetic
+from bsg_data.terms import Terms
 
 NONE = SourceRow("no source", lambda path: path, None)
 

@@ -15,13 +15,13 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
 from bsg_data.observation.masked_buildings import sample_masked
-from bsg_data.observation.masked_graph import mask_scene
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import ClassSpace
 from bsg_models.belief.belief_graph import believe, complete, rank_unseen
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation, from_totals
+from bsg_models.belief.masked_graph import mask_scene
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.inputs.folds import scenes_of
 
 FOUR = ClassSpace.of("test", ("bed", "lamp", "sink", "tv"))

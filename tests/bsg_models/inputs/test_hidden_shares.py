@@ -12,16 +12,16 @@ from scipy.integrate import quad
 from scipy.stats import beta, poisson
 
 from bsg_data.arrays import Ints
-from bsg_data.observation.hidden_share import VAGUE, ShareBelief
 from bsg_data.observation.observation import Observation
-from bsg_data.observation.partial_graph import PartialGraph
-from bsg_data.observation.reports import enter, hide_of_room
-from bsg_data.observation.robot_json import parse_robot_graph, read_robot_graph
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.count_distribution import poisson as poisson_counts
+from bsg_models.belief.hidden_share import VAGUE, ShareBelief
+from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.inputs import hidden_shares
 from bsg_models.inputs.hidden_shares import EVIDENCE, spread_shares, update_shares
 from bsg_models.runs.predictor import Predictor
+from bsg_robot.graph.reports import enter, hide_of_room
+from bsg_robot.graph.robot_json import parse_robot_graph, read_robot_graph
 
 OFFICE = read_robot_graph(REPOSITORY / "docs" / "office.json")
 PREDICTOR = Predictor()

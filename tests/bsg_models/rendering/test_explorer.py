@@ -15,10 +15,10 @@ import pytest
 from headless_browser import open_page, start_browser
 from random_beliefs import CLASS_SPACE, HOSTILE, make_belief
 
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.belief.belief_graph import BeliefGraph, believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.rendering import explorer
 from bsg_models.rendering.explorer import ShownBelief, explorer_page, write_explorer
 

@@ -9,14 +9,14 @@ from conftest import write_twelve
 
 from bsg_data import PairsRecipe, SplitRecipe, build_dataset, split_dataset, write_pairs
 from bsg_data.extend import HM3DFolder
-from bsg_data.observation.robot_json import read_robot_graph
 from bsg_data.scene.class_map import OwnMap, load_class_map
 from bsg_models.errors import CheckpointError
-from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.checkpoint import CheckpointHeader, read_header
 from bsg_models.runs.predictor import Predictor, choose_class_map
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
+from bsg_robot.answers.seen_building import open_graph
+from bsg_robot.graph.robot_json import read_robot_graph
 
 PATH = Path("run/best.safetensors")
 DEFAULT = load_class_map()
@@ -77,8 +77,8 @@ def header_of(run: Path, *class_maps: str | OwnMap) -> CheckpointHeader:
 
 def test_a_model_of_published_maps_reads_what_people_say(run: Path) -> None:
     header = read_header(run / "best.safetensors")
-    assert header.class_maps == ("hm3d45-v2",)
-    for class_maps in [("hm3d45-v2",), (), ("procthor45-v1", "behavior45-v1")]:
+    assert header.class_maps == ("hm3d45-v1",)
+    for class_maps in [("hm3d45-v1",), (), ("procthor45-v1", "behavior45-v1")]:
         assert choose_class_map(PATH, header_of(run, *class_maps)) is DEFAULT
 
 
@@ -98,7 +98,7 @@ def test_ones_own_words_come_first_and_peoples_after_them_where_the_data_had_the
 
 def test_a_map_into_other_classes_than_the_models_is_refused(run: Path) -> None:
     other = own_map("bed,bed,rest\n", "0,rest,To lie on.\n")
-    with pytest.raises(CheckpointError, match=r"predicts classes of hm3d45-v2 .* leads into mine"):
+    with pytest.raises(CheckpointError, match=r"predicts classes of hm3d45-v1 .* leads into mine"):
         choose_class_map(PATH, header_of(run, other))
     with pytest.raises(CheckpointError, match="have different class spaces"):
         choose_class_map(PATH, header_of(run, other, STUHL))

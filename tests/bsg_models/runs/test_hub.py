@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.observation.robot_json import read_robot_graph
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.found_model import download, find_model
 from bsg_models.runs.hub import HubModel
 from bsg_models.runs.model_card import read_card
+from bsg_robot.graph.robot_json import read_robot_graph
 
 OFFICE = REPOSITORY / "docs" / "office.json"
 
@@ -33,7 +33,7 @@ def test_a_folder_of_the_hub_is_read_back(run: Path, tmp_path: Path) -> None:
     card = read_card((folder / "README.md").read_text("utf-8"), origin="card")
     assert card.name == "other"
     said = json.loads((folder / "config.json").read_bytes())
-    assert said["class_space"]["name"] == "hm3d45-v2"
+    assert said["class_space"]["name"] == "hm3d45-v1"
     again.save_pretrained(tmp_path / "twice")  # what was read is what is written
     for path in folder.iterdir():
         assert (tmp_path / "twice" / path.name).read_bytes() == path.read_bytes()

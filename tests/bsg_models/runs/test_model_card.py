@@ -9,12 +9,8 @@ import yaml
 
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint_file import read_fields
-from bsg_models.runs.model_card import (
-    ModelCard,
-    TrainedOn,
-    read_card,
-    write_card,
-)
+from bsg_models.runs.model_card import ModelCard, read_card, write_card
+from bsg_models.runs.run_folder import TrainedOn
 
 HM3D = TrainedOn(
     source="hm3d",

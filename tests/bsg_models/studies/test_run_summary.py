@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from bsg_data.errors import DatasetError
-from bsg_data.results import SEAL
+from bsg_data.seal import SEAL
 from bsg_models.errors import CheckpointError, TrainingError
 from bsg_models.runs.run_folder import RECORD
 from bsg_models.studies.run_summary import summarise_run

@@ -12,7 +12,7 @@ from refusals import refuses
 from bsg_cli.registry import COMMANDS
 from bsg_data.errors import DatasetError
 from bsg_data.inputs.bounded_file import hash_file
-from bsg_data.results import write_seal
+from bsg_data.seal import write_seal
 from bsg_models.errors import CheckpointError
 from bsg_models.studies.sealed_results import check_results
 
@@ -57,6 +57,7 @@ def test_an_evaluation_of_replaced_weights_is_told(
     monkeypatch.chdir(run / "evaluation")
     with pytest.raises(DatasetError):
         check_results(Path())
+    monkeypatch.chdir(run.parent)
     invoke(f"{evaluate} --force")
     assert check_results(run / "evaluation")
     assert "other weights" not in invoke(f"bsg-models show {run}").stderr

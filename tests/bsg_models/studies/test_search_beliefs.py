@@ -11,18 +11,18 @@ import pytest
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.observation.hidden_share import ShareBelief
-from bsg_data.observation.masked_graph import list_withheld, mask_scene
-from bsg_data.observation.partial_graph import PartialGraph, SeenObject
-from bsg_data.observation.reports import enter
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.scene_graph import SceneGraph
+from bsg_models.belief.hidden_share import ShareBelief
+from bsg_models.belief.masked_graph import list_withheld, mask_scene
+from bsg_models.belief.partial_graph import PartialGraph, SeenObject
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.search_beliefs import ModelBeliefs
 from bsg_models.training.training import train_run
 from bsg_models.zoo.config import find_config
+from bsg_robot.graph.reports import enter
 
 
 def enter_room(known: PartialGraph, graph: SceneGraph, room_index: int) -> PartialGraph:

@@ -19,8 +19,6 @@ from one_building import observe_building, surround_rooms
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import RecipeError
 from bsg_data.observation.observation import Observation
-from bsg_data.observation.partial_graph import reclassify
-from bsg_models.belief.graph_file import read_graph
 from bsg_models.inputs.graphs import read_split
 from bsg_models.runs.checkpoint import load_checkpoint, restore_model
 from bsg_models.runs.predictor import Predictor
@@ -28,6 +26,8 @@ from bsg_models.runs.run_folder import BEST
 from bsg_models.training.training import train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.features import NetworkConfig
+from bsg_robot.graph.graph_file import read_graph
+from bsg_robot.graph.reports import reclassify
 
 pytest.importorskip("onnxscript", reason="the extra `onnx` is not installed")
 runtime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")

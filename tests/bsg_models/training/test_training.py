@@ -13,10 +13,10 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.errors import DatasetError
 from bsg_data.recipes import PairsRecipe
-from bsg_data.results import SEAL, name_staged
+from bsg_data.results import name_staged
+from bsg_data.seal import SEAL
 from bsg_models.errors import TrainingError
 from bsg_models.inputs.folds import scenes_of
-from bsg_models.robot.seen_building import open_graph
 from bsg_models.runs.checkpoint import load_checkpoint
 from bsg_models.runs.predictor import Predictor
 from bsg_models.runs.run_folder import (
@@ -39,6 +39,7 @@ from bsg_models.zoo.config import (
     read_config,
     validate_config,
 )
+from bsg_robot.answers.seen_building import open_graph
 
 SMALL = ("model.width=8", "model.depth=2", "training.batch_size=4", "training.validate_every=2")
 

@@ -15,11 +15,11 @@ from bsg_data.arrays import Floats
 from bsg_data.observation.masked_buildings import MaskedBuildings
 from bsg_data.observation.observation import Observation, stack
 from bsg_models.belief.count_distribution import CountDistribution, negative_binomial
-from bsg_models.robot.thing_belief import after_looks
 from bsg_models.zoo.building_tilt import fit_building_tilt
 from bsg_models.zoo.calibration import CalibratedModel
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.settings import ModelConfig
+from bsg_robot.answers.thing_belief import after_looks
 
 MEANS = np.array([[0.0, 0.0], [0.7, 0.1], [0.2, 1.5], [0.05, 0.4]])  # the building, three rooms
 SPREADS = np.array([[1.0, 1.0], [0.8, 2.0], [3.0, 4.0], [1.0, 9.0]])

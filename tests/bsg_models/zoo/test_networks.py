@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +15,6 @@ from one_building import make_zoo_model, observe_building, surround_rooms
 
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import MismatchError
-from bsg_data.scene.class_space import read_published
 from bsg_data.scene.room_label import list_room_labels
 from bsg_models.inputs.graphs import read_split
 from bsg_models.inputs.nodes import EVIDENCE, to_nodes
@@ -27,6 +25,7 @@ from bsg_models.training.training import new_model, train_run
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.config import RunConfig
 from bsg_models.zoo.features import LabelPrior, NetworkConfig, NodeFeatures, tabulate_labels
+from bsg_models.zoo.hand_prior import read_hand_table
 from bsg_models.zoo.layers import NO_DROPOUT, Weight
 from bsg_models.zoo.networks import CountNetwork, PriorHead, to_distribution
 
@@ -170,7 +169,7 @@ def test_common_sense_of_a_label_is_of_presence_alone() -> None:
     classes = ("toilet", "bed")
     sense = LabelPrior(2)
     known = {**weights_of(sense.weights), "labels.log_odds": tabulate_labels(classes)}
-    table = json.loads(read_published("hand-prior-v2.json"))
+    table = read_hand_table()
     types, unlisted = table["room_types"], table["unlisted"]
     labels = np.zeros((4, len(list_room_labels())))
     bathroom, infirmary = map(list_room_labels().index, ("bathroom", "infirmary"))

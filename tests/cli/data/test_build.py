@@ -11,21 +11,17 @@ from data_commands import run
 
 def test_losses_are_reported_in_one_table(hm3d_folder: Path, tmp_path: Path) -> None:
     write_scene(hm3d_folder, "00042-broken00000", b"HM3D Semantic Annotations\n1,\x1b[31m\n")
-    result = run("build", "--hm3d", hm3d_folder, "--out", tmp_path / "d", "--workers", "1")
-    assert result.stdout.startswith("12 scenes, 90 rooms, ")
-    assert "skipped scenes: 1, unmapped objects: 66" in result.stdout
-    assert "00042-broken00000" in result.stdout
-    assert "zzqx thing" in result.stdout
-    assert "\x1b" not in result.stdout  # a name cannot write to the terminal
-    run("build", "--out", "x", code=2)
-    run("build", "--out", "x", "--hm3d", "a", "--source", "hm3d-stats", "b", code=2)
-
-
-def test_a_long_name_is_cut_in_the_report(hm3d_folder: Path, tmp_path: Path) -> None:
     text = f'HM3D Semantic Annotations\n1,0A0A0A,"{"zzqx " * 20_000}",1\n'
     write_scene(hm3d_folder, "00042-long0000000", text.encode())
     result = run("build", "--hm3d", hm3d_folder, "--out", tmp_path / "d", "--workers", "1")
-    assert max(map(len, result.stdout.splitlines())) < 400
+    assert result.stdout.startswith("13 scenes, 91 rooms, ")
+    assert "skipped scenes: 1, unmapped objects: 67" in result.stdout
+    assert "00042-broken00000" in result.stdout
+    assert "zzqx thing" in result.stdout
+    assert "\x1b" not in result.stdout  # a name cannot write to the terminal
+    assert max(map(len, result.stdout.splitlines())) < 400, "a long name is cut"
+    run("build", "--out", "x", code=2)
+    run("build", "--out", "x", "--hm3d", "a", "--source", "hm3d-stats", "b", code=2)
 
 
 def test_a_source_takes_options_and_a_map_of_its_own(tmp_path: Path) -> None:
@@ -72,15 +68,10 @@ def test_a_source_without_meshes_says_so(tmp_path: Path) -> None:
 
 
 def test_two_datasets_become_one(dataset: Path, tmp_path: Path) -> None:
-    run("synth", "--out", tmp_path / "made", "--scenes", "4")
-    made = ("--hm3d", tmp_path / "made", "--workers", "1")
-    run("build", *made, "--out", tmp_path / "synthetic")
-    words = ("merge", dataset, tmp_path / "synthetic", "--out", tmp_path / "both")
-    result = run(*words)
-    assert "16 scenes" in result.stdout
-    assert "next: bsg-data split" in result.stdout
-    info = json.loads(run("info", tmp_path / "both", "--json").stdout)
-    found = {row["source"]: row["buildings"] for row in info["by_source"]}
-    assert found == {"hm3d": 12, "synthetic": 4}
-    run(*words, code=1)
+    (tmp_path / "objects.csv").write_text("scene,room,category\nflat,hall,box\n", "utf-8")
+    table = ("--source", "table", tmp_path / "objects.csv", "--workers", "1")
+    run("build", *table, "--out", tmp_path / "other")
+    words = ("merge", dataset, tmp_path / "other", "--out", tmp_path / "both")
+    assert "13 scenes" in run(*words).stdout
+    assert "--force" in run(*words, code=1).stderr
     run("merge", dataset, "--out", tmp_path / "more", code=2)

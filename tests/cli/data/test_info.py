@@ -7,12 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 from data_commands import run
-from matplotlib.figure import Figure
-
-from bsg_data.extend import refuse_file
-from bsg_data.files import write_figure
 
 
 def test_classes_and_splits_are_counted(dataset: Path) -> None:
@@ -39,24 +34,11 @@ def test_a_reader_that_goes_away_ends_the_command_quietly(dataset: Path) -> None
     assert (child.returncode, errors) == (1, b"")
 
 
-@pytest.mark.parametrize(
-    ("suffix", "start"), [("pdf", b"%PDF"), ("jpg", b"\xff\xd8\xff"), ("svg", b"<?xml")]
-)
-def test_a_figure_of_every_format_is_known_again(tmp_path: Path, suffix: str, start: bytes) -> None:
-    path = tmp_path / f"classes.{suffix}"
-    write_figure(Figure(), path)
-    assert path.read_bytes().startswith(start)
-    refuse_file(path, force=True)
-
-
 def test_a_figure_is_replaced_by_force_alone(dataset: Path, tmp_path: Path) -> None:
     figure = tmp_path / "classes.png"
     figure.write_bytes(b"years of work")
     assert "--force replaces it" in run("info", dataset, "--figure", figure, code=1).stderr
-    result = run("info", dataset, "--figure", figure, "--force", code=1)
-    assert "nothing in it says that this program wrote it" in result.stderr
     assert figure.read_bytes() == b"years of work"
-    figure.unlink()
     for _ in range(2):
         run("info", dataset, "--figure", figure, "--force")
         assert figure.read_bytes().startswith(b"\x89PNG")

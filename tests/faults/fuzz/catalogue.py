@@ -15,23 +15,24 @@ import pyarrow.parquet as pq
 from dsg_files import robot_graph
 from house_files import HOUSE
 
-from bsg_data.geometry.gltf import read_parts
-from bsg_data.observation.partial_graph import KnownRoom, PartialGraph, SeenObject
-from bsg_data.observation.robot_json import read_robot_graph
+from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.scene.class_map import load_class_map, parse_own_map, read_own_map
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import parse_annotation
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
 from bsg_data.sources.label_space import load_label_space
-from bsg_data.sources.room_layouts import _lay_out, read_layout
+from bsg_data.sources.layout_files import read_layout
+from bsg_data.sources.room_layouts import _lay_out
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
-from bsg_models.belief.document import encode_belief
 from bsg_models.belief.expectation import Expectation
-from bsg_models.belief.formats import read_belief
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_models.evaluation.prediction_files import read_predictions
 from bsg_models.zoo.config import find_config, override, read_config, validate_config, write_toml
+from bsg_robot.graph.document import encode_belief
+from bsg_robot.graph.formats import read_belief
+from bsg_robot.graph.robot_json import read_robot_graph
 from fuzz.target import Target, encode, load_map, put, read_source
 
 _ANNOTATION = 'HM3D Semantic Annotations\n1,1003,"wall",0\n2,0F3A9C,"chair, ü",4\n7,FF,"",-1\n'
@@ -75,7 +76,7 @@ _BUILDING = SceneGraph(
     annotation_sha256="0" * 64,
     rooms=tuple(Room(number, number) for number in range(1, 4)),
     objects=(),
-    class_map="hm3d45-v2",
+    class_map="hm3d45-v1",
 )
 _PREDICTIONS = {
     "scene_id": ["a", "a"],
@@ -179,7 +180,7 @@ def _read_layout(folder: Path, data: bytes) -> object:
 
 
 def _read_mesh(folder: Path, data: bytes) -> object:
-    return list(read_parts(put(folder, ".glb", data)))
+    return survey_mesh(put(folder, ".glb", data), ["FFFFFF"])
 
 
 def _read_predictions(folder: Path, data: bytes) -> object:

@@ -18,11 +18,11 @@ import numpy as np
 
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, write_bytes
-from bsg_data.observation.partial_graph import KnownRoom
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_models.belief.belief_graph import BeliefGraph
-from bsg_models.belief.formats import FormatRow
+from bsg_models.belief.partial_graph import KnownRoom
 from bsg_models.rendering.plan import KnownOutline, draw_plan, outline_room, place_beside
+from bsg_robot.graph.formats import FormatRow
 
 _STOREY, _HEIGHT, _GAP = 3.0, 2.5, 2.4  # metres, where nobody says them
 _OBJECT, _BLIND = 0.08, 0.12  # metres: radii

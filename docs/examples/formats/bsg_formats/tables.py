@@ -18,11 +18,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.files import AnyPath, encode_json
-from bsg_data.results import write_results
 from bsg_models.belief.belief_graph import BeliefGraph
-from bsg_models.belief.document import encode_belief, list_edges, list_nodes
-from bsg_models.belief.formats import FormatRow
-from bsg_models.errors import BeliefFileError
+from bsg_robot.errors import BeliefFileError
+from bsg_robot.graph.document import encode_belief, list_edges, list_nodes
+from bsg_robot.graph.formats import FormatRow
 
 _ROWS_PER_GROUP = 65_536
 _TEXT, _WHOLE, _NUMBER = pa.string(), pa.int32(), pa.float64()
@@ -61,15 +60,14 @@ def write_tables(beliefs: Iterable[BeliefGraph], folder: AnyPath) -> None:
 
     Raises:
         BeliefFileError: if two belief graphs have the same building.
-        DatasetError: if they cannot be written.
     """
     folder, scenes = Path(folder), set()
     header: dict[str, Any] = {}
     waiting: dict[str, list[dict[str, Any]]] = {name: [] for name in _SCHEMAS}
-    with write_results(folder, report="nodes.parquet") as staged, ExitStack() as stack:
+    with ExitStack() as stack:
         writers = {
             name: stack.enter_context(
-                pq.ParquetWriter(staged / f"{name}.parquet", schema, compression="zstd")
+                pq.ParquetWriter(folder / f"{name}.parquet", schema, compression="zstd")
             )
             for name, schema in _SCHEMAS.items()
         }
@@ -121,4 +119,4 @@ def _list_node_rows(document: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield {**node, "node": number, "room_type": list(shares.items()) or None}
 
 
-TABLES = FormatRow("tables", (".tables",), write_all=write_tables, in_folder=True)
+TABLES = FormatRow("tables", (".tables",), write_all=write_tables, report="nodes.parquet")

@@ -1,8 +1,9 @@
 """Score classes by co-occurrence: which classes share rooms in another source.
 
-A planner without a model asks what its objects usually stand beside. The table counts BEHAVIOR's
-rooms (`mappings/behavior-cooccurrence-v1.csv`, made by `scripts/fit/cooccurrence.py` at commit
-4227eff). Two rules turn it into a score, with n rooms in all, n_c of which have the class c:
+A planner without a model asks what its objects usually stand beside. The table counts the 330 rooms
+of BEHAVIOR-1K's list (MIT licence); `scripts/fit/cooccurrence.py` at commit 4227eff made it. A row
+is two classes of `hm3d45-v1` that meet in rooms of at least three buildings; copied rooms count
+each time. Two rules turn it into a score, with n rooms in all, n_c of which have the class c:
 
     pmi           the mean over visible classes j of log P(c | j) / P(c)
     naive-bayes   Σ_j visible log P(j | c) / P(j | not c)
@@ -15,6 +16,7 @@ and counts as one room. Classes that the table does not list add nothing.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -23,13 +25,13 @@ from pydantic import Field
 from bsg_data.arrays import Floats
 from bsg_data.errors import ClassMapError
 from bsg_data.observation.observation import Observation
-from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.class_space import read_rows
 from bsg_models.zoo.catalogue import ZooRow
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.settings import ModelConfig
 from bsg_rivals.presence_odds import ANY_FRACTION, PresenceOdds, average_others
 
-BEHAVIOR_TABLE = "behavior-cooccurrence-v1.csv"
+BEHAVIOR_TABLE = Path(__file__).with_name("behavior-cooccurrence-v1.csv")
 _HEADER = ("class_a", "class_b", "rooms_with_both", "rooms_with_a", "rooms_with_b", "rooms")
 _UNLISTED = 1.0  # rooms of a pair without a row
 
@@ -68,7 +70,8 @@ class Cooccurrence(PresenceOdds):
 
     def read_knowledge(self, classes: tuple[str, ...]) -> None:
         """Read the published table."""
-        together, rooms = read_table(BEHAVIOR_TABLE, read_published(BEHAVIOR_TABLE), classes)
+        data = BEHAVIOR_TABLE.read_bytes()
+        together, rooms = read_table(BEHAVIOR_TABLE.name, data, classes)
         self.hold(together=together, rooms=rooms)
 
     def score(self, seen: Observation) -> Floats:

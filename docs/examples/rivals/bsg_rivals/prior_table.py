@@ -25,23 +25,22 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.arrays import Bools, Floats, Ints
-from bsg_data.first_fault import Keyed
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_json
 from bsg_data.observation.observation import Observation
-from bsg_data.recipes import SaidRecord, name_fault
-from bsg_data.scene.class_space import list_class_spaces, load_class_space, read_published
+from bsg_data.records import Keyed, SaidRecord, name_fault
+from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.errors import ConfigError
 from bsg_models.special_functions import log_sum_exp
 from bsg_models.zoo.catalogue import ZooRow
+from bsg_models.zoo.hand_prior import HAND_TABLE
 from bsg_models.zoo.layers import logit
 from bsg_models.zoo.model import ModelInputs
 from bsg_models.zoo.settings import ModelConfig
 from bsg_rivals.presence_odds import ANY_FRACTION, PresenceOdds, average_others
 
-_HAND_TABLE = "hand-prior-v2.json"
 _LEAST = 0.01  # no class is certainly absent from, or certainly in, a room
 
 Probability = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
@@ -181,9 +180,8 @@ def read_prior_table(path: str, classes: tuple[str, ...]) -> _PriorTable:
     Classes of a published space that the dataset lacks are allowed. An error names the file, the
     entry, the fault, and the nearest name.
     """
-    if not path:
-        return _parse(read_published(_HAND_TABLE), f"mappings/{_HAND_TABLE}", classes)
-    return _parse(read_bytes(Path(path), error=ConfigError), path, classes)
+    file = Path(path) if path else HAND_TABLE
+    return _parse(read_bytes(file, error=ConfigError), str(file), classes)
 
 
 def _parse(data: bytes, name: str, classes: tuple[str, ...]) -> _PriorTable:

@@ -1,0 +1,494 @@
+"""Keep what a robot reports of one building."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from copy import copy
+from dataclasses import replace
+from functools import wraps
+from itertools import count
+from threading import RLock
+from typing import Concatenate, ParamSpec, TypeVar
+
+from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
+from bsg_data.errors import RecipeError
+from bsg_data.files import AnyPath
+from bsg_data.records import read_number
+from bsg_data.scene.class_map import normalise_name
+from bsg_data.scene.room_label import RoomType, read_room_type
+from bsg_data.scene.surroundings import area_of
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
+from bsg_models.belief.partial_graph import (
+    LOOK_CHANCE,
+    KnownRoom,
+    Look,
+    PartialGraph,
+    SeenObject,
+    check_more_rooms,
+    check_report,
+)
+from bsg_models.runs.found_model import DEFAULT_MODEL
+from bsg_models.runs.predictor import Predictor
+from bsg_robot.answers.dictionary import Dictionary
+from bsg_robot.answers.notes import note_graph
+from bsg_robot.answers.place import EXPLORE
+from bsg_robot.answers.weighed_graph import WeighedGraph
+from bsg_robot.answers.words import find_room, require_word
+from bsg_robot.graph import reports
+from bsg_robot.graph.reports import say_score
+from bsg_robot.graph.robot_json import list_unmapped, room_reader, understand_rooms
+from bsg_robot.things.pieces import kind_of
+from bsg_robot.things.things import classify_seen, find_receptacle
+
+_MOST_HOURS = 1e9
+_LISTED = 8  # objects in an error
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+_B = TypeVar("_B", bound="ToldBuilding")
+
+
+def alone(
+    method: Callable[Concatenate[_B, _P], _R],
+) -> Callable[Concatenate[_B, _P], _R]:
+    """Let one thread at a time use the building, because a robot's messages come from several."""
+
+    @wraps(method)
+    def run(self: _B, /, *args: _P.args, **kwargs: _P.kwargs) -> _R:
+        with self._lock:
+            return method(self, *args, **kwargs)
+
+    return run
+
+
+class ToldBuilding:
+    """What a robot has reported of one building.
+
+    A thing is any word. A room is its id, or its label if no other room has it. A word that means
+    no thing, and a name that means no room, raise `RecipeError`. The object is thread-safe.
+    """
+
+    def __init__(
+        self,
+        graph: PartialGraph,
+        model: Predictor | AnyPath = DEFAULT_MODEL,
+        *,
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        """Start with a graph.
+
+        Args:
+            graph: in the class space of the model.
+            model: a `Predictor`, or what it takes.
+            notes: what a person should know about how the graph was read, a sentence each.
+
+        Raises:
+            CheckpointError: if there is no such model.
+        """
+        self._notes = notes
+        self._lock = RLock()
+        self._words = Dictionary(model if isinstance(model, Predictor) else Predictor(model))
+        self._named = 0  # the highest number of an id that was given
+        self._now = self._weigh_looks(understand_rooms(graph))
+
+    @property
+    def graph(self) -> PartialGraph:
+        """What was seen so far."""
+        return self._now.said
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know about how the graph is read, a sentence each."""
+        lost = dict.fromkeys(
+            one.thing for one in self.graph.looks if self._words.look_up(one.thing) is None
+        )
+        words = ", ".join(repr(word[:SHOWN]) for word in [*lost][:_LISTED])
+        ignored = (f"looks for what {self.model} has no word for are ignored: {words}",)
+        notes = note_graph(self.graph, self._words.own, self._now.kinds)
+        return (*self._notes, *notes, *(ignored if lost else ()))
+
+    @property
+    def model(self) -> str:
+        """Name of the model that is asked."""
+        return self._words.own.name
+
+    @property
+    def rooms(self) -> tuple[str, ...]:
+        """Ids of the rooms, in their order."""
+        return tuple(room.name for room in self.graph.rooms)
+
+    @property
+    def unmapped(self) -> tuple[UnmappedEntry, ...]:
+        """Seen objects whose name no class map knows; models do not read them."""
+        class_map = self._words.own.class_map
+        return tuple(describe_unmapped(list_unmapped(self.graph), class_map))
+
+    @alone
+    def copy(self: _B) -> _B:
+        """Return an independent copy; reports to it do not change this object."""
+        other = copy(self)
+        other._lock = RLock()
+        return other
+
+    @alone
+    def saw(
+        self,
+        room: str | None,
+        thing: str,
+        *,
+        object_id: str | None = None,
+        position: tuple[float, float, float] | None = None,
+        score: float | None = None,
+        age: float | None = None,
+        stays: float | None = None,
+        within: float = 0.5,
+        besides: Collection[str] = (),
+        on: str | None = None,
+    ) -> str:
+        """Report one object in a room, and return its id; the room may hold more.
+
+        Args:
+            room: id or label; None for an object that is in no room.
+            thing: its category.
+            object_id: a known id moves the object instead of adding one.
+            position: metres, Z up.
+            score: P(it is there now), such as a detector's score; None if nobody doubts it.
+            age: instead of the score, hours since it was seen; needs `stays`.
+            stays: hours after which half of such things are elsewhere; None for the graph's.
+            within: without an id, a known object of the same class in the room that is this near,
+                in metres, is the same object. 0 keeps all apart; ∞ takes any in the room.
+            besides: ids of objects that it is not, such as others that were seen with it.
+            on: id of the object on or in which it lies, or its word if the room has one such.
+
+        Raises:
+            RecipeError: for a room, a word or a number that cannot be.
+        """
+        require_word(thing)
+        index = 0 if room is None else find_room(self.graph, room)
+        within = read_number("saw: within", within, most=math.inf)
+        where = f"saw {thing[:SHOWN]!r}"
+        score = self._score(where, score, age=age, stays=stays)
+        known = classify_seen(thing, self._words.own.class_map)
+        facts = (index, thing, known.category, known.class_index, position, score)
+        before = {obj.name: obj for obj in self.graph.objects}.get(object_id or "")
+        piece = None if on is None else self._find_piece(on, index).name
+        if on is None and before is not None and before.room_index == index:
+            piece = before.on  # who sees it again need not say it again
+        seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
+        near = None
+        if object_id is None:
+            near = reports.find_near(self.graph, seen, within=within, besides=besides)
+        if near is not None:
+            likelier = max(seen.probability, near.probability)
+            score = None if score is None or near.score is None else likelier
+            seen = replace(seen, name=near.name, score=score, on=seen.on or near.on)
+        graph = reports.see_object(self.graph, seen)
+        if reports.is_on_itself(graph, seen):
+            raise RecipeError(
+                f"{where}: on: {seen.name[:SHOWN]!r} would lie on itself, by "
+                f"{str(seen.on)[:SHOWN]!r}; say what is below",
+                code="piece-on-itself",
+                where=seen.name,
+            )
+        self._change(self._forget_looks(graph, seen) if seen.is_evidence else graph)
+        return seen.name
+
+    def _score(
+        self, where: str, score: float | None, *, age: float | None, stays: float | None
+    ) -> float | None:
+        """Return the score of a sighting, as it is said or by its age."""
+        if age is not None:
+            age = read_number(f"{where}: age", age, most=_MOST_HOURS)
+        if stays is not None and not read_number(f"{where}: stays", stays, most=_MOST_HOURS):
+            raise RecipeError(f"{where}: stays: expected above 0 hours, found 0", code="stays-zero")
+        if score is not None:
+            score = read_number(f"{where}: score", score, most=1.0)
+        if stays is not None and age is None:
+            raise RecipeError(
+                f"{where}: has stays; say also its age", code="age-unsaid", where=where
+            )
+        return say_score(where, score, age=age, stays=stays or self.graph.stays)
+
+    def _forget_looks(self, graph: PartialGraph, seen: SeenObject) -> PartialGraph:
+        """Return a graph without the looks for a thing that is there, after all."""
+        missed = [
+            one.look
+            for one in self._now.looks
+            if one.look.room_index == seen.room_index
+            and self._words.names(one.meaning)(seen.raw_category)
+        ]
+        return replace(graph, looks=tuple(one for one in graph.looks if one not in missed))
+
+    def _name_object(self) -> str:
+        """Return an id that no object has, and none had that is gone."""
+        taken = {obj.name for obj in self.graph.objects}
+        numbers = count(max(self._named, len(taken)) + 1)
+        self._named = next(number for number in numbers if f"saw {number}" not in taken)
+        return f"saw {self._named}"
+
+    @alone
+    def gone(self, object_id: str) -> None:
+        """Report that a known object is no longer there.
+
+        Raises:
+            RecipeError: if there is no such object.
+        """
+        known = [obj.name for obj in self.graph.objects]
+        if object_id not in known:
+            hint = ask_if_meant(str(object_id), known) or "`graph.objects` has the ids"
+            raise RecipeError(
+                f"{self.graph.scene_id}: no object {str(object_id)[:SHOWN]!r}; {hint}",
+                code="object-unknown",
+                where=str(object_id),
+            )
+        self._change(reports.lose(self.graph, [object_id]))
+
+    @alone
+    def looked(
+        self, room: str, thing: str, *, chance: float = LOOK_CHANCE, at: str | None = None
+    ) -> None:
+        """Report a look for one thing in a room that did not find it.
+
+        The room becomes less likely to have one, by Bayes' rule, but not impossible; two looks
+        count twice. `searched` says that nothing is left in a room. `saw` reports what is found.
+
+        Args:
+            room: id or label.
+            thing: any word.
+            chance: P(the look would have found it, if one is there).
+            at: id of the piece of furniture that was searched, or its word if the room has one
+                such; None for the whole room.
+
+        Raises:
+            RecipeError: for a room, a word or a chance that cannot be.
+        """
+        index = find_room(self.graph, room)
+        self._words.understand(thing)
+        piece = None if at is None else self._find_piece(at, index)
+        if piece is not None and kind_of(piece) is None:
+            raise RecipeError(
+                f"looked for {thing[:SHOWN]!r}: at: {piece.name[:SHOWN]!r} is no furniture that "
+                "holds things; leave `at` out, if the look was into the whole room",
+                code="piece-holds-nothing",
+                where=piece.name,
+            )
+        chance = read_number(f"looked for {thing[:SHOWN]!r}: chance", chance, most=1.0)
+        look = Look(index, thing, chance, None if piece is None else piece.name)
+        self._change(reports.look(self.graph, look))
+
+    def _find_piece(self, said: str, index: int) -> SeenObject:
+        """Return an object of a room, by its id, its word, or that of its kind of furniture."""
+        known = [obj for obj in self.graph.objects if obj.room_index == index]
+        spoken, kind = normalise_name(str(said)), find_receptacle(str(said))
+        same = (
+            [obj for obj in known if obj.name == said]
+            or [obj for obj in known if normalise_name(obj.raw_category) == spoken]
+            or [obj for obj in known if kind is not None and kind_of(obj) == kind]
+        )
+        if len(same) == 1:
+            return same[0]
+        shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
+        found = f"{len(same)} such objects" if same else "no such object"
+        raise RecipeError(
+            f"{str(said)[:SHOWN]!r}: expected the id of an object of the room, found {found}; "
+            f"known are {shown or 'none'}",
+            code="piece-unknown",
+            where=str(said)[:SHOWN],
+        )
+
+    @alone
+    def entered(
+        self,
+        room: str,
+        *,
+        hidden_share: float | ShareBelief | None = None,
+        floor_in_view: float | None = None,
+        walls_in_view: float | None = None,
+        seconds_inside: float | None = None,
+    ) -> None:
+        """Report that the robot is in a room, or has looked at more of it.
+
+        Args:
+            room: id or label.
+            hidden_share: share of the room's objects not seen so far; a `ShareBelief` if uncertain.
+                None estimates it from the arguments below. Without any of them, the known share
+                stays; a room that was not entered before may hide any share.
+            floor_in_view: share of the floor that the camera has had in view.
+            walls_in_view: share of the walls that the camera has had in view.
+            seconds_inside: how long the robot has looked around in the room.
+
+        Raises:
+            RecipeError: also if a share is not 0 to 1, or both `hidden_share` and another argument
+                are given.
+        """
+        index = find_room(self.graph, room)
+        looked = any(x is not None for x in (floor_in_view, walls_in_view, seconds_inside))
+        if hidden_share is not None and looked:
+            raise RecipeError(
+                f"room {room!r}: give hidden_share, or how it was looked at; not both",
+                code="share-twice",
+                where=room,
+            )
+        if looked:
+            hidden_share = estimate_hidden_share(
+                floor_in_view=floor_in_view,
+                walls_in_view=walls_in_view,
+                seconds_inside=seconds_inside,
+                floor_area=area_of(self.graph.rooms[index - 1]),
+            )
+        elif hidden_share is not None and not isinstance(hidden_share, ShareBelief):
+            hidden_share = ShareBelief(hidden_share)
+        self._change(reports.enter(self.graph, index, hidden_share=hidden_share))
+
+    @alone
+    def searched(self, room: str, *, found: Collection[str] | str | None = None) -> None:
+        """Report that everything in a room was seen and reported by `saw`.
+
+        Args:
+            room: id or label.
+            found: which of the known objects there were found again, by id or by any word; those
+                that were not are gone. None keeps all.
+
+        Raises:
+            RecipeError: if there is no such room, or it had no such object.
+        """
+        index = find_room(self.graph, room)
+        if found is None:
+            self._change(reports.enter(self.graph, index, hidden_share=ShareBelief(0.0)))
+            return
+        if not isinstance(found, Collection):
+            raise RecipeError(
+                f"searched {room!r}: found: expected ids or words, found {show_value(found)}",
+                code="found-impossible",
+                where=room,
+            )
+        known = [obj for obj in self.graph.objects if obj.room_index == index]
+        words = [found] if isinstance(found, str) else found
+        kept = {name for one in words for name in self._find_again(one, known, room)}
+        self._change(reports.find_all(self.graph, index, kept))
+
+    def _find_again(self, said: str, known: Sequence[SeenObject], room: str) -> list[str]:
+        """Return the ids of the known objects that an id or a word names."""
+        names = [obj.name for obj in known]
+        if said in names:
+            return [said]
+        spoken = normalise_name(str(said))
+        same = [obj.name for obj in known if normalise_name(obj.raw_category) == spoken]
+        if not same and (meaning := self._words.look_up(said)):
+            is_kind = self._words.names(meaning)
+            same = [obj.name for obj in known if is_kind(obj.raw_category)]
+        if not same:
+            shown = ", ".join(f"{obj.name} ({obj.raw_category})" for obj in known[:_LISTED])
+            raise RecipeError(
+                f"searched {room!r}: found {str(said)[:SHOWN]!r}, and no such object was known "
+                f"there; report it by `saw` first. Known are {shown or 'none'}",
+                code="object-unknown",
+                where=str(said),
+            )
+        return same
+
+    @alone
+    def discovered(
+        self,
+        room: str,
+        *,
+        beside: Collection[str] | str = (),
+        room_type: RoomType | None = None,
+        position: tuple[float, float, float] | None = None,
+        floor_area: float | None = None,
+    ) -> None:
+        """Report a new room that the robot has not entered.
+
+        Args:
+            room: its id.
+            beside: id of a room that it connects with, or several.
+            room_type: a kind of room, or kinds with probabilities. None: as its id says, if it
+                does. A word that is not understood says nothing; `notes` names it.
+            position: metres, Z up.
+            floor_area: square metres.
+
+        Raises:
+            RecipeError: also if the room is already known, or is not valid.
+        """
+        new = KnownRoom(
+            room,
+            hidden_share=1.0,
+            visited=False,
+            position=position,
+            floor_area=floor_area,
+            room_type=room_type,
+        )
+        others = [beside] if isinstance(beside, str) else beside
+        neighbours = [find_room(self.graph, other) for other in others]
+        graph = reports.discover(self.graph, check_report(new), beside=neighbours)
+        self._change(understand_rooms(graph))
+
+    @alone
+    def describe(
+        self,
+        room: str,
+        *,
+        room_type: RoomType | None = None,
+        label: str | None = None,
+        position: tuple[float, float, float] | None = None,
+        floor_area: float | None = None,
+        beside: Collection[str] | str = (),
+    ) -> None:
+        """Say more of a known room; what is None stays as it was.
+
+        Args:
+            room: id or label.
+            room_type: a kind of room, or kinds with probabilities. A word that is not understood
+                says nothing; `notes` names it.
+            label: its name for people.
+            position: metres, Z up.
+            floor_area: square metres.
+            beside: id of a room that it connects with, or several; known connections stay.
+
+        Raises:
+            RecipeError: if there is no such room, or the facts cannot be.
+        """
+        index = find_room(self.graph, room)
+        before = self.graph.rooms[index - 1]
+        known = replace(
+            before,
+            room_type=before.room_type if room_type is None else room_type,
+            label=before.label if label is None else label,
+            position=before.position if position is None else position,
+            floor_area=before.floor_area if floor_area is None else floor_area,
+        )
+        others = [beside] if isinstance(beside, str) else beside
+        neighbours = [find_room(self.graph, other) for other in others]
+        known = check_report(known)
+        if room_type is not None:
+            read = read_room_type(known.room_type, read=room_reader(self.graph))
+            is_read = read.labels is not None or not read.unread  # else nothing is said
+            kind = known.room_type if is_read else before.room_type
+            known = replace(known, room_type=kind, unread=read.unread)
+        graph = reports.describe(self.graph, index, known, beside=neighbours)
+        self._change(understand_rooms(graph))
+
+    @alone
+    def more_rooms(self, number: int | bool) -> None:
+        """Report how many rooms are not found yet: a number, or True for as many as homes have.
+
+        `discovered` counts a number down. 0, or False, says that the graph is whole.
+        """
+        self._change(replace(self.graph, more_rooms=check_more_rooms(number) or 0))
+
+    def _change(self, graph: PartialGraph) -> None:
+        """Take a later graph."""
+        self._now = self._weigh_looks(self._now.keep_looks(graph), before=self._now)
+
+    def _weigh_looks(
+        self, graph: PartialGraph, *, before: WeighedGraph | None = None
+    ) -> WeighedGraph:
+        if any(room.name == EXPLORE for room in graph.rooms):
+            raise RecipeError(
+                f"{graph.scene_id}: a room {EXPLORE!r} cannot be told from the answer {EXPLORE!r}, "
+                "to look for rooms that are not found yet; rename the room",
+                code="room-named-explore",
+                where=EXPLORE,
+            )
+        return WeighedGraph(reports.let_go(graph), self._words, before=before)

@@ -1,0 +1,225 @@
+"""Measure the ways between the rooms of a robot's graph, and what looks into them cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, TypeAlias
+
+import numpy as np
+from pydantic import Field, PlainValidator, WithJsonSchema
+
+from bsg_data.arrays import Bools, Floats
+from bsg_data.errors import RecipeError
+from bsg_data.records import read_number
+from bsg_data.scene.surroundings import area_of
+from bsg_data.spelling import SHOWN
+from bsg_models.belief.partial_graph import KnownRoom, Number, PartialGraph
+from bsg_models.search.knowledge import find_costs
+from bsg_models.search.looks import USUAL_WAY, metres_of_look
+from bsg_robot.answers.place import EXPLORE
+from bsg_robot.answers.words import find_room
+
+MOST_ROOMS = 2000  # limit of measured rooms: tables hold a number for each pair
+Costs = Mapping[tuple[str, str], float]
+AnyLook: TypeAlias = float | Mapping[str, float]  # cost of a look, into every room or some
+_MOST = 1e9
+Unit = Literal["m", "rooms", "given"]  # metres, the number of rooms, or that of given costs
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """The edges between rooms, and the cheapest ways over them; the building is node 0."""
+
+    edges: Floats  # [1 + R, 1 + R] costs ≥ 0, ∞ without an edge
+    costs: Floats  # [1 + R, 1 + R] of the cheapest ways, ∞ if there is none
+    unit: Unit
+    usual: float  # cost of a way of which nothing is known
+    metre: float  # cost of a way of one metre
+
+
+def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
+    """Return the costs of going from room to room.
+
+    An edge joins rooms that the graph calls adjacent; without any adjacency, all rooms. Its cost is
+    the straight distance between their positions in metres. If a position is unknown, the cost is
+    the mean of the known edges; if none is known, 1. Disconnected parts of the graph are joined
+    between their nearest rooms, because a building is connected.
+
+    `costs` of pairs of rooms replace the measured ones, in both directions; ∞ closes a way.
+    """
+    rooms = len(graph.rooms)
+    if rooms > MOST_ROOMS:
+        raise RecipeError(
+            f"{graph.scene_id}: expected at most {MOST_ROOMS:,} rooms to measure ways between, "
+            f"found {rooms:,}; ask without the robot's room, or about a part of the building",
+            code="rooms-too-many",
+            where=graph.scene_id,
+        )
+    lines = _straight_lines(graph)
+    pairs = np.array(graph.adjacency, dtype=np.int64).reshape(-1, 2)
+    if not len(pairs):
+        pairs = np.argwhere(np.triu(np.ones((rooms, rooms), dtype=bool), k=1)) + 1
+    a, b = pairs.T
+    known = lines[a, b][np.isfinite(lines[a, b])]
+    usual = float(np.mean(known)) if len(known) else 1.0
+    edges = np.full(lines.shape, np.inf)
+    edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], usual)
+    if graph.adjacency:
+        _join_parts(edges, lines, usual)
+    for ends, cost in (costs or {}).items():
+        one, other = (find_room(graph, end) for end in ends)
+        what = f"costs: {ends[0]!r} to {ends[1]!r}"
+        edges[one, other] = edges[other, one] = read_number(what, cost, most=math.inf)
+    unit: Unit = "given" if costs else "m" if len(known) else "rooms"
+    open_ = edges[np.isfinite(edges)]
+    usual = float(np.median(open_)) if costs and len(open_) else usual
+    # Costs that are given beside positions are in metres, or the robot drives 1 m/s.
+    metre = 1.0 if len(known) else usual / USUAL_WAY
+    if graph.adjacency or costs:
+        return Ways(edges, find_costs(edges), unit, usual, metre)
+    # A straight line is cheapest, but for two usual ways by a room whose place is unknown.
+    nowhere = ~np.isfinite(np.diagonal(lines)[1:]).all()
+    straight = np.where(nowhere & (edges > 2 * usual) & np.isfinite(edges), 2 * usual, edges)
+    np.fill_diagonal(straight, 0.0)
+    return Ways(edges, straight, unit, usual, metre)
+
+
+def add_places(ways: Ways, number: int) -> Ways:
+    """Return ways with some more nodes, of which it is not known where they are.
+
+    From anywhere, the usual way leads there; back from there, it leads to the middle of the rooms.
+    """
+    rooms = len(ways.costs)
+    known = ways.costs[1:, 1:]
+    back = np.where(np.isfinite(known), known, 0.0).sum(axis=0) / max(1, rooms - 1)
+    costs = np.full((rooms + number, rooms + number), ways.usual)
+    costs[:rooms, :rooms] = ways.costs
+    costs[rooms:, 1:rooms] += back
+    np.fill_diagonal(costs[rooms:, rooms:], 0.0)
+    return replace(ways, costs=costs)
+
+
+def list_lost(graph: PartialGraph) -> set[int]:
+    """Return the nodes of rooms without place and connection, if other rooms have one."""
+    joined = {end for pair in graph.adjacency for end in pair}
+    lost = {
+        node
+        for node, room in enumerate(graph.rooms, 1)
+        if node not in joined and place_of(room) is None
+    }
+    return lost if len(lost) < len(graph.rooms) else set()
+
+
+def _straight_lines(graph: PartialGraph) -> Floats:
+    """Return the metres between the positions of rooms, `[1 + R, 1 + R]`; ∞ if one is unknown."""
+    nowhere = (np.nan, np.nan, np.nan)
+    places = np.array([nowhere, *(place_of(room) or nowhere for room in graph.rooms)])
+    return measure_lines(places)
+
+
+def measure_lines(places: Floats) -> Floats:
+    """Return the straight distances between places `[M, 3]`, `[M, M]`; ∞ where one is unknown."""
+    squares = [(one[:, None] - one) ** 2 for one in places.T]
+    lines = np.sqrt(sum(squares))
+    return np.where(np.isnan(lines), np.inf, lines)
+
+
+def place_of(room: KnownRoom) -> tuple[float, ...] | None:
+    """Return the position of a room, or the middle of its box; None if neither is known."""
+    if room.position is not None or room.box is None:
+        return room.position
+    return tuple((np.add(room.box.minimum, room.box.maximum) / 2).tolist())
+
+
+def _join_parts(edges: Floats, lines: Floats, usual: float) -> None:
+    """Join the parts of a graph between their nearest rooms, by a minimum spanning tree.
+
+    A part of which no place is known is joined to the first room.
+    """
+    there, known = np.isfinite(edges), np.isfinite(lines)
+    if _is_whole(there[1:, 1:]):
+        return
+    last = np.max(lines, where=known, initial=0) + np.arange(1.0, lines.size + 1)
+    weights = np.where(known, lines, last.reshape(lines.shape)) + 1
+    weights[there] = 0.5  # an edge that is there comes first
+    weights = np.triu(weights, k=1)
+    weights += weights.T
+    near, nearest = weights[1].copy(), np.ones(len(weights), dtype=np.int64)
+    near[[0, 1]] = np.inf
+    for _ in range(len(weights) - 2):  # Prim's: the tree grows by the room that is nearest to it
+        b = int(near.argmin())
+        a = nearest[b]
+        if not there[a, b]:
+            edges[a, b] = edges[b, a] = lines[a, b] if known[a, b] else 2 * usual
+        closer = (weights[b] < near) & np.isfinite(near)
+        near[closer], nearest[closer] = weights[b, closer], b
+        near[b] = np.inf
+
+
+def _is_whole(joined: Bools) -> bool:
+    """Return whether all rooms `[R, R]` connect."""
+    reached = np.zeros(len(joined), dtype=bool)
+    new = np.arange(min(1, len(joined)))
+    while len(new):
+        reached[new] = True
+        new = np.flatnonzero(joined[new].any(axis=0) & ~reached)
+    return bool(reached.all())
+
+
+def check_look(said: Any) -> AnyLook | None:
+    """Return what a robot says of the cost of its looks: a number, or room → number.
+
+    Raises:
+        RecipeError: for a cost that is no number of 0 or more.
+    """
+    if said is None:
+        return None
+    if not isinstance(said, Mapping):
+        return read_number("look", said, most=_MOST)
+    return {
+        str(name): read_number(f"look: {str(name)[:SHOWN]!r}", cost, most=_MOST)
+        for name, cost in said.items()
+    }
+
+
+SaidCost = Annotated[float, Number, Field(ge=0, le=_MOST)]  # of a look at a piece of furniture
+SaidLook = Annotated[  # as a field of what people and programs ask
+    AnyLook | None,
+    PlainValidator(check_look),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "minimum": 0},
+                {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
+                {"type": "null"},
+            ]
+        }
+    ),
+]
+
+
+def cost_looks(graph: PartialGraph, ways: Ways, look: AnyLook | None = None) -> Floats:
+    """Return the cost of a look in each room, and in one not found yet, `[1 + R + 1]`.
+
+    The usual cost is that of `metres_of_look`, for the share of the room that was not seen. Where
+    ways are not in metres, one between rooms that connect counts as long as in HM3D.
+
+    Args:
+        graph: what is known of the rooms.
+        ways: between them.
+        look: of every room; or by room id or label, and `explore` for rooms not found yet, where
+            the others keep their usual cost; None for the usual costs.
+
+    Raises:
+        RecipeError: if a cost is not a number of 0 or more, or a name means no room.
+    """
+    look = check_look(look)
+    if look is not None and not isinstance(look, Mapping):
+        return np.full(2 + len(graph.rooms), look)
+    metres = [metres_of_look(area_of(room), share=room.hidden_share) for room in graph.rooms]
+    costs = np.array([0.0, *metres, metres_of_look(None)]) * ways.metre
+    for name, cost in (look or {}).items():
+        costs[-1 if name == EXPLORE else find_room(graph, name)] = cost
+    return costs

@@ -1,0 +1,357 @@
+"""A robot's graph in which looks that missed are weighed, and what is believed of it."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from bsg_data.arrays import Floats
+from bsg_models.belief.count_distribution import CountDistribution
+from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
+from bsg_robot.answers.destinations import Spot, is_there, leave_rest, list_spots
+from bsg_robot.answers.dictionary import Dictionary
+from bsg_robot.answers.kind_table import read_kinds
+from bsg_robot.answers.kinds import RoomKinds, infer_kinds
+from bsg_robot.answers.missed_looks import (
+    Looked,
+    MissedLook,
+    MissedPieces,
+    doubt_objects,
+    sum_looks,
+    sum_pieces,
+)
+from bsg_robot.answers.nouns import read_nouns
+from bsg_robot.answers.place import NOT_SEEN, Piece
+from bsg_robot.answers.thing_belief import (
+    SHARE_OF_KIND,
+    ThingBelief,
+    after_looks,
+    believe_class,
+    believe_kind,
+    believe_noun,
+    believe_rates,
+    count_rooms,
+    lift,
+)
+from bsg_robot.answers.unknown_rooms import Apart, expect_apart
+from bsg_robot.answers.usual_places import IN_SIGHT, OF_HOMES, Things, find_things, rate_things
+from bsg_robot.answers.words import Asked, Meaning, require_word
+from bsg_robot.graph import reports
+from bsg_robot.graph.reports import reclassify
+from bsg_robot.things.pieces import TIDY, Furniture, SeenPieces, find_pieces, furnish
+from bsg_robot.things.things import Thing, find_thing, list_narrower
+
+_SURELY = 1 - 1e-9
+_MOST_SOUGHT = 32  # things of which the belief is remembered
+# Buildings of HM3D's train split (145) by their number of rooms, from 0 on.
+# fmt: off
+_BUILDINGS = (
+    0, 0, 0, 0, 2, 0, 4, 2, 10, 11, 6, 14, 14, 16, 11, 9, 6, 4, 5, 7, 2, 5, 2, 4, 2, 2, 2, 2, 1, 0,
+    1, 0, 1,
+)
+# fmt: on
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """A thing that is sought."""
+
+    meaning: Meaning
+    belief: ThingBelief
+    looked: Looked  # into whole rooms
+    missed: Mapping[int, MissedPieces]  # by node with looks for it
+
+
+class WeighedGraph:
+    """What a robot has said of a building, as looks leave it; nothing of it changes.
+
+    Attributes:
+        said: the graph as the robot said it.
+        whole: the same without what looks exclude, and with the rooms that are not found yet.
+        looks: that missed, of which the thing is known.
+        kinds: those of the rooms of `whole`.
+    """
+
+    def __init__(
+        self, said: PartialGraph, words: Dictionary, *, before: WeighedGraph | None = None
+    ) -> None:
+        """Weigh the looks; what was believed `before` stays if no evidence of models differs."""
+        understood = ((one, words.look_up(one.thing)) for one in said.looks)
+        self.said, self._words = said, words
+        self.looks = tuple(MissedLook(one, meaning) for one, meaning in understood if meaning)
+        left = doubt_objects(said, self.looks, names=words.names)
+        # Models count the objects of a room, wherever they are there, and whoever they are.
+        seen = [
+            (one.room_index, one.raw_category, one.category, one.class_index)
+            for one in left.objects
+            if one.is_evidence
+        ]
+        self._evidence = replace(left, looks=(), objects=()), Counter(seen)
+        self._asked: dict[Asked, Apart] = {}
+        self._found: Expectation | None = None
+        self._pieces: dict[int, SeenPieces] = {}
+        self.kinds: RoomKinds
+        if before is not None and before._evidence == self._evidence:
+            self._asked, self._found = before._asked, before._found
+            self.kinds = before.kinds
+        else:
+            found = infer_kinds(left, read_kinds())
+            self.kinds = found.with_unknown(_count_unfound(left, found))
+        self.whole = _add_unfound(left, len(self.kinds.rooms) - len(left.rooms))
+        self._objects: dict[int, list[SeenObject]] = defaultdict(list)
+        for obj in self.whole.objects:
+            self._objects[obj.room_index].append(obj)
+        if before is not None:
+            same = (n for n in before._pieces if before.objects_of(n) == self.objects_of(n))
+            self._pieces = {node: before._pieces[node] for node in same}
+        self._read: dict[Asked, PartialGraph] = {Asked.OWN: self.whole}
+        self._sought: dict[str, Sought] = {}
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes: the building, its rooms, and those that are not found yet."""
+        return 1 + len(self.whole.rooms)
+
+    def believe(self, asked: Asked) -> tuple[PartialGraph, Expectation]:
+        """Return the whole graph as a model reads it, and what it believes."""
+        if asked not in self._read:
+            self._read[asked] = reclassify(self.whole, self._words.class_map(asked))
+        graph = self._read[asked]
+        return graph, self._ask(asked).every
+
+    def _ask(self, asked: Asked) -> Apart:
+        """Return what a model believes, of known rooms and of the others."""
+        if asked not in self._asked:
+            model, graph = self._words.model(asked), self._read[asked]
+            self._asked[asked] = expect_apart(graph, self.kinds.known, model)
+        return self._asked[asked]
+
+    @property
+    def found(self) -> Expectation:
+        """What a person would find, by the building's model and the table of everyday things."""
+        if self._found is None:
+            graph, belief = self.believe(Asked.OWN)
+            classes = find_things(self._words.own.classes)
+            rates = rate_things(classes.things, self.kinds, graph)
+            own, parts = rates[: len(classes.own)], rates[len(classes.own) :]
+            least, homes = np.zeros((2, *belief.inputs.shape))
+            homes[:, classes.own] = own.T
+            parts[classes.in_sight, 1:] *= self.kinds.strange
+            parts[:, 0] = parts[:, 1:].sum(axis=1)
+            np.maximum.at(least.T, classes.whole, -np.expm1(-parts))
+            weight = np.zeros(homes.shape[1])
+            is_new = belief.inputs.sum(axis=0) == 0  # how many homes have a second, nobody said
+            weight[classes.own] = OF_HOMES * is_new[classes.own]
+            hidden = lift(self._ask(Asked.OWN), homes, weight=weight, least=least)
+            self._found = replace(belief, hidden_counts=hidden)
+        return self._found
+
+    @cached_property
+    def _counted(self) -> Expectation:
+        return replace(self.found, hidden_counts=count_rooms(self.found.hidden_counts))
+
+    def expectation(self) -> Expectation:
+        """Return what is believed of the nodes that the robot said, by the building's model."""
+        belief, rooms = self._counted, np.arange(1 + len(self.said.rooms))
+        chances = np.zeros(belief.inputs.shape)
+        words = {one.meaning.word: one.meaning for one in self.looks}.values()
+        own = {m.class_index: m for m in words if m.is_class}
+        for index, meaning in own.items():
+            chances[:, index] = 1 - self._overlook(meaning)
+        if chances.any():
+            belief = replace(belief, hidden_counts=after_looks(belief.hidden_counts, chances))
+        # A doubted object is no evidence, and is one of those that were seen all the same.
+        seen = self.said.histograms().astype(np.float64)
+        return replace(belief.take(rooms), inputs=seen)
+
+    def seek(self, word: str) -> Sought:
+        """Return what is known of a thing; a question asks several times."""
+        require_word(word)
+        found = self._sought.get(word)
+        if found is None:
+            meaning = self._words.understand(word)
+            looked = sum_looks(self.looks, meaning, nodes=self.nodes)
+            found = Sought(meaning, self._look_up(meaning), looked, sum_pieces(self.looks, meaning))
+            if len(self._sought) >= _MOST_SOUGHT:
+                self._sought.clear()
+            self._sought[word] = found
+        return found
+
+    def _look_up(self, meaning: Meaning) -> ThingBelief:
+        hidden, none = self._expect_hidden(meaning)
+        seen: list[list[SeenObject]] = [[] for _ in range(self.nodes)]
+        for obj in self._list_found(meaning):
+            seen[obj.room_index].append(obj)
+        searched = np.array([True, *(room.hidden_share == 0 for room in self.whole.rooms)])
+        held = ThingBelief(tuple(map(tuple, seen)), hidden, none, searched)
+        return held.after(1 - self._overlook(meaning))
+
+    def _list_found(self, meaning: Meaning) -> list[SeenObject]:
+        """Return the objects that are such things."""
+        objects, is_sought = self.whole.objects, self._words.names(meaning)
+        if not meaning.is_class:
+            return [obj for obj in objects if is_sought(obj.raw_category)]
+        overlaps = self._words.judge != Asked.OWN  # mugs have a class, and are tableware, too
+        return [
+            obj
+            for obj in objects
+            if obj.class_index == meaning.class_index
+            or ((overlaps or obj.class_index is None) and is_sought(obj.raw_category))
+        ]
+
+    def _expect_hidden(self, meaning: Meaning) -> tuple[CountDistribution, float]:
+        """Return the hidden counts of a thing, and P(the building hides none)."""
+        if meaning.thing is not None:
+            rates = self._rate(meaning, meaning.thing)
+            return believe_rates(rates, part=SHARE_OF_KIND if meaning.kind else 1.0)
+        judged = counted = None
+        if meaning.noun is not None:
+            judged = believe_noun(meaning.noun, self.believe(self._words.judge)[1], read_nouns())
+        if meaning.class_index is not None:
+            counted = believe_class(self.found, meaning.class_index)
+            if meaning.owner and meaning.owner in self.kinds.owners:  # which no model reads
+                theirs = find_thing(str(meaning.class_name))
+                if theirs is not None:
+                    hidden, none = believe_rates(self._rate(meaning, theirs))
+                    counted = hidden, max(none, counted[1])
+        both = [one for one in (counted, judged) if one is not None]
+        return believe_kind(both[0][0], both[1][0]) if len(both) > 1 else both[0]
+
+    def _rate(self, meaning: Meaning, thing: Thing) -> Floats:
+        """Return the mean numbers of an everyday thing at every node, `[N]`."""
+        parts = () if meaning.kind else list_narrower(thing)
+        things = Things.of([thing, *parts], self.kinds.table)
+        rates = rate_things(things, self.kinds, self.whole, owner=meaning.owner).max(axis=0)
+        classes, whole = self._words.own.classes, thing.wider
+        if whole in (None, *thing.names) or whole not in classes or thing.sight < IN_SIGHT:
+            return np.asarray(rates)
+        most = self.found.presence[:, classes.index(whole)]
+        return np.asarray(np.minimum(rates, -np.log1p(-most.clip(max=_SURELY))))
+
+    def _overlook(self, meaning: Meaning) -> Floats:
+        """Return P(all looks miss a thing that is in the room), `[N]`: at its pieces, too."""
+        missed = sum_looks(self.looks, meaning, nodes=self.nodes).missed
+        for node, pieces in sum_pieces(self.looks, meaning).items():
+            is_at_pieces = not pieces.of_pieces.keys() <= {None}
+            if is_at_pieces and (furniture := self.furnish(meaning, node)) is not None:
+                missed[node] *= furniture.overlooked(pieces.of_pieces)
+        return missed
+
+    def objects_of(self, node: int) -> Sequence[SeenObject]:
+        """Return the objects of a room."""
+        return self._objects.get(node, ())
+
+    def pieces_of(self, node: int) -> SeenPieces:
+        """Return the furniture of a room."""
+        if node not in self._pieces:
+            self._pieces[node] = find_pieces(self.objects_of(node))
+        return self._pieces[node]
+
+    def furnish(self, meaning: Meaning, node: int, tidy: float = TIDY) -> Furniture | None:
+        """Return where in a room a thing may be; None if it stands by itself."""
+        belief = self.believe(Asked.OWN)[1]
+        return furnish(
+            meaning.kept_as,
+            self.whole.rooms[node - 1],
+            self.pieces_of(node),
+            classes=self._words.own.classes,
+            unseen=belief.presence[node],
+            tidy=tidy,
+            kinds=self.kinds.said[node - 1],
+        )
+
+    def list_pieces(self, sought: Sought, node: int, tidy: float) -> tuple[Piece, ...]:
+        """Return the pieces of a room, the likeliest first; then any that was not seen yet."""
+        pieces = [
+            Piece(
+                piece=spot.name,
+                name=spot.piece.raw_category if spot.piece else NOT_SEEN,
+                probability=spot.finds(1.0, float(sought.belief.unseen[spot.node])),
+                if_there=spot.share,
+                seen=spot.seen,
+            )
+            for spot in self._list_spots(sought, node, tidy)
+        ]
+        return tuple(sorted(pieces, key=lambda one: (one.piece is None, -one.probability)))
+
+    def list_places(self, sought: Sought) -> list[Spot]:
+        """Return where to look in all rooms: their pieces, each followed by the rest."""
+        places: list[Spot] = []
+        for node, room in enumerate(self.whole.rooms, 1):
+            spots = self._list_spots(sought, node)
+            if not spots:
+                spots = [Spot(node=node, sure=is_there(sought.belief.seen[node]))]
+            elif room.visited:
+                spots = leave_rest(spots)
+            places += spots
+        return places
+
+    def _list_spots(self, sought: Sought, node: int, tidy: float = TIDY) -> list[Spot]:
+        """Return the pieces of a room where a thing may be, then its rest; none if it stands."""
+        furniture = self.furnish(sought.meaning, node, tidy)
+        if furniture is None:
+            return []
+        return list_spots(
+            furniture,
+            sought.belief.seen[node],
+            node=node,
+            on=self.pieces_of(node).on,
+            missed=sought.missed.get(node, MissedPieces({})),
+        )
+
+    def keep_looks(self, graph: PartialGraph) -> PartialGraph:
+        """Return a later graph in which looks at a piece that is gone are looks into its room.
+
+        They have the chance that the piece had its share of.
+        """
+        room_of = {obj.name: obj.room_index for obj in graph.objects}
+        left: dict[str, dict[str, float | None]] = {}  # a piece that is gone → scores in its room
+        for one in graph.looks:
+            meaning = self._words.look_up(one.thing)
+            if one.at is None or room_of.get(one.at) == one.room_index or meaning is None:
+                continue
+            furniture = self.furnish(meaning, one.room_index)
+            if furniture is not None and one.at in furniture.names:
+                missed = 1 - furniture.overlooked({one.at: 1 - one.chance})
+                graph = reports.look(graph, replace(one, at=None, chance=missed))
+                objects = self.objects_of(one.room_index)
+                left.setdefault(one.at, {obj.name: obj.score for obj in objects})
+        if not left:
+            return graph
+        objects = tuple(
+            replace(obj, score=left[obj.on].get(obj.name, 0.0)) if obj.on in left else obj
+            for obj in graph.objects
+        )
+        return replace(graph, objects=objects)
+
+
+def _count_unfound(graph: PartialGraph, kinds: RoomKinds) -> int:
+    """Return how many rooms are not found yet.
+
+    If the graph says only that there are more, it is the mean of the homes that have more rooms
+    than were found, and at least 1. If it says nothing, and a home has rooms that are not among the
+    known, the rooms of which nothing is known are some of them.
+    """
+    rooms, known = len(graph.rooms), int(kinds.known.sum())
+    if graph.more_rooms is None:
+        return max(0, known + _expect_more(known) - rooms) if kinds.lacks else 0
+    return _expect_more(rooms) if graph.more_rooms is True else graph.more_rooms
+
+
+def _expect_more(found: int) -> int:
+    larger = [(rooms - found, homes) for rooms, homes in enumerate(_BUILDINGS) if rooms > found]
+    homes = sum(number for _, number in larger)
+    return max(1, round(sum(more * number for more, number in larger) / homes)) if homes else 1
+
+
+def _add_unfound(graph: PartialGraph, more: int) -> PartialGraph:
+    """Return the graph with the rooms that are not found yet, last, of which nothing is known."""
+    for number in range(1, more + 1):
+        unknown = KnownRoom(f"(not found yet: {number})", 1.0, visited=False)
+        graph = reports.discover(graph, unknown)
+    return graph

@@ -1,0 +1,453 @@
+"""Find what a person's words mean: the class that answers for a thing, and rooms by id or label."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from functools import cache, lru_cache
+from itertools import chain, islice
+from types import MappingProxyType
+
+from bsg_data.errors import RecipeError
+from bsg_data.scene.class_map import (
+    ClassMap,
+    Role,
+    load_class_map,
+    normalise_name,
+    read_real_words,
+)
+from bsg_data.scene.name_rules import (
+    LONGEST,
+    MARKS,
+    SHORT,
+    index_words,
+    is_typo,
+    list_parts,
+    mend,
+    singulars,
+)
+from bsg_data.scene.room_label import owner_of, read_room
+from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
+from bsg_models.belief.hidden_share import ShareBelief
+from bsg_models.belief.partial_graph import PartialGraph
+from bsg_models.runs.found_model import WIDE_MAP
+from bsg_robot.answers.nouns import Noun, NounTable, looks_of, split_head
+from bsg_robot.graph.reports import follow_rooms
+from bsg_robot.tables.table import read_table
+from bsg_robot.things.things import Thing, find_keeping, find_thing, list_things
+from bsg_robot.things.uses import find_use
+
+MOST_CHARACTERS = LONGEST
+_NO_THINGS = "not-things-v1.csv"
+_OFFERED = 3  # nouns offered in an error
+_REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be forgotten in turn
+_MOST_BEFORE = 5  # words before the last one of a listed thing, and more
+_LISTED = 8  # rooms listed in an error
+_LABELS = 3  # kinds of rooms in a note
+# `chair, garden` and `chair (garden)`
+_KIND_BEHIND = re.compile(r"(?P<thing>[^\W\d][^,(\[/|]*?)\s*[,(\[]\s*(?P<kind>[\w'’ -]+)")
+_NONE: Mapping[str, float] = MappingProxyType({})
+
+
+class Asked(IntEnum):
+    """The models that may answer for a word."""
+
+    OWN = 0  # the building's
+    DEFAULT = 1  # by whose classes nouns are judged, where the building's model has others
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a word is taken for: a class, or a noun that no model counts.
+
+    Attributes:
+        word: as it was asked.
+        class_name: None if the building's model has no class for it.
+        class_index: in its class space; None without a class.
+        how: why, in words; empty if the word is the name of the class.
+        is_exact: whether the class holds only such things; False for a teapot in `tableware`.
+        noun: what the word means, if it is known and no class holds only such things.
+        is_mended: whether the word is taken for another one, spelled almost like it.
+        thing: the row of the table of everyday things, for one that no class holds alone.
+        kind: words that make it a kind of the things of this row: `running` of running shoes.
+        told: these, and what else tells it from other such things: `red` of a mug, a brand.
+    """
+
+    word: str
+    class_name: str | None
+    class_index: int | None
+    how: str
+    is_exact: bool
+    noun: Noun | None = None
+    is_mended: bool = False
+    thing: Thing | None = None
+    kind: frozenset[str] = frozenset()
+    told: frozenset[str] = frozenset()
+
+    @property
+    def said(self) -> str:
+        """The name without its place and marks."""
+        return _name_only(self.word)
+
+    @property
+    def owner(self) -> str | None:
+        """Whose it is, by its name: it tells the thing from others, and is no kind of it."""
+        return owner_of(self.word)
+
+    @property
+    def kept_as(self) -> str:
+        """The first of its names of which it is known on which furniture such things are."""
+        alike = self.is_exact or self.is_mended
+        names = (self.said, self.thing.name if self.thing else "", self.class_name if alike else "")
+        return next((one for one in names if one and find_keeping(one) is not None), self.said)
+
+    @property
+    def is_class(self) -> bool:
+        """Whether a class answers alone."""
+        return self.class_name is not None and self.noun is None and self.thing is None
+
+    @property
+    def name(self) -> str:
+        """The class, or the word where more than the class answers."""
+        return str(self.class_name) if self.is_class else " ".join(self.word.split())
+
+
+def find_meaning(
+    word: str, class_map: ClassMap, *, prefer_exact: bool = True, nouns: NounTable | None = None
+) -> Meaning:
+    """Return what a word means, by `find_known`; else an error says what may have been meant."""
+    if found := find_known(word, class_map, prefer_exact=prefer_exact, nouns=nouns):
+        return found
+    said = _name_only(word)
+    role = class_map.classify(said).role
+    kind = find_kind(said) if role in ("unmapped", "nameless") else None
+    near = [] if kind else _spelled_alike(said, class_map)
+    if not near and kind is None and nouns is not None and role == "unmapped":
+        near = _mended(said, nouns.known)
+    raise RecipeError(_refusal(word, kind, role, near), code="thing-unknown", where=word)
+
+
+def find_known(
+    word: str, class_map: ClassMap, *, prefer_exact: bool = True, nouns: NounTable | None = None
+) -> Meaning | None:
+    """Return what a word means: a class, or else a noun; None if it means no thing.
+
+    A wide class is narrowed by what the word means. A word without a class is looked up among the
+    `nouns`, unless it is a part of the building, a room, or no thing at all: a person, an animal, a
+    colour, an action or an event. `prefer_exact=False` takes a class however wide it is: for a map
+    that is the user's own.
+    """
+    require_word(word)
+    said = _name_only(word)
+    found = _look_up(word, said, class_map)
+    if found and (found.is_exact or not (prefer_exact or found.is_mended)):
+        return found
+    noun = nouns.find(said) if nouns else None
+    if found is not None:
+        return found if noun is None or found.is_mended else _narrow(found, noun)
+    role = class_map.classify(said).role
+    if noun is None or role == "structure" or _is_room(said):
+        return None
+    if role in ("unmapped", "nameless") and find_kind(said):
+        return None
+    return Meaning(word, None, None, _explain(noun), is_exact=False, noun=noun)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _name_only(word: str) -> str:
+    """Return the name of a thing without its place and marks: a book on the table is a book.
+
+    A list has the thing first: a `chair, garden` is a garden chair.
+    """
+    bare, parts = word.strip(MARKS), list_parts(word)
+    if bare in parts or len(word) > LONGEST or _is_listed(bare):
+        return bare
+    if found := _KIND_BEHIND.fullmatch(bare):
+        thing, kind = found["thing"], found["kind"].strip(MARKS)
+        turned, straight = f"{kind} {thing}", f"{thing} {kind}"
+        is_use = any(find_use(one, by_thing=False) for one in kind.split())
+        if list_parts(straight) == (straight,) and (is_use or _is_listed(turned)):
+            return turned
+    counted = (one for one in parts if load_class_map().classify(one).class_index is not None)
+    listed = (one for known in (find_thing, _is_listed) for one in parts if known(one))
+    return next(chain(counted, listed), parts[0])
+
+
+def _is_listed(name: str) -> bool:
+    return find_thing(name) is not None or load_class_map().lists(name)
+
+
+def _is_room(said: str) -> bool:
+    """Return whether a word is listed as a kind of room; dinner is none, by a rule or not."""
+    read = read_room(said)
+    return read.label is not None and read.rule is None
+
+
+@cache
+def _read_kinds() -> Mapping[str, str]:
+    """Return what words are that name no thing."""
+    return dict(read_table(_NO_THINGS, ("word", "kind")))
+
+
+def find_kind(said: str) -> str | None:
+    """Return what a word is that names no thing: a person, an animal, a colour, an event.
+
+    An old man is a person, but a fire blanket is no event.
+    """
+    if len(said) > LONGEST:
+        return None
+    before, head = split_head(said)
+    kinds = (_read_kinds().get(one) for one in (head, *singulars(head)))
+    kind = next(filter(None, kinds), None)
+    return kind if kind == "person" or not before else None
+
+
+@lru_cache(maxsize=_REMEMBERED)  # the objects of a map are asked again and again
+def find_everyday(word: str) -> Thing | None:
+    """Return the everyday thing that a word names, whatever the thing looks like.
+
+    A word that the table lacks is read by the rules of the default class map: `CoffeeTable`; then
+    one typo is mended.
+    """
+    return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
+
+
+def _find_listed(word: str, *, is_part: bool = False) -> Thing | None:
+    """Return the thing that a name is listed as; `is_part`: the name is the end of another."""
+    said = _name_only(word)
+    before, head = split_head(said)
+    if thing := find_thing(said) or find_thing(" ".join([*before, head])):
+        return thing
+    class_map = load_class_map()
+    # What is known of names is kept; of their ends, head nouns and typos count for nothing below.
+    known = class_map.classify_whole(said) if is_part else class_map.classify(said)
+    # Other names may be read as a wider thing: a mattress is a bed to the class map.
+    is_renamed = known.role == "left-out" or known.rule not in (None, "head noun", "spelling")
+    return find_thing(str(known.category)) if is_renamed else None
+
+
+def _find_mended(word: str) -> Thing | None:
+    said = _name_only(word)
+    known = load_class_map().classify(said)
+    if known.rule == "spelling" and (thing := find_thing(str(known.category))):
+        return thing
+    if known.rule != "spelling" and known.role != "unmapped":
+        return None
+    near = sorted(mend(normalise_name(said), _letters(), real=read_real_words()))
+    return next(filter(None, map(find_thing, near)), None)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
+    """Return the everyday thing of which a name without a row says more, and what it says more.
+
+    The longest listed end of the name is the thing: a Miele vacuum cleaner is a vacuum cleaner.
+    None for a name that is listed, or that a class map knows as a whole; but for a known class of
+    such things, as of chairs, if a word says in which rooms: a dining chair is a chair.
+
+    >>> [(thing.name, told) for thing, told in [find_wider("my Nokia phone")] if thing]
+    [('phone', ('nokia',))]
+    """
+    if len(word) > LONGEST or find_everyday(word):
+        return None, ()
+    said, class_map = _name_only(word), load_class_map()
+    known = class_map.classify(said)
+    is_known = known.role != "unmapped" and known.rule != "head noun"
+    before, head = split_head(str(known.category) if is_known and known.rule else said)
+    for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
+        name, told = " ".join([*before[number:], head]), tuple(before[:number])
+        if thing := _find_listed(name, is_part=True):
+            index = known.class_index
+            is_kind = index is not None and index == class_map.classify(name).class_index
+            if is_known and not (is_kind and any(map(find_use, told))):
+                break
+            return thing, told
+    if known.role == "left-out":  # of no class of ours, but perhaps of one of the 170
+        wide = load_class_map(WIDE_MAP)
+        index = wide.classify(said).class_index
+        return (None, ()) if index is None else (find_thing(wide.classes[index]), tuple(before))
+    return None, ()
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def tell_apart(word: str) -> frozenset[str]:
+    """Return the words that tell a thing from others of its row: how it looks, its brand or kind.
+
+    >>> [sorted(tell_apart(word)) for word in ("red mug", "my Nokia phone", "wine glass")]
+    [['red'], ['nokia'], []]
+    """
+    return looks_of(_name_only(word)) | frozenset(find_wider(word)[1])
+
+
+@cache
+def _letters() -> dict[str, list[str]]:
+    """Return the words of everyday things, to find one that is spelled alike."""
+    return index_words(name for thing in list_things() for name in thing.names)
+
+
+def counts(class_name: str, thing: Thing) -> bool:
+    """Return whether a class counts just these things: a couch, but not the wallets among bags."""
+    return class_name in thing.names
+
+
+def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) -> str:
+    """Say where people search for an everyday thing, or which class counts it."""
+    name, how = class_name or thing.name, []
+    if normalise_name(word) != normalise_name(name):
+        is_mended = _find_listed(word) is None and find_wider(word)[0] is None
+        taken = f"no model knows {word!r}; taken for {name!r}, the most similar name"
+        how.append(taken if is_mended else f"{word!r} is {name!r}")
+    if class_name is None:
+        rooms = ", ".join(label for label, _ in thing.rooms[:_LABELS])
+        how.append(f"people search for it in: {rooms} (table of everyday things)")
+    return "; ".join(how)
+
+
+def require_word(word: object) -> None:
+    """Refuse what cannot be the name of a thing."""
+    if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
+        raise RecipeError(
+            f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
+            f"{show_value(word)}",
+            code="thing-none",
+        )
+
+
+def _narrow(wider: Meaning, noun: Noun) -> Meaning:
+    """Add what a word means to a class that holds other things, too.
+
+    A sofa is a couch, by what both are like; a fork is not just any tableware.
+    """
+    if wider.class_name in noun.like:
+        return wider
+    how = f"{wider.how}, and judged by what is like it: {', '.join(noun.like)}"
+    if told := split_head(noun.name)[0]:
+        how += f"; {' '.join(told)!r} sets it apart from any other {noun.head}"
+    return replace(wider, how=how, noun=noun)
+
+
+def _explain(noun: Noun) -> str:
+    """Say that a noun is not counted, and what it is judged by."""
+    by_head = "" if split_head(noun.name) == ([], noun.head) else f"its word {noun.head!r} and "
+    return (
+        f"no model counts {noun.name!r}, so it is judged by {by_head}what is like it: "
+        f"{', '.join(noun.like)}"
+    )
+
+
+def _look_up(word: str, thing: str, class_map: ClassMap) -> Meaning | None:
+    """Return the class of a thing by the map of a model; None if it has none."""
+    said = normalise_name(thing)
+    named = [normalise_name(name) for name in class_map.classes]
+    if said in named:
+        index = named.index(said)
+        how = "" if thing == word else f"{word!r} is {thing!r}"
+        return Meaning(word, class_map.classes[index], index, how, is_exact=True)
+    found = class_map.classify(thing)
+    if found.class_index is None:
+        return None
+    name = class_map.classes[found.class_index]
+    steps = []
+    if said != normalise_name(str(found.category)):
+        rule = "" if found.rule is None else f" by the rule {found.rule!r}"
+        steps.append(f"{word!r} is {found.category!r}{rule}")
+    is_mended = found.rule == "spelling"
+    if is_mended:
+        steps = [f"no model knows {word!r}; taken for {found.category!r}, the most similar name"]
+    is_exact = not is_mended and name in (found.category, *singulars(str(found.category)))
+    if found.category != name:
+        steps.append(f"{found.category!r} is one of the class {name!r}")
+    how = ", ".join(steps)
+    return Meaning(word, name, found.class_index, how, is_exact, is_mended=is_mended)
+
+
+def _spelled_alike(word: str, class_map: ClassMap) -> list[str]:
+    """Return names of things and classes that are spelled similarly."""
+    names = dict.fromkeys(name for thing in list_things() for name in thing.names)
+    for entry in class_map.entries.values():  # corrected names: published spellings have errors
+        if entry.class_index is not None:
+            names.setdefault(normalise_name(str(entry.category)))
+    names |= dict.fromkeys(map(normalise_name, class_map.classes))
+    return list(meant_names(normalise_name(word), names))
+
+
+def _mended(word: str, known: Sequence[str]) -> list[str]:
+    """Return the nouns that a word is one typo from, the most frequent first."""
+    said = normalise_name(word)
+    near = (noun for noun in known if len(said) > SHORT and is_typo(said, noun))
+    return list(islice(near, _OFFERED))
+
+
+def _refusal(word: str, kind: str | None, role: Role, near: Sequence[str]) -> str:
+    if kind is not None:
+        article = "an" if kind[0] in "aeiou" else "a"
+        why = f"it is the word for {article} {kind}, and models look for things"
+    elif role == "structure":
+        why = "it is a part of the building, and models count objects"
+    elif role == "left-out":
+        why = "class maps know the name, but no shipped model has a class for it"
+    else:
+        why = "no known thing has this English name"
+    hint = f"; did you mean {', '.join(near)}?" if near else "."
+    return (
+        f"no model here can look for {word!r}: {why}{hint} `bsg-data map show CATEGORY` says "
+        "which class a name has"
+    )
+
+
+def find_room(graph: PartialGraph, name: str) -> int:
+    """Return the index, 1..R, of the room with this id, or with a label that it alone has."""
+    ids = [room.name for room in graph.rooms]
+    if name in ids:
+        return ids.index(name) + 1
+    said = normalise_name(str(name))
+    labelled = [
+        number
+        for number, room in enumerate(graph.rooms, 1)
+        if said and said in (normalise_name(room.label or ""), normalise_name(room.name))
+    ]
+    if len(labelled) == 1:
+        return labelled[0]
+    if labelled:
+        those = ", ".join(ids[number - 1] for number in labelled[:_LISTED])
+        raise RecipeError(
+            f"{graph.scene_id}: {len(labelled)} rooms are called {name!r}; give the id of one: "
+            f"{those}",
+            code="room-ambiguous",
+            where=name,
+        )
+    spoken = ids + [room.label for room in graph.rooms if room.label]
+    hint = ask_if_meant(said, spoken) or f"rooms are {', '.join(ids[:_LISTED]) or 'none'}"
+    raise RecipeError(
+        f"{graph.scene_id}: no room {str(name)[:SHOWN]!r}; {hint}", code="room-unknown", where=name
+    )
+
+
+def set_hidden_shares(
+    graph: PartialGraph, *, every: float | None = None, rooms: Mapping[str, float] = _NONE
+) -> PartialGraph:
+    """Return a graph with the given hidden shares; the building's share follows from its rooms'.
+
+    A share of 1 marks the room as not entered, and 0 as searched. In between, the visits stay as
+    the graph has them.
+
+    Args:
+        graph: with shares of its own.
+        every: share of all rooms that `rooms` does not name; of the building, if it has no rooms.
+        rooms: shares by room id or label.
+
+    Raises:
+        RecipeError: if a share is not 0 to 1, or a name means no room or several.
+    """
+    if every is not None and not graph.rooms:
+        return replace(graph, hidden_share=ShareBelief(every).mean)
+    shares = {} if every is None else dict.fromkeys(range(1, len(graph.rooms) + 1), every)
+    shares |= {find_room(graph, name): share for name, share in rooms.items()}
+    known = list(graph.rooms)
+    for index, said in shares.items():
+        share, room = ShareBelief(said).mean, known[index - 1]
+        visited = share < 1 and (share == 0 or room.visited)
+        known[index - 1] = replace(room, hidden_share=share, hidden_share_sd=0.0, visited=visited)
+    return follow_rooms(graph, replace(graph, rooms=tuple(known)))

@@ -1,0 +1,208 @@
+"""Read Hydra's graphs (Spark-DSG): in the words of a robot's JSON, and from binary files.
+
+A robot states facts that Spark-DSG has no field for, such as the `hidden_share` of a room, in
+metadata under `bsg`, with the keys of this project's JSON; facts of the graph go into `partial`.
+What `bsg_robot.graph.annotation` adds is under `bsg.belief`.
+
+Binary files are converted in a separate process with limits. Their C++ reader trusts the lengths in
+a file: a kilobyte can ask for all memory, which no exception stops. A process has limits, and only
+the process ends when it reaches them.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from bsg_data.errors import ask_to_install
+from bsg_data.sources.dsg_file import DSGFile, DSGNode
+from bsg_data.sources.label_space import LabelSpace, name_object
+from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_robot.errors import HydraError
+from bsg_robot.graph.robot_json import (
+    GRAPH_WORDS,
+    OBJECT_WORDS,
+    ROOM_WORDS,
+    RobotGraphError,
+)
+
+BINARY = ".sparkdsg"
+_MEMORY = 4 * 2**30  # bytes, besides Python and spark_dsg; a real graph takes a tenth
+_SECONDS = 120
+_CODE = (
+    "import sys; path, written, *sys.path = sys.argv[1:]\n"
+    "from bsg_robot.graph.hydra import _run\n"
+    "_run(path, written)\n"
+)
+_LISTED = 10  # labels in a note
+_PATH = ("metadata", "bsg", "belief")  # of a belief in a graph, or in a node's attributes
+_OURS = ("belief", "partial")  # keys of an annotation, and of facts of the graph
+_ASKED = 1000  # foreign keys in metadata that are compared with ours; more are somebody's data
+_TELLING = 5  # letters from which a similar key is no accident
+_Asked = set[tuple[str, tuple[str, ...]]]  # keys in metadata, and the ones they are compared with
+
+
+def describe_hydra(dsg: DSGFile, labels: LabelSpace | None, path: Path) -> dict[str, Any]:
+    """Return Hydra's graph in the form of a robot's JSON; its metadata take precedence."""
+    asked: _Asked = set()
+    rooms = [_describe_room(room, path, asked) for room in dsg.rooms]
+    names = [room["id"] for room in rooms]
+    return {
+        **_read_said(dsg.said.get("partial"), GRAPH_WORDS, asked, of=f"{path}: partial"),
+        "rooms": rooms,
+        "objects": [_describe_object(obj, names, labels, path, asked) for obj in dsg.objects],
+        "adjacency": [[names[a], names[b]] for a, b in dsg.adjacency],
+    }
+
+
+def _describe_room(node: DSGNode, path: Path, asked: _Asked) -> dict[str, Any]:
+    called = node.label_name or node.name
+    return {
+        "id": node.symbol,
+        "label": called,
+        "position": node.position,
+        "box": None if node.box is None else (node.box.minimum, node.box.maximum),
+        **_read_said(node.said, ROOM_WORDS, asked, of=f"{path}: room {node.symbol!r}"),
+    }
+
+
+def _describe_object(
+    node: DSGNode, rooms: list[str], labels: LabelSpace | None, path: Path, asked: _Asked
+) -> dict[str, Any]:
+    return {
+        "id": node.symbol,
+        "room": None if node.room is None else rooms[node.room],
+        "category": _name_object(node, labels),
+        "position": node.position,
+        **_read_said(node.said, OBJECT_WORDS, asked, of=f"{path}: object {node.symbol!r}"),
+    }
+
+
+def _name_object(node: DSGNode, labels: LabelSpace | None) -> str:
+    """Return the name of an object; the one of our own annotation if nobody else names it."""
+    name, belief = name_object(node, labels), node.said.get("belief")
+    own = belief.get("category") if isinstance(belief, dict) else None
+    return own if isinstance(own, str) and name in ("", f"label {node.label}") else name
+
+
+def _read_said(said: Any, keys: tuple[str, ...], asked: _Asked, *, of: str) -> dict[str, Any]:
+    """Return the keys of a robot's JSON in metadata; others are the user's, unless misspelt.
+
+    A key of the user's is compared once in a graph, however many nodes have it.
+    """
+    said = said if isinstance(said, dict) else {}
+    for key in said:
+        if key in keys or key in _OURS or (key, keys) in asked or len(asked) >= _ASKED:
+            continue
+        asked.add((key, keys))
+        if hint := ask_if_meant(key, [one for one in keys if len(one) >= _TELLING]):
+            raise RobotGraphError(
+                f"{of}: {key[:SHOWN]!r} is no key; {hint}", code="key-unknown", where=of
+            )
+    return {key: said[key] for key in keys if key in said}
+
+
+def note_hydra(dsg: DSGFile, labels: LabelSpace | None) -> Iterator[str]:
+    """Yield what a person should know about how Hydra's graph is read, a sentence each."""
+    if not dsg.rooms:
+        yield "it has no rooms (layer ROOMS): beliefs are about the building only"
+    elif astray := sum(obj.room is None for obj in dsg.objects):
+        yield f"{astray} of {_count(len(dsg.objects))} under no room, counted for the building only"
+    if dsg.links:
+        edges = "1 edge" if dsg.links == 1 else f"{dsg.links:,} edges"
+        yield (
+            f"{edges} between objects not read: Spark-DSG does not say which of the two lies on "
+            "the other; say `on` in the metadata of an object (docs/belief.md)"
+        )
+    if dsg.lost:
+        edges = "1 edge" if dsg.lost == 1 else f"{dsg.lost:,} edges"
+        yield f"{edges} left out: a node of each is not in the file"
+    bare = [
+        obj for obj in dsg.objects if not (obj.label_name or obj.name or "category" in obj.said)
+    ]
+    labelled = [obj for obj in bare if obj.label is not None]
+    named = Counter((obj.label, _name_object(obj, labels)) for obj in labelled)
+    found = sorted(pair for pair in named if pair[1] != f"label {pair[0]}")
+    if found and labels is not None:
+        pairs = ", ".join(f"{label} is {name}" for label, name in found[:_LISTED])
+        yield f"the file does not name its labels; by {labels.name}, {pairs}"
+    if missing := sorted(set(named) - set(found)):
+        numbers = ", ".join(str(label) for label, _ in missing[:_LISTED])
+        yield (
+            f"{_count(sum(named[pair] for pair in missing))} with labels that nobody names "
+            f"({numbers}); name them by --labels: mpcat40, ade20k, or the file of the label "
+            "space that Hydra ran with (config/label_spaces/NAME.yaml)"
+        )
+    if silent := len(bare) - len(labelled):
+        yield f"{_count(silent)} with neither a label nor a name"
+
+
+def _count(objects: int) -> str:
+    return "1 object" if objects == 1 else f"{objects:,} objects"
+
+
+def find_document(graph: Any) -> Any:
+    """Return the document of the belief graph that an annotation added; None without one."""
+    return (find_belief(graph) or {}).get("document")
+
+
+def find_belief(held: Any) -> dict[str, Any] | None:
+    """Return what an annotation added to a graph or a node; blind nodes are added as a whole."""
+    for key in _PATH:
+        held = held.get(key) if isinstance(held, dict) else None
+    if not isinstance(held, dict):
+        return None
+    return held if held.get("added") in _PATH or held.get("kind") == "blind" else None
+
+
+def convert(path: Path) -> bytes:
+    """Return the JSON of a binary graph, as spark_dsg makes it."""
+    if importlib.util.find_spec("spark_dsg") is None:
+        raise HydraError(
+            f"{path}: binary graphs need spark-dsg; save the graph as .json, or "
+            f"{ask_to_install('hydra')}",
+            code="library-missing",
+            where=path,
+        )
+    with tempfile.TemporaryDirectory() as folder:  # the writer chooses names, and fails silently
+        written = Path(folder, "graph.json")
+        # Isolated: never import modules from the working directory.
+        command = [sys.executable, "-I", "-c", _CODE, str(path.absolute()), str(written), *sys.path]
+        try:
+            subprocess.run(  # noqa: S603
+                command, check=True, capture_output=True, timeout=2 * _SECONDS, cwd=folder
+            )
+            return written.read_bytes()
+        except (subprocess.SubprocessError, OSError) as error:
+            raise HydraError(
+                f"{path}: expected a Spark-DSG file, found one that spark_dsg cannot load within "
+                f"{_MEMORY // 2**30} GiB and {_SECONDS} s; save the graph as .json",
+                code="binary-unloadable",
+                where=path,
+            ) from error
+
+
+def _run(path: str, written: str) -> None:
+    """Convert a graph in this process, which is limited from now on."""
+    import spark_dsg
+
+    _bound()
+    spark_dsg.DynamicSceneGraph.load(path).save(written, include_mesh=True)
+
+
+def _bound() -> None:
+    try:
+        import resource
+    except ImportError:  # not on Windows: there the caller's timeout is the only limit
+        return
+    status = Path("/proc/self/statm")
+    taken = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else 0
+    resource.setrlimit(resource.RLIMIT_AS, (taken + _MEMORY, taken + _MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

@@ -1,0 +1,264 @@
+"""Update a partial graph by what a robot reports. Each update returns a new graph."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import replace
+
+from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounds import MAX_ROBOT_LOOKS, MAX_ROBOT_SOUGHT
+from bsg_data.scene.class_map import ClassMap, normalise_name
+from bsg_models.belief.hidden_share import VAGUE, ShareBelief
+from bsg_models.belief.partial_graph import (
+    KnownRoom,
+    Look,
+    PartialGraph,
+    SeenObject,
+)
+from bsg_robot.things.things import classify_seen
+
+_ALMOST = 1 - 1e-12  # the chance of any number of looks that may miss
+
+
+def hide_of_room(
+    graph: PartialGraph, room_index: int, share: ShareBelief, *, visited: bool | None = None
+) -> PartialGraph:
+    """Return the graph with another hidden share of a room, 1..R, and whether it was visited."""
+    rooms = list(graph.rooms)
+    room = rooms[room_index - 1]
+    rooms[room_index - 1] = replace(
+        room,
+        hidden_share=share.mean,
+        hidden_share_sd=share.sd,
+        visited=room.visited if visited is None else visited,
+    )
+    return follow_rooms(graph, replace(graph, rooms=tuple(rooms)))
+
+
+def follow_rooms(before: PartialGraph, after: PartialGraph) -> PartialGraph:
+    """Return a later graph whose building hides more or less as its rooms do."""
+    if before.rooms == after.rooms:
+        return after
+    return replace(after, hidden_share=before.share_with([one.hidden_share for one in after.rooms]))
+
+
+def see_object(graph: PartialGraph, seen: SeenObject) -> PartialGraph:
+    """Return the partial graph after the robot has seen one object.
+
+    A known object of this name moves to the new place. The hidden share of its room stays the same,
+    because one object does not say how much more the robot looked at; but a room that shows
+    something does not hide all.
+    """
+    others = tuple(obj for obj in graph.objects if obj.name != seen.name)
+    return follow_rooms(graph, replace(graph, objects=(*others, seen)))
+
+
+def enter(
+    graph: PartialGraph, room_index: int, *, hidden_share: ShareBelief | None = None
+) -> PartialGraph:
+    """Return the partial graph after the robot has entered a room, 1..R, or seen more of it.
+
+    Without a new hidden share, the known one stays, but a room not yet visited with a share above
+    0.5 gets `VAGUE`.
+    """
+    known = graph.rooms[room_index - 1]
+    if hidden_share is None:
+        was_inside = known.visited and known.hidden_share < 1
+        hidden_share = known.share if was_inside or known.hidden_share <= VAGUE.mean else VAGUE
+    return hide_of_room(graph, room_index, hidden_share, visited=True)
+
+
+def discover(graph: PartialGraph, room: KnownRoom, *, beside: Collection[int] = ()) -> PartialGraph:
+    """Return the partial graph with one more room, the last, `beside` known ones.
+
+    Raises:
+        RecipeError: if the name is known already.
+    """
+    number = len(graph.rooms) + 1
+    if room.name in {known.name for known in graph.rooms}:
+        raise RecipeError(
+            f"{graph.scene_id}: room {room.name!r} is known already; `describe` says more of it",
+            code="room-known",
+            where=room.name,
+        )
+    pairs = {*graph.adjacency, *((other, number) for other in beside)}
+    more = graph.more_rooms
+    return replace(
+        graph,
+        rooms=(*graph.rooms, room),
+        adjacency=tuple(sorted(pairs)),
+        hidden_share=(graph.hidden_share * (number - 1) + room.hidden_share) / number,
+        more_rooms=more if more is True or not more else more - 1,
+    )
+
+
+def describe(
+    graph: PartialGraph, room_index: int, room: KnownRoom, *, beside: Collection[int] = ()
+) -> PartialGraph:
+    """Return the partial graph with other facts of a room, 1..R, and more connections of it.
+
+    Raises:
+        RecipeError: if a room connects with itself.
+    """
+    if room_index in beside:
+        raise RecipeError(
+            f"room {room.name!r}: beside: expected other rooms, found itself",
+            code="room-beside-itself",
+            where=room.name,
+        )
+    rooms = [*graph.rooms]
+    rooms[room_index - 1] = room
+    pairs = {*graph.adjacency, *((min(o, room_index), max(o, room_index)) for o in beside)}
+    return replace(graph, rooms=tuple(rooms), adjacency=tuple(sorted(pairs)))
+
+
+def look(graph: PartialGraph, seen: Look) -> PartialGraph:
+    """Return the partial graph after a look that did not find a thing.
+
+    Looks for the same thing at the same place become one, whose chance is that of all. Only a look
+    that misses nothing leaves nothing possible.
+    """
+    same = (seen.room_index, seen.at, normalise_name(seen.thing))
+    missed, looks = 1 - seen.chance, []
+    for one in graph.looks:
+        if (one.room_index, one.at, normalise_name(one.thing)) == same:
+            missed *= 1 - one.chance
+            seen = replace(seen, chance=max(seen.chance, one.chance))
+        else:
+            looks.append(one)
+    joined = replace(seen, chance=1.0 if seen.chance == 1 else min(1 - missed, _ALMOST))
+    things = {seen.thing, *(one.thing for one in looks)}
+    if len(looks) >= MAX_ROBOT_LOOKS or len(things) > MAX_ROBOT_SOUGHT:
+        raise RecipeError(
+            f"{graph.scene_id}: expected at most {MAX_ROBOT_LOOKS:,} looks for at most "
+            f"{MAX_ROBOT_SOUGHT} different things; `searched` says that a room has nothing more",
+            code="looks-too-many",
+            where=graph.scene_id,
+        )
+    return replace(graph, looks=(*looks, joined))
+
+
+def find_all(graph: PartialGraph, room_index: int, names: Collection[str]) -> PartialGraph:
+    """Return the partial graph after all of a room was seen, and only these of its objects.
+
+    Nobody doubts them any more, and no look has missed anything there.
+    """
+    found = set(names)
+    objects = tuple(
+        replace(obj, score=None) if obj.room_index == room_index else obj
+        for obj in graph.objects
+        if obj.room_index != room_index or obj.name in found
+    )
+    looks = tuple(one for one in graph.looks if one.room_index != room_index)
+    graph = replace(graph, objects=objects, looks=looks)
+    return enter(graph, room_index, hidden_share=ShareBelief(0.0))
+
+
+def is_on_itself(graph: PartialGraph, seen: SeenObject) -> bool:
+    """Return whether what an object lies on lies on it, by any way."""
+    below, on = {obj.name: obj.on for obj in graph.objects}, seen.on
+    while on is not None and on != seen.name:
+        on = below.get(on)
+    return on is not None
+
+
+def let_go(graph: PartialGraph) -> PartialGraph:
+    """Return the graph without what names an object that is no longer in its room.
+
+    What lay on a piece of furniture that is gone lies somewhere in the room; a look at it says
+    nothing any more.
+    """
+    room_of = {obj.name: obj.room_index for obj in graph.objects}
+    loose = [obj for obj in graph.objects if obj.on and room_of.get(obj.on) != obj.room_index]
+    looks = tuple(o for o in graph.looks if o.at is None or room_of.get(o.at) == o.room_index)
+    if not loose and len(looks) == len(graph.looks):
+        return graph
+    freed = {obj.name for obj in loose}
+    objects = tuple(replace(obj, on=None) if obj.name in freed else obj for obj in graph.objects)
+    return replace(graph, objects=objects, looks=looks)
+
+
+def lose(graph: PartialGraph, names: Collection[str]) -> PartialGraph:
+    """Return the partial graph without some objects, which are gone."""
+    gone = set(names)
+    return replace(graph, objects=tuple(obj for obj in graph.objects if obj.name not in gone))
+
+
+def find_near(
+    graph: PartialGraph, seen: SeenObject, *, within: float, besides: Collection[str] = ()
+) -> SeenObject | None:
+    """Return the known object that a sighting is: the nearest in its room of the same class.
+
+    Their categories are the same, or one of them is the class itself: a sofa is a couch.
+
+    Args:
+        graph: the partial graph before.
+        seen: the sighting.
+        within: metres; ∞ takes any, also one without a position.
+        besides: ids of objects that it is not.
+    """
+    best, near = None, within
+    classes = [normalise_name(name) for name in graph.class_space.classes]
+    for obj in graph.objects:
+        is_other = obj.room_index != seen.room_index or obj.name in besides
+        if is_other or not within or not _is_alike(obj, seen, classes=classes):
+            continue
+        far = math.inf
+        if obj.position is not None and seen.position is not None:
+            far = math.dist(obj.position, seen.position)
+        if far <= near and (best is None or far < near):
+            best, near = obj, far
+    return best
+
+
+def _is_alike(obj: SeenObject, other: SeenObject, *, classes: Collection[str]) -> bool:
+    """Return whether two are of one class; a plate is no fork, if both are tableware."""
+    if obj.class_index != other.class_index:
+        return False
+    names = {normalise_name(one.category or one.raw_category) for one in (obj, other)}
+    return len(names) == 1 or (obj.class_index is not None and not names.isdisjoint(classes))
+
+
+def say_score(
+    where: str, score: float | None, *, age: float | None, stays: float | None
+) -> float | None:
+    """Return P(a thing is where it was seen): as it is said, or 2^(−age / stays).
+
+    Args:
+        where: the object, for errors.
+        score: as the robot says it.
+        age: hours since it was seen.
+        stays: hours after which half of such things are elsewhere.
+
+    Raises:
+        RecipeError: if both score and age are given, or an age without `stays`.
+    """
+    if age is None:
+        return score
+    if score is not None:
+        raise RecipeError(f"{where}: give score or age, not both", code="score-twice", where=where)
+    if stays is None:
+        raise RecipeError(
+            f"{where}: has an age; say also `stays`, the hours after which half of such things are "
+            "elsewhere, of the object or of the graph",
+            code="stays-unsaid",
+            where=where,
+        )
+    return float(2.0 ** (-age / stays))
+
+
+def reclassify(graph: PartialGraph, class_map: ClassMap) -> PartialGraph:
+    """Return the graph with the classes that another class map gives its objects."""
+    found = [classify_seen(obj.raw_category, class_map) for obj in graph.objects]
+    words = graph.detector
+    known = tuple([(word, classify_seen(word, class_map).class_index) for word, _ in words or ()])
+    return replace(
+        graph,
+        class_space=class_map.space,
+        detector=words and known,
+        objects=tuple(
+            replace(obj, category=one.category, class_index=one.class_index)
+            for obj, one in zip(graph.objects, found, strict=True)
+        ),
+    )

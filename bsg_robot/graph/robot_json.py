@@ -1,0 +1,803 @@
+"""Read and write a robot's partial graph as plain JSON.
+
+    {
+      "format": "bsg-partial-graph", "version": 1,
+      "scene_id": "office", "building_kind": "office", "source": null,
+      "rooms": [
+        {"id": "kitchen", "visited": true, "hidden_share": 0.5, "hidden_share_sd": 0.2,
+         "label": null, "position": [2.0, 1.5, 0.0], "floor_area": 9.5,
+         "room_type": {"kitchen": 0.7, "dining room": 0.3}},
+        {"id": "hall", "visited": false, "room_type": "corridor"}
+      ],
+      "objects": [{"id": "7", "room": "kitchen", "category": "fridge", "position": null},
+                  {"id": "8", "room": "kitchen", "category": "milk", "on": "7"}],
+      "adjacency": [["kitchen", "hall"]],
+      "detector": ["fridge", "chair", "cup"],
+      "looks": [{"room": "kitchen", "thing": "cup", "chance": 0.8}], "more_rooms": 3
+    }
+
+`id`s are text, unique among the rooms and among the objects. A category is any name; the class map
+gives its class. By default the hidden share is 1 for a room that was not visited, and vague
+(`VAGUE`) for a visited one. Units are metres and square metres, Z up. `seconds_inside`,
+`floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
+docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
+
+The simplest map is read, too: room → the things that were seen there.
+
+    {"kitchen": ["sink", "stove"], "hall": [], "more_rooms": true}
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeGuard
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    TypeAdapter,
+    ValidationError,
+)
+
+from bsg_data.errors import RecipeError, SourceError
+from bsg_data.files import AnyPath
+from bsg_data.inputs.bounds import (
+    MAX_ALL_CORNERS,
+    MAX_ROBOT_KINDS,
+    MAX_ROBOT_LETTERS,
+    MAX_ROBOT_LOOKS,
+    MAX_ROBOT_OBJECTS,
+    MAX_ROBOT_PAIRS,
+    MAX_ROBOT_ROOMS,
+    MAX_ROBOT_SOUGHT,
+    MAX_ROBOT_TYPES,
+    MAX_ROBOT_WORDS,
+    ROBOT,
+)
+from bsg_data.inputs.documents import read_json
+from bsg_data.records import Keyed, Listed, SaidRecord, keep_one_unknown
+from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
+from bsg_data.scene.class_space import ClassSpace
+from bsg_data.scene.room_label import (
+    NO_KIND,
+    RoomReader,
+    Understood,
+    check_own_label,
+    drop_origin,
+    explain_rules,
+    is_name,
+    label_of,
+    list_labels,
+    name_nearest,
+    normalise_room,
+    owner_of,
+    read_room_type,
+)
+from bsg_data.scene.surroundings import (
+    BUILDING_KINDS,
+    SAID_KINDS,
+    area_of,
+    find_building_kind,
+    guess_building_kind,
+)
+from bsg_data.scene.vocabularies import vocabulary_words
+from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
+from bsg_models.belief.partial_graph import (
+    LOOK_CHANCE,
+    Hours,
+    Id,
+    KnownRoom,
+    Look,
+    MoreRooms,
+    Number,
+    PartialGraph,
+    Position,
+    Score,
+    SeenObject,
+    Stay,
+    StrictFraction,
+    Text,
+    Unread,
+    spell_id,
+)
+from bsg_robot.graph.reports import say_score
+from bsg_robot.things.things import classify_seen
+
+OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
+_OF_SOMEBODY = {"bedroom": 0.55, "child's bedroom": 0.4}  # a room that has somebody's name alone
+_MOST_WORDS = 5  # named in a note
+_ENTRIES = {
+    "rooms": "room",
+    "objects": "object",
+    "adjacency": "pair of adjacency",
+    "looks": "look",
+}
+_UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+_WORDS = {  # of JSON, where pydantic's are of Python's types
+    "model_type": "expected a JSON object (docs/belief.md)",
+    "dataclass_type": 'expected a JSON object, such as {"id": "kitchen"} (docs/belief.md)',
+    "tuple_type": "expected a JSON list",
+    "dict_type": "expected a JSON list of words",
+}
+# Keys of other formats, and which of ours is meant.
+_MEANT = {
+    "rooms": {"name": "id", "room_id": "id", "type": "room_type", "kind": "room_type"},
+    "objects": {
+        "name": "id",
+        "object_id": "id",
+        "class_name": "category",
+        "type": "category",
+        **dict.fromkeys(("parent", "parentreceptacles", "receptacle", "in", "at"), "on"),
+    },
+    "looks": {"object": "thing", "category": "thing", "on": "at"},
+    "": {"name": "scene_id", "kind": "building_kind"},
+}
+_MAP_HINT = 'a map of rooms is written without the key `rooms`: {"kitchen": ["sink"], "hall": []}'
+_ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
+_SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
+_FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WORDS))
+_LOOKS = ("seconds_inside", "floor_in_view", "walls_in_view")
+# What a robot may say of its rooms, its objects and the building, in any file format.
+ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
+OBJECT_WORDS = ("id", "category", "position", "score", "age", "stays", "on")
+_GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_rooms", "stays")
+GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks")
+_FACTS_OF_MAPS = ("more_rooms", "building_kind")
+
+
+class RobotGraphError(SourceError):
+    """Report a malformed graph of a robot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Room(KnownRoom):
+    """A room as a robot says it: its hidden share, or how it looked at the room."""
+
+    hidden_share: StrictFraction | None = None  # type: ignore[assignment]
+    seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
+    floor_in_view: StrictFraction | None = None
+    walls_in_view: StrictFraction | None = None
+
+
+def _know(room: _Room) -> KnownRoom:
+    """Return a room with its hidden share, stated or estimated."""
+    looks = {name: getattr(room, name) for name in _LOOKS}
+    twice = [name for name, look in looks.items() if look is not None]
+    if room.hidden_share is None and room.hidden_share_sd:
+        raise RecipeError("has hidden_share_sd without hidden_share; give both or neither")
+    if room.hidden_share is not None and twice:
+        raise RecipeError(
+            f"has hidden_share and {twice[0]}, which serves to estimate it; leave out one of them"
+        )
+    if room.hidden_share is None:
+        share = estimate_hidden_share(visited=room.visited, floor_area=area_of(room), **looks)
+    else:
+        share = ShareBelief(room.hidden_share, room.hidden_share_sd)
+    facts = {name: getattr(room, name) for name in _ROOM_FIELDS}
+    return KnownRoom(**facts | {"hidden_share": share.mean, "hidden_share_sd": share.sd})
+
+
+_SaidRoom = Annotated[
+    _Room,
+    BeforeValidator(lambda said: keep_one_unknown(said, ROOM_WORDS)),
+    AfterValidator(_know),
+]
+
+
+class _Object(SaidRecord):
+    id: Id
+    room: Id | None = None
+    category: Text
+    corrected: Text | None = None
+    class_name: Annotated[Text | None, Field(alias="class")] = None
+    position: Position | None = None
+    score: Score | None = None
+    age: Hours | None = None
+    stays: Stay | None = None
+    on: Id | None = None
+
+
+class _Look(SaidRecord):
+    room: Id
+    thing: Annotated[Text, Field(min_length=1)]
+    chance: Score = LOOK_CHANCE
+    at: Id | None = None
+
+
+def _list_words(said: Any) -> Any:
+    """Return the words of a detector: a list of them, or those of a published vocabulary."""
+    if isinstance(said, str) and said:
+        said = [*vocabulary_words(said)]
+    if isinstance(said, list | dict) and len(said) > MAX_ROBOT_WORDS:
+        raise ValueError(f"expected at most {MAX_ROBOT_WORDS:,} words, found {len(said):,}")
+    are_words = isinstance(said, list) and all(isinstance(word, str) for word in said)
+    return dict.fromkeys(said) if are_words else said
+
+
+def _count_parts(rooms: Any) -> Any:
+    """Refuse rooms that have too much in all, before any of it is read."""
+    listed = [room for room in rooms if isinstance(room, dict)] if _is_list(rooms) else []
+    corners = sum(len(one) for room in listed if _is_list(one := room.get("footprint")))
+    _require_few(corners, MAX_ALL_CORNERS, "corners of all footprints together")
+    types = [room.get(key) for room in listed for key in ("room_type", "unread")]
+    labels = sum(len(one) for one in types if isinstance(one, dict | list))
+    _require_few(labels, MAX_ROBOT_TYPES, "labels of all room types together")
+    kinds: set[str] = set()
+    for one in types:
+        words = [one] if isinstance(one, str) else one if isinstance(one, dict | list) else ()
+        kinds.update(word for word in words if isinstance(word, str))
+    _require_few(len(kinds), MAX_ROBOT_KINDS, "different labels of room types")
+    return rooms
+
+
+def _count_letters(objects: Any) -> Any:
+    """Refuse objects with too many long and different words."""
+    listed = objects if _is_list(objects) and len(objects) <= MAX_ROBOT_OBJECTS else ()
+    words = {
+        one["category"]
+        for one in listed
+        if isinstance(one, dict) and isinstance(one.get("category"), str)
+    }
+    what = "letters of different words for objects"
+    _require_few(sum(map(len, words)), MAX_ROBOT_LETTERS, what)
+    return objects
+
+
+def _count_things(looks: Any) -> Any:
+    """Refuse looks for too many different things."""
+    listed = looks if _is_list(looks) and len(looks) <= MAX_ROBOT_LOOKS else ()
+    things = {
+        one["thing"]
+        for one in listed
+        if isinstance(one, dict) and isinstance(one.get("thing"), str)
+    }
+    what = "different things to look for"
+    _require_few(len(things), MAX_ROBOT_SOUGHT, what, "; leave out old looks")
+    return looks
+
+
+def _count_own(said: Any) -> Any:
+    """Refuse a table of too many words for rooms."""
+    if isinstance(said, dict):
+        _require_few(len(said), MAX_ROBOT_WORDS, "words for rooms")
+    return said
+
+
+def _check_own(said: Mapping[str, str | None]) -> Mapping[str, str | None]:
+    return {word: check_own_label(word, label) for word, label in said.items()}
+
+
+def _is_list(said: Any) -> TypeGuard[list[Any] | tuple[Any, ...]]:
+    return isinstance(said, list | tuple)
+
+
+def _require_few(found: int, most: int, what: str, hint: str = "") -> None:
+    if found > most:
+        raise ValueError(f"expected at most {most:,} {what}, found {found:,}{hint}")
+
+
+class _Graph(SaidRecord):
+    format: Literal["bsg-partial-graph"] = "bsg-partial-graph"
+    version: Annotated[Literal[1], Number] = 1
+    scene_id: Id
+    hidden_share: StrictFraction | None = None
+    building_kind: Text | None = None
+    source: Id | None = None
+    rooms: Annotated[
+        Listed[_SaidRoom], Field(max_length=MAX_ROBOT_ROOMS), BeforeValidator(_count_parts)
+    ]
+    objects: Annotated[
+        Listed[_Object], Field(max_length=MAX_ROBOT_OBJECTS), BeforeValidator(_count_letters)
+    ] = ()
+    adjacency: Annotated[Listed[tuple[Id, Id]], Field(max_length=MAX_ROBOT_PAIRS)] = ()
+    # A list of words, or the name of a vocabulary; or word → class, as `encode_robot_graph` writes.
+    detector: Annotated[Keyed[Text, Text | None] | None, BeforeValidator(_list_words)] = None
+    looks: Annotated[
+        Listed[_Look], Field(max_length=MAX_ROBOT_LOOKS), BeforeValidator(_count_things)
+    ] = ()
+    more_rooms: MoreRooms = None
+    stays: Stay | None = None
+    room_labels: Annotated[
+        Keyed[Annotated[Text, Field(min_length=1)], Text | None],
+        BeforeValidator(_count_own),
+        AfterValidator(_check_own),
+    ] = Field(default_factory=dict)
+    unread: Unread = ()
+
+
+_ID_KEYS = {"rooms": ("id",), "objects": ("id", "room", "on"), "looks": ("room", "at")}
+_SIMPLEST = TypeAdapter(Keyed[Id, Listed[Text]])
+_LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
+_KEYS = {
+    "": tuple(_Graph.model_fields),
+    "rooms": ROOM_WORDS,
+    "objects": tuple(one.alias or name for name, one in _Object.model_fields.items()),
+    "looks": tuple(_Look.model_fields),
+}
+
+
+def read_robot_graph(
+    path: AnyPath,
+    *,
+    class_map: AnyPath | ClassMap = DEFAULT_CLASS_MAP,
+    room_labels: OwnLabels = (),
+) -> PartialGraph:
+    """Read a partial graph from a JSON file.
+
+    The class map gives each category its class. Objects with an unknown category stay in the graph
+    without a class; `list_unmapped` names them.
+
+    Args:
+        path: the file.
+        class_map: a published version, the path of your own NAME.csv, or a loaded map.
+        room_labels: your words for rooms, each with its label, as `read_room_words` reads them;
+            they count before those of the file.
+
+    Raises:
+        RobotGraphError: naming the file, the entry, and what was expected there.
+    """
+    path = Path(path)
+    said = read_json(path, ROBOT, error=RobotGraphError)
+    return parse_robot_graph(said, path=path, class_map=class_map, room_labels=room_labels)
+
+
+def parse_robot_graph(
+    said: Any,
+    *,
+    path: Path,
+    class_map: AnyPath | ClassMap | ClassSpace = DEFAULT_CLASS_MAP,
+    room_labels: OwnLabels = (),
+) -> PartialGraph:
+    """Return the partial graph in a robot's JSON document; see `read_robot_graph`.
+
+    With a class space, the document itself has the class of every object: one that
+    `encode_robot_graph` made.
+    """
+    by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
+    document: Any = {}
+    try:
+        document = _find_partial(said, path)
+        if isinstance(by, ClassSpace):  # as it was understood before
+            return _assemble(_Graph.model_validate(document), by)
+        told = _tidy(document, path)
+        own = told.get("room_labels", {})
+        if room_labels and isinstance(own, dict):  # as if the document said them
+            told["room_labels"] = own | dict(room_labels)
+        return understand_rooms(_assemble(_Graph.model_validate(told), by))
+    except ValidationError as error:
+        why = _explain(error, document)
+        raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
+    except RecipeError as error:
+        raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
+
+
+def _find_partial(said: Any, path: Path) -> Any:
+    """Return the document of a robot's graph: this one, what a belief graph holds, or spelt out."""
+    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
+        said = said.get("partial")
+        if said is None:
+            raise RecipeError(
+                "a belief graph without `partial`, the graph that the robot has seen; expected it "
+                "there (docs/belief.md)"
+            )
+    if not isinstance(said, dict):
+        raise RecipeError(
+            "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
+            f"found {show_value(said)}"
+        )
+    # Beside its rooms, the simplest map may state these; a list is a room of this name.
+    facts = {k: said[k] for k in _FACTS_OF_MAPS if k in said and not isinstance(said[k], list)}
+    ours = said.keys() & (set(_KEYS[""]) - facts.keys())
+    if (found := len(said) - len(facts)) > MAX_ROBOT_ROOMS:
+        if ours:
+            return keep_one_unknown(said, _KEYS[""])
+        raise RecipeError(f"expected at most {MAX_ROBOT_ROOMS:,} rooms, found {found:,}")
+    things = {key: value for key, value in said.items() if key not in facts}
+    is_spelt = not things.keys() <= _LISTS and all(
+        _lists_words(value) and (value or key not in _LISTS) for key, value in things.items()
+    )
+    if is_spelt or not ours:
+        return _spell_out(_SIMPLEST.validate_python(things), path) | facts
+    return said
+
+
+def _lists_words(said: Any) -> bool:
+    """Say whether a value is a list as of the things in a room, of any name: `source`, `rooms`."""
+    return isinstance(said, list) and all(isinstance(one, str) for one in said)
+
+
+def _spell_out(things: Mapping[str, Sequence[str]], path: Path) -> dict[str, Any]:
+    """Return the simplest map as a document.
+
+    A room's name is also its kind, if it is a room label. A room without things was not entered.
+    """
+    if (found := sum(map(len, things.values()))) > MAX_ROBOT_OBJECTS:
+        raise RecipeError(f"expected at most {MAX_ROBOT_OBJECTS:,} things, found {found:,}")
+    objects, times = [], Counter[str]()
+    for room, seen in things.items():
+        for thing in seen:
+            times[thing] += 1
+            objects.append({"id": f"{thing} {times[thing]}", "room": room, "category": thing})
+    rooms = [
+        {"id": room, "visited": bool(seen), "room_type": room if label_of("any", room) else None}
+        for room, seen in things.items()
+    ]
+    return {"scene_id": _name_scene(path), "rooms": rooms, "objects": objects}
+
+
+def _name_scene(path: Path) -> str:
+    return path.name.partition(".")[0] or path.name
+
+
+def _tidy(said: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Return a document with its ids as text, an id for all that needs one, and nothing empty."""
+    found = {"scene_id": _name_scene(path)} | drop_empty(said)
+    found["scene_id"] = spell_id(found["scene_id"])
+    for key, ids in _ID_KEYS.items():
+        entries = found.get(key)
+        if isinstance(entries, list) and len(entries) <= MAX_ROBOT_OBJECTS:
+            found[key] = [_tidy_entry(entry, ids, _KEYS[key]) for entry in entries]
+    if isinstance(found.get("objects"), list):
+        found["objects"] = _number_objects(found["objects"])
+    pairs = found.get("adjacency")
+    if isinstance(pairs, list) and len(pairs) <= MAX_ROBOT_PAIRS:
+        found["adjacency"] = [
+            [*map(spell_id, pair)] if isinstance(pair, list | tuple) else pair for pair in pairs
+        ]
+    return found
+
+
+def drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is said: null and "" say nothing, but a thing may have an empty name."""
+    empty = {
+        key
+        for key, value in said.items()
+        if value is None or (isinstance(value, str) and not value)
+    }
+    return {key: said[key] for key in said if key not in empty or key == "category"}
+
+
+def _tidy_entry(entry: Any, ids: Sequence[str], known: Sequence[str]) -> Any:
+    if not isinstance(entry, dict):
+        return entry
+    kept = drop_empty(keep_one_unknown(entry, known))
+    return kept | {key: spell_id(kept[key]) for key in ids if key in kept}
+
+
+def _number_objects(objects: list[Any]) -> list[Any]:
+    """Return the objects with an id each, as the simplest map has them: `sink 1`, `sink 2`."""
+    taken = {str(obj.get("id")) for obj in objects if isinstance(obj, dict)}
+    times, found = Counter[str](), []
+    for obj in objects:
+        if isinstance(obj, dict) and "id" not in obj and isinstance(obj.get("category"), str):
+            word = obj["category"][:SHOWN] or "object"
+            while (name := f"{word} {times[word] + 1}") in taken:
+                times[word] += 1
+            times[word] += 1
+            obj = {"id": name} | obj
+        found.append(obj)
+    return found
+
+
+def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
+    rooms: tuple[KnownRoom, ...] = document.rooms
+    index = _number([room.name for room in rooms], "room")
+    _number([obj.id for obj in document.objects], "object")
+    room_of = {obj.id: obj.room for obj in document.objects}
+    _require_support({obj.id: obj.on for obj in document.objects if obj.on is not None}, room_of)
+    objects = []
+    for obj in document.objects:
+        called = f"object {obj.id[:SHOWN]!r} ({obj.category[:SHOWN]})"
+        room = _find(obj.room, index, called) if obj.room is not None else 0
+        found = _classify(obj.category, obj.corrected, obj.class_name, by)
+        score = say_score(called, obj.score, age=obj.age, stays=obj.stays or document.stays)
+        facts = (obj.id, room, obj.category, *found, obj.position, score)
+        objects.append(SeenObject(*facts, on=obj.on))
+    looks = tuple(_read_look(one, index, room_of) for one in document.looks)
+    share = document.hidden_share
+    graph = PartialGraph(
+        scene_id=document.scene_id,
+        class_space=by.space if isinstance(by, ClassMap) else by,
+        hidden_share=VAGUE.mean if share is None else share,
+        rooms=rooms,
+        objects=tuple(objects),
+        adjacency=tuple(sorted({_connect(ends, index) for ends in document.adjacency})),
+        building_kind=document.building_kind,
+        source=document.source,
+        looks=looks,
+        more_rooms=document.more_rooms,
+        stays=document.stays,
+        room_labels=tuple(document.room_labels.items()),
+        unread=document.unread,
+        detector=None
+        if document.detector is None
+        else tuple(
+            (word, _classify(word, None, stated, by)[1])
+            for word, stated in document.detector.items()
+        ),
+    )
+    if share is None and rooms:
+        mean = float(np.mean([room.hidden_share for room in graph.rooms]))
+        graph = replace(graph, hidden_share=mean)
+    return graph
+
+
+def _read_look(said: _Look, index: Mapping[str, int], room_of: Mapping[str, str | None]) -> Look:
+    where = f"look for {said.thing[:SHOWN]!r}"
+    if said.at is not None:
+        _require_beside(where, "at", said.at, said.room, room_of)
+    return Look(_find(said.room, index, where), said.thing, said.chance, said.at)
+
+
+def _require_support(on: Mapping[str, str], room_of: Mapping[str, str | None]) -> None:
+    """Refuse an object on one that is not in its room, or on itself by any way."""
+    for name, piece in on.items():
+        _require_beside(f"object {name[:SHOWN]!r}", "on", piece, room_of[name], room_of)
+    sound: set[str] = set()
+    for name in on:
+        path: dict[str, None] = {}
+        while name in on and name not in sound:
+            if name in path:
+                raise RecipeError(
+                    f"object {name[:SHOWN]!r}: on: lies on itself, by {on[name][:SHOWN]!r}; say "
+                    "what is below"
+                )
+            path[name] = None
+            name = on[name]
+        sound.update(path)
+
+
+def _require_beside(
+    where: str, key: str, piece: str, room: str | None, room_of: Mapping[str, str | None]
+) -> None:
+    if piece not in room_of:
+        hint = ask_if_meant(piece, room_of) or "add it to `objects`"
+        raise RecipeError(f"{where}: {key}: there is no object {piece[:SHOWN]!r}; {hint}")
+    if room_of[piece] != room:
+        there, here = (
+            "no room" if one is None else f"room {one[:SHOWN]!r}" for one in (room_of[piece], room)
+        )
+        raise RecipeError(
+            f"{where}: {key}: {piece[:SHOWN]!r} is in {there}; expected an object of {here}"
+        )
+
+
+def _classify(
+    word: str, corrected: str | None, stated: str | None, by: ClassMap | ClassSpace
+) -> tuple[str | None, int | None]:
+    """Return the corrected name and the class of a word, which a document may state."""
+    if isinstance(by, ClassMap):
+        known = classify_seen(word, by)
+        return known.category, known.class_index
+    if stated is None:
+        return corrected, None
+    if stated not in by.classes:
+        raise RecipeError(f"{word[:SHOWN]!r}: {stated!r} is no class of {by.name}")
+    return corrected, by.classes.index(stated)
+
+
+def _connect(ends: tuple[str, str], index: Mapping[str, int]) -> tuple[int, int]:
+    where = f"adjacency of {ends[0][:SHOWN]!r} and {ends[1][:SHOWN]!r}"
+    a, b = sorted(_find(end, index, where) for end in ends)
+    if a == b:
+        raise RecipeError(f"adjacency: {ends[0]!r} with itself")
+    return a, b
+
+
+def _number(ids: list[str], what: str) -> dict[str, int]:
+    twice = [name for name, times in Counter(ids).items() if times > 1]
+    if twice:
+        raise RecipeError(f"{what} id {twice[0]!r} is there twice")
+    return {name: number for number, name in enumerate(ids, 1)}
+
+
+def _find(name: str, index: Mapping[str, int], where: str) -> int:
+    if name not in index:
+        hint = ask_if_meant(name, index) or "add it to `rooms`"
+        raise RecipeError(f"{where}: there is no room {name[:SHOWN]!r}; {hint}")
+    return index[name]
+
+
+def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
+    """Return key and kind of a fault: `room 'kitchen': hidden_share: Input should be …`.
+
+    A key that is unknown comes first, for what is missing may stand under it.
+    """
+    faults = error.errors(include_url=False, include_input=False)
+    fault = next((one for one in faults if one["type"] in _UNKNOWN_KEY), faults[0])
+    what = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
+    if fault["type"] == "too_long":
+        what = f"expected at most {fault['ctx']['max_length']:,} entries, found more"
+    first, *path = fault["loc"] or ("",)  # of the simplest map as a whole
+    entry = ""
+    if first in _ENTRIES and first in document and path:
+        entry = _name_entry(document[first], str(first), int(path.pop(0)))
+    else:
+        path = [first, *path]
+    if fault["type"] in _UNKNOWN_KEY:
+        wrong, of = str(path.pop()), str(first) if entry else ""
+        meant, known = _MEANT.get(of, {}).get(wrong.casefold()), _KEYS[of]
+        asked = f"did you mean {meant}?" if meant else ask_if_meant(wrong, known)
+        hint = asked or f"known are {', '.join(known)}"
+        if not (of or asked or "rooms" in document) and isinstance(document.get(wrong), list):
+            more = sorted(document.keys() & (set(known) - {"scene_id", *_FACTS_OF_MAPS}))
+            hint = (
+                f"beside its rooms, the simplest map takes only {' and '.join(_FACTS_OF_MAPS)}; "
+                f"for {', '.join(more) or 'more'}, list the rooms under `rooms` (docs/belief.md)"
+            )
+        what = f"{wrong[:SHOWN]!r} is no key; {hint}"
+    elif path == ["rooms"] and fault["type"] == "tuple_type":
+        what = f"{what}, found {show_value(document.get('rooms'))}; {_MAP_HINT}"
+    keys = ".".join(str(one)[:SHOWN] for one in path)
+    return ": ".join(filter(None, (entry, keys, what)))
+
+
+def _name_entry(entries: Any, kind: str, number: int) -> str:
+    """Return an entry of a list by its id, or by its number."""
+    entry = entries[number]
+    name = entry.get("id") if isinstance(entry, Mapping) else None
+    if isinstance(name, str) and name:
+        return f"{_ENTRIES[kind]} {name[:SHOWN]!r}"
+    return f"{_ENTRIES[kind]} number {number + 1}"
+
+
+def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
+    """Return the JSON document of a partial graph.
+
+    `parse_robot_graph` reads it back, with the same class map or with the graph's class space.
+    """
+    names, classes = [room.name for room in graph.rooms], graph.class_space.classes
+    said: dict[str, Any] = {
+        "format": "bsg-partial-graph",
+        "version": 1,
+        **{name: getattr(graph, name) for name in _GRAPH_FACTS},
+        "building_kind": drop_origin(graph.building_kind),
+        "rooms": [_encode_room(room) for room in graph.rooms],
+        "objects": [
+            {
+                "id": obj.name,
+                "room": names[obj.room_index - 1] if obj.room_index else None,
+                "category": obj.raw_category,
+                "corrected": obj.category,
+                "class": None if obj.class_index is None else classes[obj.class_index],
+                "position": obj.position,
+                "score": obj.score,
+                **({} if obj.on is None else {"on": obj.on}),
+            }
+            for obj in graph.objects
+        ],
+        "adjacency": [[names[a - 1], names[b - 1]] for a, b in graph.adjacency],
+    }
+    if graph.room_labels:
+        said["room_labels"] = dict(graph.room_labels)
+    if graph.unread:
+        said["unread"] = [*graph.unread]
+    if graph.looks:
+        said["looks"] = [
+            {"room": names[one.room_index - 1], "thing": one.thing, "chance": one.chance}
+            | ({} if one.at is None else {"at": one.at})
+            for one in graph.looks
+        ]
+    if graph.detector is not None:
+        said["detector"] = {w: None if c is None else classes[c] for w, c in graph.detector}
+    return said
+
+
+def _encode_room(room: KnownRoom) -> dict[str, Any]:
+    said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS) if name != "unread"}
+    said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
+    said["room_type"] = drop_origin(room.room_type)
+    said |= {"unread": [*room.unread]} if room.unread else {}
+    return {"id": room.name, **said}
+
+
+def list_unmapped(graph: PartialGraph) -> dict[str, int]:
+    """Return category → number of objects, for categories that are not in the class map."""
+    return dict(Counter(obj.raw_category for obj in graph.objects if obj.category is None))
+
+
+def room_reader(graph: PartialGraph) -> RoomReader:
+    """Return what reads the names of a graph's rooms."""
+    return RoomReader(graph.room_labels, graph.building_kind)
+
+
+def understand_rooms(graph: PartialGraph) -> PartialGraph:
+    """Return a graph with what is said of its rooms and its kind in words that are known.
+
+    The name of a room says its kind if nothing else does. Where nobody says the kind of the
+    building, the rooms tell it: see `guess_building_kind`. A word that nobody can read says
+    nothing; it stays in `unread`.
+    """
+    said = graph.building_kind
+    is_guessed = isinstance(said, Understood) and said.by_name
+    word = None if is_guessed else said.said if isinstance(said, Understood) else said
+    kind = None if word is None else find_building_kind(word)
+    is_unread = word is not None and kind is None and normalise_room(word) not in NO_KIND
+    rooms = _read_rooms(graph.rooms, RoomReader(graph.room_labels, kind))
+    if kind is None and (kind := guess_building_kind(map(_list_names, rooms))):
+        rooms = _read_rooms(rooms, RoomReader(graph.room_labels, kind))
+    unread = (str(word),) if is_unread else graph.unread
+    return replace(graph, rooms=rooms, building_kind=kind, unread=unread)
+
+
+def _read_rooms(rooms: Sequence[KnownRoom], read: RoomReader) -> tuple[KnownRoom, ...]:
+    return tuple(_understand(room, read) for room in rooms)
+
+
+def _understand(room: KnownRoom, read: RoomReader) -> KnownRoom:
+    said = room.room_type
+    by_name = isinstance(said, Understood) and said.by_name
+    found = read_room_type(None if by_name else said, read=read)
+    kind = found.labels
+    for name in filter(None, (room.label, room.name) if kind is None else ()):
+        known = read(name)
+        if known.label:
+            kind = Understood(known.label, name, rule=known.rule, by_name=True)
+            break
+    if kind is None and (owner_of(room.name) or owner_of(room.label or "")):
+        kind = dict(_OF_SOMEBODY)
+    return replace(room, room_type=kind, unread=found.unread or room.unread)
+
+
+def _list_names(room: KnownRoom) -> list[str]:
+    """Return what may tell the kind of building: what was said of a room's type, and its names."""
+    kind = room.room_type
+    said = [kind.said, kind] if isinstance(kind, Understood) else [kind]
+    return [name for name in (*said, room.label, room.name) if isinstance(name, str)]
+
+
+def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
+    """Return what a person should know of the kinds of rooms and of the building."""
+    own = frozenset(word for word, _ in graph.room_labels)
+    return (*note_rooms(graph.rooms, own=own), *note_building(graph))
+
+
+def note_rooms(rooms: Sequence[KnownRoom], *, own: frozenset[str] = frozenset()) -> Iterator[str]:
+    """Yield how the names and types of rooms are read, where that is not plain.
+
+    `own` has words of the user, who knows what they mean.
+    """
+    labels = [label for room in rooms for label in list_labels(room.room_type)]
+    named = [one for one in labels if isinstance(one, Understood) and one.by_name and not one.rule]
+    if named:
+        yield f"{_list([one.said for one in named])}: read as the kinds that their names say"
+    rules: dict[str, str] = {}
+    for room in rooms:
+        rules.update(explain_rules(room.room_type))
+    if rules:
+        made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
+        yield f"kinds of rooms read by a rule: {_list(made)}"
+    silent = (room.label or room.name for room in rooms if room.room_type is None)
+    silent = (name for name in silent if name not in own)
+    unread = dict.fromkeys(word for room in rooms for word in room.unread)
+    if dark := [*(unread | dict.fromkeys(filter(is_name, silent)))]:
+        near = _list(dark, lambda name: f"{name[:SHOWN]!r}{name_nearest(name)}")
+        yield f"{near}: kind of room unknown; say `room_type`"
+
+
+def note_building(graph: PartialGraph) -> Iterator[str]:
+    """Yield how the kind of a building was guessed, and whether models know it."""
+    kind = graph.building_kind
+    if graph.unread:
+        words = _list(graph.unread, lambda word: repr(word[:SHOWN]))
+        yield f"{words}: kind of building unknown; known are {', '.join(SAID_KINDS)}"
+    if isinstance(kind, Understood):
+        how = "by" if kind.by_name else "for it is called"
+        yield (
+            f"building kind taken for `{kind}`, {how} {kind.said[:SHOWN]}; say `building_kind` to "
+            "correct it"
+        )
+    if kind and kind not in BUILDING_KINDS:
+        yield f"building kind `{kind}`: no model was taught it; they read it as unknown"
+
+
+def _list(names: Sequence[str], show: Callable[[str], str] = str) -> str:
+    """Return the first names as they are shown, and how many more there are."""
+    more = f", and {len(names) - _MOST_WORDS:,} more" if len(names) > _MOST_WORDS else ""
+    return ", ".join(map(show, names[:_MOST_WORDS])) + more

@@ -1,0 +1,360 @@
+"""What a robot says in a text: a word, or JSON. Each text gets one answer.
+
+Texts come from other programs. They are bounded and checked here; a fault is an answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
+from types import MappingProxyType
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+
+from bsg_data.errors import BSGError, RecipeError
+from bsg_data.inputs.documents import parse_json
+from bsg_data.records import Record, name_fault
+from bsg_models.belief.partial_graph import (
+    LOOK_CHANCE,
+    Hours,
+    Metres,
+    Number,
+    PartialGraph,
+    Position,
+    Score,
+    Stay,
+    StrictFraction,
+    spell_id,
+)
+from bsg_models.belief.partial_graph import MoreRooms as MoreRoomsNumber
+from bsg_models.search.knowledge import Task
+from bsg_robot.answers.description import describe_place, describe_things
+from bsg_robot.answers.seen_building import SeenBuilding
+from bsg_robot.answers.ways import SaidCost, SaidLook
+from bsg_robot.answers.words import find_room
+from bsg_robot.graph.robot_json import drop_empty, note_building, note_rooms
+
+MOST_CHARACTERS = 65_536  # of a text
+# That are kept: a broken detector may never stop. A file holds as many, whatever their names.
+MOST_ROOMS, MOST_OBJECTS = 2_000, 10_000
+_MOST_NAMES, _MOST_ROBOTS = 20, 10  # in a list
+_LONGEST = 100  # characters of a name
+
+Answer = dict[str, Any]
+Within = Annotated[float, Number, Field(ge=0)]  # metres, or ∞
+Name = Annotated[str, Field(min_length=1, max_length=_LONGEST)]
+Id = Annotated[Name, BeforeValidator(spell_id)]  # a number is one, too
+Names = Annotated[  # or one name
+    tuple[Name, ...],
+    Field(max_length=_MOST_NAMES),
+    BeforeValidator(lambda said: [said] if isinstance(said, str) else said),
+]
+_OneOrMore = BeforeValidator(lambda said: said if isinstance(said, list | tuple) else [said])
+Ids = Annotated[tuple[Id, ...], Field(max_length=_MOST_NAMES), _OneOrMore]
+Found = Annotated[tuple[Id, ...], Field(max_length=1000), _OneOrMore]
+
+
+def _read_word(said: Any) -> Any:
+    """Return the number, true or false that a text without JSON says."""
+    word = said.strip()[:_LONGEST] if isinstance(said, str) else ""
+    if word in ("true", "false"):
+        return word == "true"
+    return int(word) if word.isdecimal() else said
+
+
+class _Request(Record):
+    """What a robot may say on a topic; a text that is no object gives the first field."""
+
+    id: Id | None = None  # comes back with the answer
+
+    @model_validator(mode="before")
+    @classmethod
+    def _leave_out(cls, said: Any) -> Any:
+        """Drop null and the empty text, which mean that a key is left out."""
+        return drop_empty(said) if isinstance(said, dict) else said
+
+
+class Saw(_Request):
+    """One object; `object` is its id, and a known id moves it."""
+
+    thing: Name
+    room: Id | None = None  # None: where the robot is
+    object: Id | None = None
+    position: Position | None = None
+    score: Score | None = None
+    age: Hours | None = None
+    stays: Stay | None = None
+    within: Within = 0.5
+    besides: Annotated[tuple[Id, ...], Field(max_length=1000)] = ()
+    on: Id | None = None
+
+
+class Gone(_Request):
+    """A known object is no longer there."""
+
+    object: Id
+
+
+class Looked(_Request):
+    """A look for one thing in a room did not find it."""
+
+    thing: Name
+    room: Id | None = None  # None: where the robot is
+    chance: Score = LOOK_CHANCE
+    at: Id | None = None  # None: the whole room
+
+
+class Entered(_Request):
+    """The robot is in a room, or has seen more of it."""
+
+    room: Id
+    floor_in_view: StrictFraction | None = None
+    walls_in_view: StrictFraction | None = None
+    seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
+    hidden_share: StrictFraction | None = None
+
+
+class Searched(_Request):
+    """All that is in a room was seen; known objects that are not `found`, if said, are gone."""
+
+    room: Id
+    found: Found | None = None
+
+
+class Discovered(_Request):
+    """There is one more room, which the robot has not entered."""
+
+    room: Id
+    beside: Ids = ()
+    room_type: Name | dict[Name, StrictFraction] | None = None
+    position: Position | None = None
+    floor_area: Metres | None = None
+
+
+class Describe(_Request):
+    """More is known of a room."""
+
+    room: Id
+    room_type: Name | dict[Name, StrictFraction] | None = None
+    label: Name | None = None
+    position: Position | None = None
+    floor_area: Metres | None = None
+    beside: Ids = ()
+
+
+class MoreRooms(_Request):
+    """So many rooms are not found yet; `true`: as many as homes have."""
+
+    number: Annotated[MoreRoomsNumber, BeforeValidator(_read_word)]
+
+
+class Where(_Request):
+    """Where a thing is, or several, and which room to go to first."""
+
+    thing: Annotated[Names, Field(min_length=1)]
+    here: Id | None = None  # None: where the robot is
+    robots: Annotated[dict[Name, Id], Field(min_length=1, max_length=_MOST_ROBOTS)] | None = None
+    look: SaidLook = None
+    chance: Score = LOOK_CHANCE
+    task: Task = "single"
+
+
+class NextPlace(_Request):
+    """Which piece of furniture to look at next, to find a thing."""
+
+    thing: Name
+    here: Id | None = None  # None: where the robot is
+    at: Id | None = None  # None: the middle of the room
+    look: SaidCost | None = None
+    chance: Score = LOOK_CHANCE
+
+
+class Expected(_Request):
+    """Which unseen classes a room may hold."""
+
+    room: Id
+
+
+class Robot:
+    """A robot's `SeenBuilding`, told and asked by texts."""
+
+    def __init__(self, seen: SeenBuilding) -> None:
+        self.seen = seen
+        self.here: str | None = None  # the room that it entered last
+
+    def hear(self, topic: str, text: str) -> Answer:
+        """Return the answer to a text of one of `TOPICS`: see `answer`."""
+        try:
+            return self.answer(topic, _read(text, TOPICS[topic][0]))
+        except BSGError as error:
+            return {"topic": topic, "error": str(error), "code": error.code}
+
+    def answer(self, topic: str, said: Mapping[str, Any]) -> Answer:
+        """Return the answer to keys and values that are not checked yet.
+
+        It has the `topic`, and the `id` if there is one; an `error` and its `code`, or what was
+        asked for.
+        """
+        kind, act = TOPICS[topic]
+        answer: Answer = {"topic": topic}
+        if isinstance(name := spell_id(said.get("id")), str):
+            answer["id"] = name[:_LONGEST]
+        try:
+            return answer | act(self, kind.model_validate(said))
+        except ValidationError as error:
+            keys = ", ".join(kind.model_fields)
+            fault = {"error": f"{name_fault(error)}; keys are {keys}", "code": "request-malformed"}
+        except BSGError as error:
+            fault = {"error": str(error), "code": error.code}
+        return answer | fault
+
+    def saw(self, said: Saw) -> Answer:
+        """Note one object, in the robot's room unless it says another one."""
+        known = self.seen.graph.objects
+        if len(known) >= MOST_OBJECTS and all(obj.name != said.object for obj in known):
+            raise _refuse_more(f"objects are at most {MOST_OBJECTS:,}", "objects-too-many")
+        room = self._require_room(said.room)
+        object_id = self.seen.saw(
+            room,
+            said.thing,
+            object_id=said.object,
+            **said.model_dump(exclude={"id", "thing", "room", "object"}),
+        )
+        is_known = self.seen.graph.objects[-1].category is not None
+        note = f"no class map knows {said.thing!r}: it is kept, but tells the model nothing"
+        return {"object": object_id} if is_known else {"object": object_id, "notes": [note]}
+
+    def entered(self, said: Entered) -> Answer:
+        """Note where the robot is, and how much of the room it has seen."""
+        self.seen.entered(**said.model_dump(exclude={"id"}))
+        self.here = said.room
+        return {"room": said.room}
+
+    def gone(self, said: Gone) -> Answer:
+        """Note that an object is gone."""
+        self.seen.gone(said.object)
+        return {"object": said.object}
+
+    def looked(self, said: Looked) -> Answer:
+        """Note a look that did not find a thing, in the robot's room unless it says another one."""
+        room = self._require_room(said.room)
+        self.seen.looked(room, said.thing, chance=said.chance, at=said.at)
+        return {"room": room, "thing": said.thing}
+
+    def searched(self, said: Searched) -> Answer:
+        """Note that all of a room was seen."""
+        self.seen.searched(said.room, found=said.found)
+        return {"room": said.room}
+
+    def describe(self, said: Describe) -> Answer:
+        """Note more of a known room."""
+        before = self.seen.graph
+        index = find_room(before, said.room)
+        self.seen.describe(**said.model_dump(exclude={"id"}))
+        return self._answer_room(said.room, index, before)
+
+    def _answer_room(self, room: str, index: int, before: PartialGraph) -> Answer:
+        """Answer with a room, how it is read, and the building's kind if it is another one now."""
+        graph = self.seen.graph
+        notes = [*note_rooms([graph.rooms[index - 1]])]
+        notes += [] if graph.building_kind == before.building_kind else note_building(graph)
+        return {"room": room, "notes": notes} if notes else {"room": room}
+
+    def more_rooms(self, said: MoreRooms) -> Answer:
+        """Note how many rooms are not found yet."""
+        self.seen.more_rooms(said.number or 0)
+        return {"number": said.number}
+
+    def _require_room(self, room: str | None) -> str:
+        """Return a room, or that of the robot."""
+        if room is None and self.here is None:
+            raise RecipeError(
+                "it is not known where the robot is; say the room, or first that it entered one",
+                code="room-unsaid",
+            )
+        return str(room or self.here)
+
+    def discovered(self, said: Discovered) -> Answer:
+        """Note a new room."""
+        if len(self.seen.rooms) >= MOST_ROOMS:
+            raise _refuse_more(f"rooms are at most {MOST_ROOMS:,}", "rooms-too-many")
+        before = self.seen.graph
+        self.seen.discovered(**said.model_dump(exclude={"id"}))
+        return self._answer_room(said.room, len(self.seen.rooms), before)
+
+    def where(self, said: Where) -> Answer:
+        """Answer what `bsg-belief --find --json` prints."""
+        here = said.here or (None if said.robots else self.here)
+        asked = said.model_dump(include={"robots", "look", "chance", "task"})
+        return describe_things(self.seen, said.thing, here=here, **asked)
+
+    def next_place(self, said: NextPlace) -> Answer:
+        """Answer which piece of furniture to look at next."""
+        here = self._require_room(said.here)
+        asked = said.model_dump(include={"at", "look", "chance"})
+        return describe_place(self.seen, said.thing, here=here, **asked)
+
+    def expected(self, said: Expected) -> Answer:
+        """Answer what a room may hold, and of which kind it may be, the likeliest first."""
+        expected, kinds = self.seen.expected(said.room), self.seen.kinds(said.room)
+        return {
+            "room": said.room,
+            "kinds": [*map(asdict, kinds)],
+            "expected": [*map(asdict, expected)],
+        }
+
+
+def read_detections(message: Any, *, frame: str, min_score: float) -> Iterator[dict[str, Any]]:
+    """Yield the objects of a `vision_msgs/Detection3DArray` that have a high score.
+
+    Positions count only in the frame of the map. A detection without an id is an object of its
+    class that is known nearby; without a position, any of its class in the room.
+    """
+    placed = message.header.frame_id == frame
+    for one in message.detections:
+        best = max((each.hypothesis for each in one.results), key=lambda h: h.score, default=None)
+        if best is not None and best.score >= min_score:
+            at = one.bbox.center.position
+            said = {"thing": best.class_id, "object": one.id or None, "score": best.score}
+            yield said | ({"position": (at.x, at.y, at.z)} if placed else {"within": math.inf})
+
+
+def _read(text: str, kind: type[_Request]) -> dict[str, Any]:
+    """Return what a text says, as keys and values that are not checked yet."""
+    if len(text) > MOST_CHARACTERS:
+        raise RecipeError(
+            f"expected at most {MOST_CHARACTERS:,} characters, found {len(text):,}",
+            code="request-too-large",
+        )
+    said: Any = text
+    if text.lstrip().startswith(("{", "[", '"')):
+        try:
+            said = parse_json(text)
+        except ValueError as error:
+            raise RecipeError(f"no JSON ({error})", code="json-malformed") from error
+    plain = next(name for name in kind.model_fields if name != "id")
+    return said if isinstance(said, dict) else {plain: said}
+
+
+def _refuse_more(what: str, code: str) -> RecipeError:
+    return RecipeError(f"{what}; call ~/reset to begin a new building", code=code)
+
+
+# topic → what a text says, and what is done with it; in the order of a robot's day
+TOPICS: Mapping[str, tuple[type[_Request], Callable[[Robot, Any], Answer]]] = MappingProxyType(
+    {
+        "discovered": (Discovered, Robot.discovered),
+        "entered": (Entered, Robot.entered),
+        "saw": (Saw, Robot.saw),
+        "searched": (Searched, Robot.searched),
+        "looked": (Looked, Robot.looked),
+        "gone": (Gone, Robot.gone),
+        "describe": (Describe, Robot.describe),
+        "more_rooms": (MoreRooms, Robot.more_rooms),
+        "where": (Where, Robot.where),
+        "next_place": (NextPlace, Robot.next_place),
+        "expected": (Expected, Robot.expected),
+    }
+)

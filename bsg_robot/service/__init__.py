@@ -1,0 +1,1 @@
+"""The service behind `bsg-serve`: HTTP and MCP."""

@@ -1,0 +1,71 @@
+"""The door for agents: tools of the Model Context Protocol (MCP), which ask as HTTP asks."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version
+from typing import Any
+
+import mcp_types as types
+from mcp.server.lowlevel import Server
+from starlette.types import ASGIApp
+
+from bsg_data.files import encode_json
+from bsg_robot.service.answer import call
+from bsg_robot.service.questions import QUESTIONS
+
+_INSTRUCTIONS = (
+    "Say where things probably are in a building that a robot has partly seen, which room to "
+    "search first, and which piece of furniture to look at next. Send the whole map with every "
+    "question: nothing is remembered. In the simplest map every room lists the things that were "
+    'seen there: {"kitchen": ["sink"], "hall": []}. '
+    "Names of rooms are read as their kind (kitchen, bedroom_2). A partial graph can also say what "
+    "looks have missed (`looks`), and how sure an object is there (`score`)."
+)
+_TOOLS = {question.tool: (path, question) for path, question in QUESTIONS.items()}
+
+
+def make_server(app: ASGIApp) -> Server[Any]:
+    """Return the server of the tools, which ask an application."""
+
+    async def list_tools(*_: Any) -> types.ListToolsResult:
+        tools = [
+            types.Tool(
+                name=name,
+                description=question.what,
+                input_schema=question.asks.model_json_schema(),
+                output_schema=question.answers.model_json_schema(mode="serialization"),
+                annotations=types.ToolAnnotations(read_only_hint=True, open_world_hint=False),
+            )
+            for name, (_, question) in _TOOLS.items()
+        ]
+        return types.ListToolsResult(tools=tools)
+
+    async def call_tool(_: Any, asked: types.CallToolRequestParams) -> types.CallToolResult:
+        if asked.name not in _TOOLS:
+            return _say(f"no tool of this name; known are {', '.join(_TOOLS)}")
+        scope = {
+            "method": "POST",
+            "path": f"/{_TOOLS[asked.name][0]}",
+            "query_string": b"",
+            "headers": [(b"content-type", b"application/json")],
+        }
+        answer = await call(app, scope, encode_json(asked.arguments or {}).encode())
+        said = json.loads(answer.body)
+        if answer.status != 200:
+            return _say(f"{said['error']} ({said['code']})")
+        text = types.TextContent(type="text", text=answer.body.decode())
+        return types.CallToolResult(content=[text], structured_content=said)
+
+    return Server(
+        "belief-scene-graphs",
+        instructions=_INSTRUCTIONS,
+        version=version("belief-scene-graphs"),
+        on_list_tools=list_tools,
+        on_call_tool=call_tool,
+    )
+
+
+def _say(fault: str) -> types.CallToolResult:
+    text = types.TextContent(type="text", text=fault)
+    return types.CallToolResult(content=[text], is_error=True)

@@ -1,0 +1,1 @@
+"""Tables that questions of robots need, with their hashes in `SHA256SUMS`."""

@@ -1,0 +1,1 @@
+"""Everyday things, the rooms and the furniture where people keep them; by tables."""

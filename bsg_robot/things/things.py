@@ -1,0 +1,275 @@
+"""Everyday things: in which rooms and on which furniture a person would search for them.
+
+Five tables of `bsg_robot/tables/` say it, written by hand but for the shares of people
+(`bsg_robot/tables/things-v1.md`, `mappings/README.md`):
+
+    things-v1.csv             a thing, its names, its class, the rooms where people look for it,
+                              P(a home has one), and how often one that is there is in sight
+    narrow-rooms-v1.csv       a kind of room that holds only what things-v1 names there
+    receptacles-v1.csv        a piece of furniture, its names, the listed ones that it is like, if
+                              it is opened, and whether it holds what keeping-v1 names alone
+    receptacle-shares-v1.csv  share of people to whom things belong there, of all things together
+    keeping-v1.csv            a kind of thing → the pieces where a person would look
+
+Things are known by their exact names, and the plural of each: nothing is guessed. The pieces that
+people were asked about are the columns of everything here, in the order of `list_receptacles`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+
+import numpy as np
+
+from bsg_data.arrays import Floats
+from bsg_data.scene.class_map import Classified, ClassMap, normalise_names
+from bsg_data.scene.name_rules import LONGEST, list_parts, singulars, take_apart
+from bsg_data.scene.room_label import known_label
+from bsg_robot.tables.table import read_table
+
+_FILE, _NARROW, _PIECES = "things-v1.csv", "narrow-rooms-v1.csv", "receptacles-v1.csv"
+_SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
+_HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight")
+_SEPARATOR = "|"
+_OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
+_NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """A thing that people look for."""
+
+    name: str
+    spellings: tuple[str, ...]  # its other names
+    wider: str | None  # the class that every such thing is of
+    # (common label of a room, weight), those of homes first, and of each the likeliest. The weights
+    # of homes' rooms add up to 1; those of other rooms come on top, on the same scale.
+    rooms: tuple[tuple[str, float], ...]
+    home: float  # P(a home has at least one)
+    sight: float  # P(one is in sight of somebody who sees the floor and surfaces of its room)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All its names."""
+        return self.name, *self.spellings
+
+    def probability_in(self, label: str) -> float:
+        """Return the weight of rooms with a label, or with the label by which models read it.
+
+        P(a search begins there) is its share in the weights of the rooms that there are. The
+        table's own labels are never translated: medicine is in a pharmacy, which models read as a
+        storage room, but in no storage room of a home. A narrow room has what is named there alone.
+        """
+        rooms = dict(self.rooms)
+        if label in rooms or is_narrow(label):
+            return rooms.get(label, 0.0)
+        return rooms.get(known_label(label), 0.0)
+
+
+def list_things() -> tuple[Thing, ...]:
+    """Return all things, sorted by name."""
+    return _read_things()[0]
+
+
+def list_narrower(thing: Thing) -> tuple[Thing, ...]:
+    """Return the things of which each is also such a thing: mugs of tableware."""
+    return tuple([part for name in thing.names for part in _group_narrower().get(name, ())])
+
+
+@cache
+def _group_narrower() -> Mapping[str, list[Thing]]:
+    found: dict[str, list[Thing]] = {}
+    for thing in list_things():
+        if thing.wider is not None and thing.wider not in thing.names:
+            found.setdefault(thing.wider, []).append(thing)
+    return found
+
+
+@lru_cache(maxsize=64)
+def find_thing(word: str) -> Thing | None:
+    """Return the thing that a word names, in the singular or plural; None for other words.
+
+    A word that is listed itself comes first: `glasses` are eyeglasses, a `glass` is to drink from.
+
+    >>> [thing.name for word in ("Hoover", "knives", "T_shirt") if (thing := find_thing(word))]
+    ['vacuum cleaner', 'knife', 't-shirt']
+    >>> [thing.name for word in ("AirFryer_2", "teaspoons") if (thing := find_thing(word))]
+    ['air fryer', 'spoon']
+    >>> find_thing("kitchen sofa") is None
+    True
+    """
+    if len(word) > LONGEST:
+        return None
+    listed = _read_things()[1]
+    apart = take_apart(word)
+    for key in dict.fromkeys(_spell((word, apart, _NUMBERED.sub("", apart)))):
+        forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
+        for form in (*forms, *(form.replace(" ", "") for form in forms)):
+            if form in listed:
+                return listed[form]
+    return None
+
+
+def classify_seen(word: str, class_map: ClassMap) -> Classified:
+    """Classify a robot's word as a question for it is: also by the other names of its thing.
+
+    >>> from bsg_data import load_class_map
+    >>> classify_seen("telly", load_class_map()).category
+    'tv'
+    """
+    known = class_map.classify(word)
+    things = map(find_thing, () if known.role != "unmapped" else (word, *list_parts(word)))
+    if thing := next(filter(None, things), None):
+        counted = (class_map.classify(name) for name in class_map.classes if name in thing.names)
+        return next((replace(one, rule="synonym") for one in counted), known)
+    return known
+
+
+@cache
+def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
+    things = []
+    for row in read_table(_FILE, _HEADER):
+        name, said, wider, rooms, home, sight = row
+        parts = [room.partition(":") for room in rooms.split(_SEPARATOR)]
+        weights = tuple([(room, float(weight) / 100) for room, _, weight in parts])
+        spellings = tuple(said.split(_SEPARATOR)) if said else ()
+        rates = (float(home) / 100, float(sight) / 100)
+        things.append(Thing(name, spellings, wider or None, weights, *rates))
+    names = [(one, thing) for thing in things for one in thing.names]
+    spelled = _spell([one for one, _ in names])
+    listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
+    joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
+    return tuple(things), joined | listed
+
+
+def is_narrow(label: str) -> bool:
+    """Say whether rooms with a label hold only what the table of things names there: a lift."""
+    return label in _read_narrow()
+
+
+@cache
+def _read_narrow() -> frozenset[str]:
+    """Return the labels of rooms that hold only what the table of things names there."""
+    rows = read_table(_NARROW, ("room", "holds"))
+    return frozenset(room for room, _ in rows)
+
+
+def _spell(words: Iterable[str]) -> list[str]:
+    """Return the forms in which names are compared: normalised, spaces for `-` and `_`."""
+    said = normalise_names(words)
+    return [" ".join(one.replace("-", " ").replace("_", " ").split()) for one in said]
+
+
+@dataclass(frozen=True, eq=False, slots=True)  # each is one: answers look them up by the thousand
+class Receptacle:
+    """A piece of furniture on or in which things lie."""
+
+    name: str
+    like: tuple[int, ...]  # the listed pieces that it is like, numbers of `list_receptacles`
+    closed: float  # share of what it holds that is not seen until it is opened
+    only: bool  # whether it holds only what the table of keeping names
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """Where a person would look for a kind of thing."""
+
+    weights: Mapping[str, float]  # of pieces by name, per cent; none for what stands by itself
+
+    def weigh(self, piece: Receptacle) -> float | None:
+        """Return the weight of a piece; None if those that it is like say it."""
+        if piece.name in self.weights or piece.only:
+            return self.weights.get(piece.name, 0.0)
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """Shares of people, for K rooms and P listed pieces.
+
+    Attributes:
+        rooms: room labels.
+        belongs: `[K, P]` to whom things belong there, all things together.
+        untidy: `[K, P]` who say that they lie there when the home is untidy.
+    """
+
+    rooms: tuple[str, ...]
+    belongs: Floats
+    untidy: Floats
+
+
+def list_receptacles() -> tuple[str, ...]:
+    """Return the listed pieces, of which people were asked."""
+    return _read_shares()[0]
+
+
+def read_shares() -> Shares:
+    """Return the shares of people."""
+    return _read_shares()[1]
+
+
+@lru_cache(maxsize=4096)  # the objects of a room are asked again and again
+def find_receptacle(word: str) -> Receptacle | None:
+    """Return the piece of furniture that a word names; None if things do not lie there.
+
+    >>> [one.name for word in ("Night_Stand", "worktops") if (one := find_receptacle(word))]
+    ['nightstand', 'counter']
+    >>> find_receptacle("banana") is None
+    True
+    """
+    if len(word) > LONGEST:
+        return None
+    listed = _read_receptacles()
+    for key in dict.fromkeys(_spell((word, take_apart(word), *list_parts(word)))):
+        for form in (key, *singulars(key)):
+            if form in listed:
+                return listed[form]
+    return None
+
+
+@lru_cache(maxsize=256)
+def find_keeping(word: str) -> Keeping | None:
+    """Return where a person would look for a thing; None if the table does not say."""
+    listed, words = _read_keeping(), _spell((word,))[0].split(" ")
+    for start in range(len(words)):  # running shoes lie where shoes do
+        said = " ".join(words[start:])
+        thing = find_thing(said)
+        for name in (said, thing.name if thing else ""):
+            if name in listed:
+                return listed[name]
+    return Keeping({}) if find_receptacle(word) else None
+
+
+@cache
+def _read_shares() -> tuple[tuple[str, ...], Shares]:
+    rows = read_table(_SHARES, ("room", "receptacle", "belongs", "untidy", "asked"))
+    said = {(room, piece): (float(a), float(b)) for room, piece, a, b, _ in rows}
+    rooms, pieces = (tuple(dict.fromkeys(names)) for names in zip(*said, strict=True))
+    both = np.array([[said[room, piece] for piece in pieces] for room in rooms])
+    return pieces, Shares(rooms, both[..., 0], both[..., 1])
+
+
+@cache
+def _read_receptacles() -> Mapping[str, Receptacle]:
+    header = ("receptacle", "spellings", "like", "opened", "only", "source")
+    number = {piece: index for index, piece in enumerate(list_receptacles())}
+    found: dict[str, Receptacle] = {}
+    for name, spellings, like, opened, only, _ in read_table(_PIECES, header):
+        alike = tuple(number[one] for one in like.split(_SEPARATOR))
+        piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
+        found |= dict.fromkeys(_spell((name, *spellings.split(_SEPARATOR))), piece)
+    return found
+
+
+@cache
+def _read_keeping() -> Mapping[str, Keeping]:
+    rows = read_table(_KEEPING, ("kind", "things", "receptacles"))
+    found: dict[str, Keeping] = {}
+    for _, things, where in rows:
+        parts = [part.partition(":") for part in filter(None, where.split(_SEPARATOR))]
+        kept = Keeping({piece: float(weight) for piece, _, weight in parts})
+        found |= dict.fromkeys(things.split(_SEPARATOR), kept)
+    return found

@@ -1,0 +1,255 @@
+"""What a robot has seen: by hand, by masks, and room after room."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from one_building import same_surroundings, surround_rooms
+from refusals import refuses
+
+from bsg_data.dataset.dataset import read_cells
+from bsg_data.dataset.histograms import to_histograms
+from bsg_data.dataset.manifest import read_manifest
+from bsg_data.dataset.shards import read_scene_graphs
+from bsg_data.errors import RecipeError
+from bsg_data.observation.masks import MASKS, sample_view
+from bsg_data.observation.view import sample_hidden
+from bsg_data.recipes import MaskRecipe
+from bsg_data.scene.class_space import load_class_space
+from bsg_models.belief.hidden_share import VAGUE, ShareBelief
+from bsg_models.belief.masked_graph import list_withheld, mask_scene
+from bsg_models.belief.partial_graph import (
+    MOST_HIDDEN,
+    KnownRoom,
+    Look,
+    PartialGraph,
+    SeenObject,
+)
+from bsg_robot.graph.reports import (
+    describe,
+    discover,
+    enter,
+    find_all,
+    find_near,
+    look,
+    say_score,
+    see_object,
+)
+
+CLASS_SPACE = load_class_space()
+CLASS = {name: number for number, name in enumerate(CLASS_SPACE.classes)}
+
+
+def seen(name: str, room: int, category: str) -> SeenObject:
+    return SeenObject(name, room, category, category, CLASS.get(category))
+
+
+GRAPH = PartialGraph(
+    "home",
+    CLASS_SPACE,
+    0.5,
+    (KnownRoom("a", 0.5), KnownRoom("b", 1.0, visited=False)),
+    (seen("1", 1, "bed"), seen("2", 1, "bed"), seen("3", 1, "tap"), seen("4", 0, "book")),
+    ((1, 2),),
+)
+
+
+def test_an_observation_by_hand() -> None:
+    seen = GRAPH.observation(vocabulary=("drawer", "tap"), withheld=[CLASS["sink"]])
+    assert seen.scene_ids == ("home",)
+    assert seen.starts.tolist() == [0, 3]
+    np.testing.assert_array_equal(seen.inputs, GRAPH.histograms())
+    assert seen.unclassified.tolist() == [[0, 1], [0, 1], [0, 0]]
+    assert seen.vocabulary == ("drawer", "tap")
+    assert seen.hidden_share.tolist() == [0.5, 0.5, 1.0]
+    assert seen.visited.tolist() == [True, True, False]
+    assert seen.withheld[:, CLASS["sink"]].all()
+    assert seen.withheld.sum() == 3
+    assert seen.connections.pairs.tolist() == [[1, 2]]
+    assert seen.connections.methods.tolist() == ["given"]
+    assert np.isnan(seen.connections.lengths).all()
+    plain = GRAPH.observation()
+    assert plain.unclassified.shape == (3, 0)
+    assert not plain.withheld.any()
+
+
+def test_the_surroundings_of_a_graph_by_hand() -> None:
+    one = replace(GRAPH.rooms[0], room_type={"kitchen": 1.0}, footprint=((0, 0), (4, 0), (0, 2)))
+    graph = replace(GRAPH, rooms=(one, GRAPH.rooms[1]), building_kind="school", source="behavior")
+    expected = surround_rooms(
+        [4, None], ["kitchen", None], building_kind="school", source="behavior"
+    )
+    assert same_surroundings(graph.observation().surroundings, expected)
+    searched = find_all(graph, 1, [])
+    assert same_surroundings(searched.observation().surroundings, expected)
+
+
+def test_what_is_withheld_may_be_said_by_node_and_class() -> None:
+    where = np.zeros((3, 45), dtype=bool)
+    where[2, CLASS["sink"]] = True
+    assert GRAPH.observation(withheld=where).withheld.tolist() == where.tolist()
+    with refuses(RecipeError, "withheld-shape", where="home"):
+        GRAPH.observation(withheld=where[1:])
+
+
+def test_nothing_is_withheld_in_a_searched_room() -> None:
+    after = find_all(see_object(GRAPH, seen("5", 2, "sink")), 2, ["5"])
+    bed = CLASS["bed"]
+    assert after.observation(withheld=[bed]).withheld[:, bed].tolist() == [True, True, False]
+    both = find_all(after, 1, ["1"])
+    assert both.hidden_share == 0
+    assert not both.observation(withheld=[bed]).withheld.any()
+
+
+def test_a_searched_room_hides_nothing() -> None:
+    more = see_object(see_object(GRAPH, seen("5", 2, "sink")), seen("6", 2, "toilet"))
+    after = find_all(more, 2, ["5", "6"])
+    assert after.rooms[1] == replace(GRAPH.rooms[1], visited=True, hidden_share=0.0)
+    assert after.hidden_share == pytest.approx(0.5 * 0.5 / 1.5)
+    assert after.histograms()[2].sum() == 2
+    assert after.histograms()[1].tolist() == GRAPH.histograms()[1].tolist()
+    again = find_all(after, 2, ["5"])
+    assert again.histograms()[2].sum() == 1  # what is seen now replaces what was
+
+
+def test_the_share_of_a_building_moves_with_its_rooms() -> None:
+    assert GRAPH.share_with([0.5, 1.0]) == 0.5
+    assert GRAPH.share_with([0.2, 1.0]) == pytest.approx(0.5 * 1.2 / 1.5)
+    full = replace(GRAPH, hidden_share=0.9)
+    assert full.share_with([1.0, 1.0]) == 1.0  # not 1.2
+    known = replace(GRAPH, hidden_share=0.0, rooms=(KnownRoom("a", 0.0), KnownRoom("b", 0.0)))
+    assert known.share_with([0.0, 0.0]) == 0
+    assert known.share_with([1.0, 0.0]) == 0.5
+
+
+def test_a_room_that_shows_something_does_not_hide_all() -> None:
+    graph = see_object(GRAPH, seen("sink", 2, "sink"))
+    assert (graph.rooms[1].hidden_share, graph.rooms[1].visited) == (MOST_HIDDEN, False)
+    assert graph.hidden_share == pytest.approx(0.5 * (0.5 + MOST_HIDDEN) / 1.5)
+    rooms = tuple(replace(room, hidden_share=1.0) for room in GRAPH.rooms)
+    all_hidden = replace(GRAPH, hidden_share=1.0, rooms=rooms)
+    assert [room.hidden_share for room in all_hidden.rooms] == [MOST_HIDDEN, 1.0]
+    assert all_hidden.hidden_share == MOST_HIDDEN
+    assert enter(GRAPH, 1, hidden_share=ShareBelief(1.0)).rooms[0].hidden_share == MOST_HIDDEN
+    doubted = see_object(GRAPH, replace(seen("sink", 2, "sink"), score=0.1))
+    assert doubted.rooms == GRAPH.rooms, "it is hardly there"
+
+
+@pytest.mark.parametrize(
+    ("before", "said", "after"),
+    [(1.0, None, VAGUE.mean), (0.2, None, 0.2), (0.2, 0.7, 0.7), (0.9, 0.0, 0.0)],
+)
+def test_entering_a_room_tells_what_it_hides(
+    before: float, said: float | None, after: float
+) -> None:
+    room = KnownRoom("a", before, visited=before < 1)
+    rooms = (room, GRAPH.rooms[1])
+    graph = replace(GRAPH, rooms=rooms, objects=(), hidden_share=(before + 1) / 2)
+    graph = enter(graph, 1, hidden_share=None if said is None else ShareBelief(said))
+    assert graph.rooms[0].visited
+    assert graph.rooms[0].hidden_share == after
+    assert graph.hidden_share == pytest.approx((after + 1) / 2)
+
+
+def test_a_new_room_is_the_last_and_beside_others() -> None:
+    graph = discover(GRAPH, KnownRoom("hall", 1.0, visited=False), beside=[2, 1])
+    assert [room.name for room in graph.rooms] == ["a", "b", "hall"]
+    assert graph.adjacency == ((1, 2), (1, 3), (2, 3))
+    assert graph.hidden_share == pytest.approx((2 * 0.5 + 1) / 3)
+
+
+def test_a_room_that_is_known_is_no_new_one() -> None:
+    with refuses(RecipeError, "room-known", where="a"):
+        discover(GRAPH, KnownRoom("a", 1.0))
+
+
+@pytest.mark.parametrize("detector", [0.0, 1.0])
+@pytest.mark.parametrize("strategy", MASKS.names())
+def test_a_mask_leaves_the_histograms_of_its_pairs(
+    dataset: Path, strategy: str, detector: float
+) -> None:
+    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=4, withhold=0.2, detector=detector)
+    manifest = read_manifest(dataset)
+    cells = read_cells(dataset)
+    for graph in read_scene_graphs(dataset):
+        whole = cells[graph.scene_id]
+        view = sample_view(whole.shape, recipe, scene_id=graph.scene_id, draw=2)
+        own = view.cut(whole)
+        hidden = sample_hidden(own, view, recipe, scene_id=graph.scene_id, draw=2)
+        left = mask_scene(graph, recipe, draw=2, class_space=manifest.class_space)
+        np.testing.assert_array_equal(left.histograms(), to_histograms(own - hidden))
+        arrays = left.observation(withheld=list_withheld(recipe, left, draw=2))
+        np.testing.assert_array_equal(arrays.visited, view.visited)
+        np.testing.assert_array_equal(arrays.hidden_share, view.shares_float32)
+        np.testing.assert_array_equal(arrays.withheld, view.withheld)
+        real = {str(obj.instance_id): obj for obj in graph.objects}
+        assert all(real[obj.name].raw_category == obj.raw_category for obj in left.objects)
+        rooms = view.nodes.tolist()
+        assert all(real[obj.name].room_index == rooms[obj.room_index] for obj in left.objects)
+
+
+# Looks, scores, and sightings of the same thing
+
+
+def test_looks_of_one_thing_in_one_room_become_one() -> None:
+    graph = look(GRAPH, Look(1, "mug", 0.8))
+    graph = look(graph, Look(2, "mug", 0.5))
+    graph = look(graph, Look(1, "Mug", 0.5))
+    assert [(one.room_index, one.chance) for one in graph.looks] == [(2, 0.5), (1, 0.9)]
+    for _ in range(100):
+        graph = look(graph, Look(1, "mug", 0.8))
+    assert graph.looks[-1].chance < 1
+    assert look(graph, Look(1, "mug", 1.0)).looks[-1].chance == 1
+
+
+def test_what_is_found_in_a_searched_room_is_sure_and_all_else_is_gone() -> None:
+    graph = see_object(GRAPH, replace(seen("x", 1, "sink"), score=0.2))
+    graph = look(see_object(graph, seen("y", 1, "bed")), Look(1, "sink", 0.8))
+    graph = find_all(graph, 1, ["x"])
+    assert [(o.name, o.score) for o in graph.objects if o.room_index == 1] == [("x", None)]
+    assert (graph.looks, graph.rooms[0].hidden_share) == ((), 0)
+
+
+def test_models_read_what_is_probably_there() -> None:
+    before = GRAPH.histograms()[:, CLASS["sink"]].tolist()
+    for score, more in ((0.5, 1), (0.49, 0), (None, 1)):
+        graph = see_object(GRAPH, replace(seen("x", 1, "sink"), score=score))
+        assert graph.histograms()[1, CLASS["sink"]] == before[1] + more
+
+
+def test_a_sighting_is_the_nearest_object_of_its_class() -> None:
+    near = replace(seen("near", 1, "sink"), position=(0.3, 0.0, 0.0))
+    far = replace(seen("far", 1, "sink"), position=(9.0, 0.0, 0.0))
+    graph = see_object(see_object(GRAPH, near), far)
+    new = replace(seen("new", 1, "sink"), position=(0.0, 0.0, 0.0))
+    assert find_near(graph, new, within=0.5) == near
+    assert find_near(graph, new, within=0.2) is None
+    assert find_near(graph, new, within=0.5, besides=["near"]) is None
+    assert find_near(graph, replace(new, room_index=2), within=0.5) is None
+    assert find_near(graph, new, within=0) is None
+    assert find_near(graph, replace(new, class_index=CLASS["bed"]), within=0.5) is None
+    assert find_near(graph, replace(new, position=None), within=0.5) is None
+    assert find_near(graph, replace(new, position=None), within=math.inf) is not None
+
+
+def test_more_is_learned_of_a_room() -> None:
+    room = replace(GRAPH.rooms[0], floor_area=7.0)
+    graph = describe(GRAPH, 1, room, beside=[2])
+    assert graph.rooms[0].floor_area == 7.0
+    assert (1, 2) in graph.adjacency
+    with refuses(RecipeError, "room-beside-itself", "a"):
+        describe(GRAPH, 1, room, beside=[1])
+
+
+def test_an_age_is_a_score_if_it_is_known_how_long_things_stay() -> None:
+    assert say_score("object x", 0.3, age=None, stays=None) == 0.3
+    assert say_score("object x", None, age=24.0, stays=24.0) == 0.5
+    assert say_score("object x", None, age=48.0, stays=24.0) == 0.25
+    with refuses(RecipeError, "stays-unsaid", "object x"):
+        say_score("object x", None, age=1.0, stays=None)
+    with refuses(RecipeError, "score-twice", "object x"):
+        say_score("object x", 0.5, age=1.0, stays=2.0)

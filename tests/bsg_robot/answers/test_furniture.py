@@ -1,0 +1,396 @@
+"""Pieces of furniture: by hand, after looks, and as a person would look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from refusals import refuses
+
+from bsg_data.errors import RecipeError
+from bsg_models.belief.partial_graph import KnownRoom, Look, SeenObject
+from bsg_robot.answers import missed_looks
+from bsg_robot.answers.decision import choose_room
+from bsg_robot.answers.destinations import list_spots
+from bsg_robot.answers.missed_looks import MissedLook, MissedPieces, doubt_objects
+from bsg_robot.answers.place import NOT_SEEN, Destination, Piece
+from bsg_robot.answers.seen_building import SeenBuilding, open_graph
+from bsg_robot.answers.weighed_graph import WeighedGraph
+from bsg_robot.errors import BeliefFileError
+from bsg_robot.graph.document import decode_belief, encode_belief, to_networkx
+from bsg_robot.graph.formats import read_belief, write_belief
+from bsg_robot.things.pieces import find_pieces, furnish
+from bsg_robot.things.things import find_keeping, find_receptacle, read_shares
+
+FLAT: dict[str, Any] = {
+    "scene_id": "flat",
+    "building_kind": "home",
+    "rooms": [
+        {"id": "kitchen", "floor_in_view": 0.9, "position": [0, 0, 0]},
+        {"id": "living room", "floor_in_view": 0.8, "position": [5, 0, 0]},
+        {"id": "bedroom", "floor_in_view": 0.7, "position": [5, 5, 0]},
+        {"id": "bathroom", "visited": False, "position": [0, 5, 0]},
+    ],
+    "objects": [
+        {"id": "counter", "room": "kitchen", "category": "counter", "position": [-1, 0, 0]},
+        {"id": "fridge", "room": "kitchen", "category": "refrigerator", "position": [1, 1, 0]},
+        {"id": "upper", "room": "kitchen", "category": "upper cabinet", "position": [-1, 1, 0]},
+        {"id": "lower", "room": "kitchen", "category": "lower cabinet", "position": [-1, 1, 0]},
+        {"id": "table", "room": "kitchen", "category": "dining table", "position": [0, -1, 0]},
+        {"id": "cup", "room": "kitchen", "category": "mug", "on": "counter"},
+        {"id": "sofa", "room": "living room", "category": "sofa", "position": [6, 0, 0]},
+        {"id": "low", "room": "living room", "category": "coffee table", "position": [5, 1, 0]},
+        {"id": "books", "room": "living room", "category": "bookshelf", "position": [4, -1, 0]},
+        {"id": "bed", "room": "bedroom", "category": "bed", "position": [6, 6, 0]},
+        {"id": "stand", "room": "bedroom", "category": "nightstand", "position": [5, 6, 0]},
+        {"id": "wardrobe", "room": "bedroom", "category": "wardrobe", "position": [4, 6, 0]},
+    ],
+    "adjacency": [["kitchen", "living room"], ["living room", "bedroom"], ["kitchen", "bathroom"]],
+}
+
+
+def flat() -> SeenBuilding:
+    return open_graph(FLAT)
+
+
+def first_piece(thing: str, room: str) -> str | None:
+    return flat().where(thing, within=room)[0].piece
+
+
+@pytest.mark.parametrize(
+    ("thing", "room", "piece"),
+    [
+        ("milk", "kitchen", "fridge"),
+        ("banana", "kitchen", "counter"),
+        ("plate", "kitchen", "upper"),
+        ("frying pan", "kitchen", "lower"),
+        ("mug", "kitchen", "counter"),  # where one was seen
+        ("remote control", "living room", "low"),
+        ("cushion", "living room", "sofa"),
+        ("book", "living room", "books"),
+        ("pillow", "bedroom", "bed"),
+        ("socks", "bedroom", "wardrobe"),
+    ],
+)
+def test_a_person_would_look_there_first(thing: str, room: str, piece: str) -> None:
+    assert first_piece(thing, room) == piece
+
+
+def test_the_rates_by_hand() -> None:
+    """Two pieces that were seen, one class that is expected, half of the room hidden."""
+    room = KnownRoom("k", hidden_share=0.5, room_type="kitchen")
+    objects = [SeenObject(w, 1, w, None, None) for w in ("counter", "refrigerator", "spoon")]
+    unseen = np.array([0, 0.4])
+    found = furnish("milk", room, find_pieces(objects), classes=("couch", "sink"), unseen=unseen)
+    shares, kept = read_shares(), find_keeping("milk")
+    assert found is not None
+    assert kept is not None
+    people = 0.5 * (shares.belongs + shares.untidy)[shares.rooms.index("kitchen")]
+    counter, fridge, sink = (
+        people[one.like[0]] * (kept.weights.get(one.name, 0) + (0.3 if one.only else 3)) ** 0.8
+        for w in ("counter", "fridge", "sink")
+        if (one := find_receptacle(w))
+    )
+    expected = np.array([counter * 0.75, fridge, sink * 0.4 * 0.2])  # it was inside the room
+    np.testing.assert_allclose(found.rates, expected)
+    np.testing.assert_allclose(found.shares({}), expected / expected.sum())
+    after = expected * [1, 0.2, 1]
+    np.testing.assert_allclose(found.shares({"refrigerator": 0.2}), after / after.sum())
+    assert found.overlooked({"refrigerator": 0.2}) == pytest.approx(after.sum() / expected.sum())
+
+
+def test_shares_of_a_room_add_up_and_what_was_seen_is_there() -> None:
+    pieces = flat().where("mug", within="kitchen")
+    assert sum(one.if_there for one in pieces) == pytest.approx(1)
+    assert pieces[0] == Piece("counter", "counter", 1.0, pieces[0].if_there, ("cup",))
+    assert pieces[-1].name == NOT_SEEN
+    assert pieces[-1].piece is None
+    assert flat().where("wardrobe", within="bedroom") == ()
+    best = {place.room: place.pieces for place in flat().where("milk")}
+    assert best["kitchen"][0].piece == "fridge"
+    assert best["bathroom"] == ()
+
+
+def test_a_look_at_a_piece_moves_the_belief_to_the_others_by_bayes_rule() -> None:
+    seen = flat()
+    before = {one.piece: one.if_there for one in seen.where("milk", within="kitchen")}
+    room = seen.where("milk")[0].unseen
+    seen.looked("kitchen", "milk", at="fridge", chance=0.9)
+    after = {one.piece: one.if_there for one in seen.where("milk", within="kitchen")}
+    missed = 1 - 0.9 * before["fridge"]
+    assert after["fridge"] == pytest.approx(0.1 * before["fridge"] / missed)
+    assert after["upper"] == pytest.approx(before["upper"] / missed)
+    assert seen.where("milk")[0].unseen < room
+    assert {one.piece: one.if_there for one in seen.where("cheese", within="kitchen")}[
+        "fridge"
+    ] == pytest.approx(before["fridge"])
+
+
+def test_tidy_and_untidy_homes_differ() -> None:
+    tidy, untidy = (
+        {one.piece: one.if_there for one in flat().where("book", within="living room", tidy=t)}
+        for t in (1.0, 0.0)
+    )
+    assert tidy["books"] > untidy["books"], "where it belongs"
+    assert tidy["sofa"] < untidy["sofa"], "where it was left"
+    with pytest.raises(RecipeError):
+        flat().where("book", within="living room", tidy=1.5)
+
+
+def test_the_search_goes_from_piece_to_piece() -> None:
+    seen, here, at, stops = flat(), "living room", None, list[Destination]()
+    for _ in range(4):
+        go = seen.next_place("milk", here=here, at=at)
+        assert go is not None
+        stops.append(go)
+        here, at = go.room, go.piece
+        seen.looked(here, "milk", at=at)
+    assert stops[0] == Destination("kitchen", "fridge")
+    assert len(set(stops)) == len(stops)
+    assert seen.anywhere("milk") < flat().anywhere("milk")
+
+
+def test_what_was_seen_is_looked_for_where_it_was_seen() -> None:
+    assert flat().next_place("mug", here="bedroom") == Destination("kitchen", "counter")
+    assert flat().next_place("toothbrush", here="bedroom") == Destination("bathroom", None)
+    assert flat().next_place("wardrobe", here="kitchen") == Destination("bedroom", None)
+
+
+def test_a_piece_that_is_gone_holds_nothing() -> None:
+    seen = flat()
+    seen.looked("kitchen", "milk", at="counter")
+    spoon = seen.saw("kitchen", "spoon", on="counter")
+    seen.gone("counter")
+    assert {obj.name: obj.on for obj in seen.graph.objects}[spoon] is None
+    (look,) = seen.graph.looks  # it was a look into the room, at the share of the counter
+    assert look.at is None
+    assert 0 < look.chance < 0.3
+
+
+def test_a_look_counts_though_the_piece_is_gone() -> None:
+    seen = flat()
+    milk = seen.saw("kitchen", "milk", on="fridge")
+    for _ in range(3):
+        seen.looked("kitchen", "milk", at="fridge")
+    doubted = seen.where("milk")[0].probability
+    seen.gone("fridge")
+    assert seen.where("milk")[0].probability == pytest.approx(doubted, abs=0.05)
+    assert {obj.name: obj.score for obj in seen.graph.objects}[milk] == pytest.approx(
+        0.03, abs=0.01
+    )
+
+
+def test_what_is_seen_again_stays_where_it_lay() -> None:
+    seen = flat()
+    seen.saw("kitchen", "mug", object_id="cup")
+    assert {obj.name: obj.on for obj in seen.graph.objects}["cup"] == "counter"
+    seen.saw("bedroom", "mug", object_id="cup")
+    assert {obj.name: obj.on for obj in seen.graph.objects}["cup"] is None
+
+
+def test_what_was_seen_in_the_room_is_on_a_piece_that_was_seen_there() -> None:
+    seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": ["coat rack"]})
+    pieces = seen.where("cup", within="kitchen")
+    unseen = next(place for place in seen.where("cup") if place.room == "kitchen").unseen
+    rest = pieces[-1].if_there
+    for one in pieces:
+        lies = 0.0 if one.name == NOT_SEEN else one.if_there / (1 - rest)
+        both = 1 - (1 - lies) * (1 - one.if_there * unseen)
+        assert one.probability == pytest.approx(both)
+    go = seen.next_place("cup", here="hall")
+    assert go is not None
+    assert (go.room, go.piece) == ("kitchen", pieces[0].piece)
+
+
+def test_a_mug_on_a_tray_on_the_counter_is_at_the_counter() -> None:
+    seen = flat()
+    seen.saw("kitchen", "tray", object_id="tray", on="counter")
+    seen.saw("kitchen", "plate", object_id="plate", on="tray")
+    assert seen.where("plate", within="kitchen")[0].seen == ("plate",)
+    with refuses(RecipeError, "piece-on-itself", where="tray"):
+        seen.saw("kitchen", "tray", object_id="tray", on="plate")
+
+
+def test_one_chair_is_not_searched_before_the_kitchen() -> None:
+    seen = open_graph({"kitchen": ["chair"] * 6, "hall": ["coat rack"]})
+    seen.entered("kitchen", floor_in_view=0.2)
+    assert seen.next_place("milk", here="hall") == Destination("kitchen", None)
+    rooms = [{"id": "kitchen", "visited": False}, {"id": "hall", "visited": True}]
+    chair = {"id": "chair", "room": "kitchen", "category": "chair"}
+    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": [chair]})
+    assert seen.next_place("milk", here="hall") == Destination("kitchen", None)
+
+
+def test_costs_that_are_said_are_obeyed() -> None:
+    places: dict[str, Any] = {"hall": [0, 0, 0], "near": [5, 0, 0], "far": [0, 16, 0]}
+    rooms: list[dict[str, Any]] = [
+        {"id": name, "position": at, "room_type": "kitchen"} for name, at in places.items()
+    ]
+    rooms[0] |= {"room_type": "corridor", "hidden_share": 0}
+    objects = [
+        {"id": f"fridge {n}", "room": n, "category": "fridge", "position": places[n]}
+        for n in ("near", "far")
+    ]
+    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
+    assert seen.next_place("milk", here="hall") == Destination("near", "fridge near")
+    costs = {("hall", "near"): 1000.0, ("near", "far"): 1000.0}
+    assert seen.next_place("milk", here="hall", costs=costs) == Destination("far", "fridge far")
+
+
+def test_furniture_in_other_words_is_furniture() -> None:
+    seen = open_graph({"kitchen": ["white cabinet", "wooden table", "fridge_2"], "hall": []})
+    known = {one.name for one in seen.where("mug", within="kitchen")}
+    assert known == {"white cabinet", "wooden table", "fridge_2", NOT_SEEN}
+    with refuses(RecipeError, "piece-holds-nothing", where="spoon"):
+        seen.saw("kitchen", "spoon", object_id="spoon")
+        seen.looked("kitchen", "mug", at="spoon")
+
+
+def test_of_hundreds_of_pieces_the_likeliest_and_that_of_the_robot_are_weighed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rooms = [{"id": f"r{n}", "room_type": "office", "position": [n, 0, 0]} for n in range(60)]
+    objects = [
+        {"id": f"{n} {k}", "room": f"r{n}", "category": word, "position": [n, k, 0]}
+        for n in range(60)
+        for k, word in enumerate(("desk", "garbage bin", "shelf", "chair"))
+    ]
+    weighed: list[int] = []
+
+    def note(decision: Any, *rest: Any, **more: Any) -> int | None:
+        weighed.append(len(decision.finds))
+        return choose_room(decision, *rest, **more)
+
+    monkeypatch.setattr("bsg_robot.answers.destinations.choose_room", note)
+    seen = open_graph({"scene_id": "a", "rooms": rooms, "objects": objects})
+    assert seen.next_place("stapler", here="r0", at="0 1") == Destination("r0", "0 0")
+    assert weighed == [1 + 60 + 100 + 1], "the building, the rests, the pieces, and the bin"
+
+
+def test_looks_at_every_piece_leave_little_of_what_was_seen_on_none_of_them() -> None:
+    seen = open_graph({"kitchen": ["fridge", "counter", "cup"], "hall": []})
+    before = seen.where("cup")[0].probability
+    for piece in ("fridge 1", "counter 1"):
+        seen.looked("kitchen", "cup", at=piece, chance=1.0)
+    (cup,) = [obj for obj in seen.graph.objects if obj.raw_category == "cup"]
+    assert before == 1
+    assert cup.name not in seen.where("cup")[0].seen
+
+
+def test_a_piece_is_named_by_its_id_or_its_word() -> None:
+    seen = flat()
+    seen.looked("kitchen", "milk", at="refrigerator")
+    assert [one.at for one in seen.graph.looks] == ["fridge"]
+    with refuses(RecipeError, "piece-unknown", where="sofa"):
+        seen.looked("kitchen", "milk", at="sofa")
+    with refuses(RecipeError, "piece-on-itself", where="cup"):
+        seen.saw("kitchen", "mug", object_id="cup", on="cup")
+
+
+def test_blind_nodes_are_on_their_likeliest_piece_and_are_written_and_read(tmp_path: Path) -> None:
+    belief = flat().belief()
+    classes = belief.partial.class_space.classes
+    on = {(classes[node.class_index], node.room_index): node.on for node in belief.blind}
+    assert on["pillow", 3] == "bed"
+    assert on.get(("bed", 3)) is None, "it stands by itself"
+    assert all(node.on is None for node in belief.blind if node.room_index == 4), "nobody was there"
+    write_belief(belief, tmp_path / "belief.json")
+    assert read_belief(tmp_path / "belief.json") == belief
+    graph = to_networkx(belief)
+    lying = {
+        (graph.nodes[a].get("id", graph.nodes[a].get("class")), graph.nodes[b]["id"])
+        for a, b, kind in graph.edges(data="kind")
+        if kind == "on"
+    }
+    assert ("cup", "counter") in lying
+    assert ("pillow", "bed") in lying
+    document = encode_belief(belief)
+    document["blind"][0]["on"] = "sofa" if document["blind"][0]["room"] != 2 else "bed"
+    with pytest.raises(BeliefFileError, match="which is not in its room"):
+        decode_belief(document, path=Path("x"))
+
+
+def test_every_object_below_another_is_followed_once() -> None:
+    """In a pile of n things, on a table or on nothing, `on` is read n times."""
+
+    class Counted(SeenObject):
+        reads = 0
+
+        def __getattribute__(self, name: str) -> Any:
+            Counted.reads += name == "on"
+            return super().__getattribute__(name)
+
+    for below in ("table", None):
+        pile = [
+            Counted(str(n), 1, "cup", None, None, on=str(n + 1) if n < 99 else below)
+            for n in range(100)
+        ]
+        Counted.reads = 0
+        found = find_pieces([*pile, SeenObject("table", 1, "table", None, None)])
+        assert Counted.reads <= 2 * len(pile)
+        assert found.on == ({} if below is None else dict.fromkeys(map(str, range(100)), "table"))
+
+
+def test_things_that_were_seen_are_gone_through_once_for_all_pieces_of_a_room() -> None:
+    class Counted(list[SeenObject]):
+        times = 0
+
+        def __iter__(self) -> Iterator[SeenObject]:
+            Counted.times += 1
+            return super().__iter__()
+
+    tables = [SeenObject(f"t{n}", 1, "table", None, None) for n in range(9)]
+    mugs = Counted(SeenObject(f"m{n}", 1, "mug", None, None, on=f"t{n}") for n in range(9))
+    seen = find_pieces([*tables, *mugs])
+    Counted.times = 0
+    room = KnownRoom("k", hidden_share=0.5)
+    furniture = furnish("mug", room, seen, classes=(), unseen=np.zeros(0))
+    assert furniture is not None
+    spots = list_spots(furniture, mugs, node=1, on=seen.on, missed=MissedPieces({}))
+    assert [spot.seen for spot in spots] == [*((f"m{n}",) for n in range(9)), ()]
+    assert Counted.times == 1
+
+
+def test_looks_are_weighed_once_for_each_word_that_was_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    furnished, asked = [], []
+    furnish_ = missed_looks.furnish
+    monkeypatch.setattr(
+        missed_looks, "furnish", lambda *a, **k: furnished.append(a) or furnish_(*a, **k)
+    )
+    words = ["table"] * 50 + ["mug"] * 50
+    objects = [
+        {"id": str(n), "room": "k", "category": word, "score": 0.9} for n, word in enumerate(words)
+    ]
+    seen = open_graph({"rooms": [{"id": "k"}], "objects": objects})
+    meaning = seen.understand("mug")
+    look = MissedLook(Look(1, "mug", 0.8, "1"), meaning)
+    left = doubt_objects(
+        seen.graph, [look], names=lambda _: lambda w: asked.append(w) or w == "mug"
+    )
+    assert (len(furnished), sorted(asked)) == (1, ["mug", "table"])
+    scores = {obj.raw_category: obj.score for obj in left.objects}
+    assert scores["table"] == 0.9
+    assert 0.5 < (scores["mug"] or 0) < 0.9
+
+
+def test_a_question_looks_a_thing_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    look_up = WeighedGraph._look_up
+    monkeypatch.setattr(
+        WeighedGraph,
+        "_look_up",
+        lambda self, meaning: asked.append(meaning.word) or look_up(self, meaning),
+    )
+    seen = flat()
+    seen.where("mug", here="kitchen")
+    seen.anywhere("mug")
+    seen.next_place("mug", here="kitchen")
+    assert asked == ["mug"]
+    seen.looked("kitchen", "mug")
+    seen.anywhere("mug")
+    assert asked == ["mug", "mug"]

@@ -1,0 +1,167 @@
+"""Notes on how a graph is read: each is there for what was told, and only then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bsg_models.runs.predictor import Predictor
+from bsg_models.zoo.catalogue import ZOO
+from bsg_robot.answers.kind_table import read_kinds
+from bsg_robot.answers.kinds import infer_kinds
+from bsg_robot.answers.notes import note_graph
+from bsg_robot.answers.seen_building import open_graph
+from bsg_robot.graph.robot_json import parse_robot_graph
+
+
+@pytest.fixture(scope="module")
+def universal() -> Predictor:
+    return Predictor()
+
+
+def notes_on(
+    predictor: Predictor, room: dict[str, Any], *words: str, **facts: Any
+) -> tuple[str, ...]:
+    said = {
+        "scene_id": "home",
+        "rooms": [{"id": "R1", "hidden_share": 0.5, **room}],
+        "more_rooms": 0,
+        "objects": [{"id": str(n), "room": "R1", "category": w} for n, w in enumerate(words)],
+        **facts,
+    }
+    graph = parse_robot_graph(said, path=Path("x"), class_map=predictor.class_map)
+    return tuple(note_graph(graph, predictor, infer_kinds(graph, read_kinds())))
+
+
+def test_a_graph_that_says_all_has_no_note(universal: Predictor) -> None:
+    assert notes_on(universal, {}, "sink", "wall", source="hm3d", detector=["sink"]) == ()
+    assert notes_on(universal, {"hidden_share": None, "floor_in_view": 0.6}, "sink") == ()
+
+
+@pytest.mark.parametrize(
+    ("room", "words", "facts", "named"),
+    [
+        ({"hidden_share": None}, (), {}, "R1"),
+        ({"label": "bath room"}, (), {}, "bath room: read as the kind"),
+        ({"label": "staff kichen"}, (), {}, "'staff kichen' is kitchen (misspelt)"),
+        ({"room_type": "staff kitchen"}, (), {}, "'staff kitchen' is kitchen (head noun)"),
+        ({"label": "cooking spot"}, (), {}, "'cooking spot': kind of room unknown"),
+        ({}, (), {"building_kind": "castle"}, "'castle': kind of building unknown"),
+        ({}, (), {"building_kind": "hospital"}, "`hospital`"),
+        ({"room_type": "Kajüte 3b"}, (), {}, "'Kajüte 3b': kind of room unknown"),
+        ({}, ("zzqx thing",), {}, "'zzqx thing'"),
+        ({}, ("blue velvet sofa",), {}, "'blue velvet sofa' is "),
+        ({}, (), {"source": "my robot"}, "'my robot'"),
+        ({}, (), {"detector": ["sink", "flibber"]}, "flibber"),
+    ],
+)
+def test_what_is_not_understood_is_named_once(
+    universal: Predictor,
+    room: dict[str, Any],
+    words: tuple[str, ...],
+    facts: dict[str, Any],
+    named: str,
+) -> None:
+    notes = notes_on(universal, room, *words, **facts)
+    (note,) = (note for note in notes if not note.startswith("taken for a building"))
+    assert named in note
+
+
+def test_a_word_without_a_class_is_evidence_for_models_that_read_it(universal: Predictor) -> None:
+    (read,) = notes_on(universal, {}, "coat rack", "coat rack", "sink")
+    (ignored,) = notes_on(Predictor("mixture"), {}, "coat rack", "sink")
+    assert "coat rack" in universal.vocabulary
+    assert read.replace("universal", "mixture") != ignored
+    assert read.count("coat rack") == ignored.count("coat rack") == 1
+
+
+def test_a_model_that_reads_no_room_types_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ZOO["mixture"].make, "reads_labels", False)
+    (note,) = notes_on(Predictor("mixture"), {"room_type": "kitchen"}, "sink")
+    assert note == "room types: mixture does not read them"
+
+
+def test_python_gets_the_notes_of_what_came_later() -> None:
+    rooms = [{"id": "a", "hidden_share": 0.5}]
+    seen = open_graph({"scene_id": "home", "rooms": rooms, "more_rooms": 0})
+    assert seen.notes == ()
+    seen.saw("a", "coat rack")
+    kind, thing = seen.notes
+    assert "read by what was seen" in kind
+    assert "coat rack" in thing
+
+
+def test_a_graph_of_few_rooms_is_taken_as_whole_and_says_so() -> None:
+    rooms = {"office": ["desk"], "meeting room": [], "building_kind": "office"}
+    (note,) = open_graph(rooms).notes[:1]
+    assert note.startswith("office, meeting room: taken as the whole building")
+    assert not any("whole" in n for n in open_graph({"hall": [], "more_rooms": True}).notes)
+    assert not any(
+        "whole" in n for n in open_graph({"office": [], "meeting room": [], "lobby": []}).notes
+    )
+
+
+def test_a_home_without_a_kitchen_a_bathroom_or_a_bedroom_is_not_whole_and_says_so() -> None:
+    def notes(*rooms: str, **facts: Any) -> list[str]:
+        seen = open_graph({room: [] for room in rooms} | facts)
+        return [note for note in seen.notes if "not found yet" in note]
+
+    (note,) = notes("hall", "kitchen")
+    assert "more rooms are expected, not found yet: a home has a kitchen" in note
+    assert "say `more_rooms: 0` if the map is whole, or the `building_kind`" in note
+    assert notes("hall", "kitchen", more_rooms=0) == []
+    assert notes("kitchen", "bathroom", "bedroom") == []
+    assert len(notes("kitchen", "bathroom", "hall", "office")) == 1
+
+
+def test_a_building_that_is_no_home_by_its_things_is_a_note_unless_it_is_said() -> None:
+    office = {
+        "R0": ["whiteboard", "projector", "conference table"],
+        "R1": ["desk", "office chair", "keyboard"],
+        "R2": ["photocopier", "printer", "paper shredder"],
+        "R3": ["server rack", "network switch"],
+        "R4": ["urinal", "hand dryer"],
+    }
+    (note,) = (note for note in open_graph(office).notes if "building" in note)
+    assert note.startswith("taken for a building of the kind office, by its rooms; say `building_")
+    for said in ({**office, "building_kind": "office"}, {"kitchen": [], "bedroom": [], "bath": []}):
+        assert not any("taken for a building" in note for note in open_graph(said).notes)
+
+
+def test_kinds_that_were_read_by_things_are_one_note_a_map() -> None:
+    home = {"R0": ["stove", "fridge"], "R1": ["bed", "wardrobe"], "bath": ["toilet"], "R3": []}
+    (note,) = (note for note in open_graph(home).notes if "read by" in note)
+    assert note.startswith("R0 as kitchen, R1 as bedroom: read by what was seen; say `room_type`")
+    named = {"kitchen": home["R0"], "bedroom": home["R1"], "bath": [], "R3": []}
+    assert not any("read by" in note for note in open_graph(named).notes)
+
+
+def test_a_name_that_its_things_contradict_is_remarked() -> None:
+    wrong = ["bed", "toilet", "shower"]
+    (note,) = (note for note in open_graph({"kitchen": wrong}).notes if "called" in note)
+    assert note.startswith("kitchen: called kitchen, but its things are those of: bathroom")
+    for things in (["stove", "sink", "bed"], ["bed", "toilet"], ["sink", "lamp", "chair"], []):
+        assert not any("called" in note for note in open_graph({"kitchen": things}).notes)
+
+
+def test_rooms_that_are_found_are_understood_as_those_of_a_map() -> None:
+    seen = open_graph({"more_rooms": True})
+    for name in ("patient room 1", "nurse station", "kitchens", "zzqx"):
+        seen.discovered(name)
+    kinds = ["patient room", "office", "kitchen", None]
+    assert [room.room_type for room in seen.graph.rooms] == kinds
+    assert seen.graph.building_kind == "hospital"
+    seen.describe("zzqx", label="Dispensary")
+    seen.describe("kitchens", room_type="bar")
+    assert [room.room_type for room in seen.graph.rooms] == [*kinds[:2], "bar", "pharmacy"]
+    named = [note for note in seen.notes if "their names say" in note]
+    assert named == [
+        "patient room 1, nurse station, Dispensary: read as the kinds that their names say"
+    ]
+
+
+def test_an_object_without_a_name_is_called_so(universal: Predictor) -> None:
+    (note,) = notes_on(universal, {}, "", source="hm3d", detector=["sink"])
+    assert note == "(no name): not among the 45 classes; the model does not read them"

@@ -1,0 +1,146 @@
+"""One state, one answer: told by a file, by calls, by options or in Python, or saved and opened."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from bsg_cli.belief import main as belief_command
+from bsg_models import Predictor
+from bsg_models.belief.partial_graph import PartialGraph
+from bsg_robot import SeenBuilding, open_graph
+from bsg_robot.answers.words import set_hidden_shares
+from bsg_robot.graph.formats import write_belief
+
+UNIVERSAL = Predictor()
+NAMES = ("kitchen", "bathroom", "bedroom", "hall", "living room", "R0", "zzqx")
+WORDS = ("stove", "bed", "toilet", "sofa", "mug", "towel", "zzqx")
+ASKED = ("microwave", "mug", "towel", "pillow", "bag")
+State = dict[str, Any]
+
+
+def draw(seed: int) -> State:
+    """Return a document that says all: each room hides all, nearly all, half or nothing."""
+    rng = np.random.default_rng(seed)
+    rooms, objects = [], []
+    for name in rng.permutation(NAMES)[: rng.integers(2, 6)]:
+        share = float(rng.choice([1.0, 1.0, 0.99, 0.5, 0.0]))
+        rooms.append({"id": str(name), "visited": share < 1, "hidden_share": share})
+        for word in rng.choice(WORDS, rng.integers(0, 4)):
+            score = {"score": float(rng.choice([0.2, 0.8]))} if rng.random() < 0.3 else {}
+            thing = {"id": str(len(objects)), "room": str(name), "category": str(word)}
+            objects.append(thing | score)
+    pairs = [[one["id"], two["id"]] for one, two in pairwise(rooms)]
+    more = {"more_rooms": int(rng.integers(0, 3))}
+    return {"scene_id": "home", "rooms": rooms, "objects": objects, "adjacency": pairs, **more}
+
+
+def by_file(state: State, folder: Path) -> SeenBuilding:
+    (folder / "home.json").write_text(json.dumps(state), "utf-8")
+    return open_graph(folder / "home.json", model=UNIVERSAL)
+
+
+def by_calls(state: State, folder: Path) -> SeenBuilding:
+    """Rooms are discovered, entered and searched, and things are seen, in another order."""
+    seen = open_graph({"scene_id": "home", "rooms": [], "more_rooms": 0}, model=UNIVERSAL)
+    for number, room in enumerate(state["rooms"]):
+        beside = [state["rooms"][number - 1]["id"]] if number else []
+        seen.discovered(room["id"], beside=beside)
+    for thing in state["objects"][::2]:
+        seen.saw(thing["room"], thing["category"], object_id=thing["id"], score=thing.get("score"))
+    for room in state["rooms"]:
+        if room["visited"]:
+            seen.entered(room["id"], hidden_share=room["hidden_share"])
+        if room["hidden_share"] == 0:
+            seen.searched(room["id"])
+    for thing in state["objects"]:
+        seen.saw(thing["room"], thing["category"], object_id=thing["id"], score=thing.get("score"))
+    seen.more_rooms(state["more_rooms"])
+    return seen
+
+
+def by_options(state: State, folder: Path) -> SeenBuilding:
+    """The file says half of each room; the shares are said later."""
+    half = [room | {"hidden_share": 0.5, "visited": True} for room in state["rooms"]]
+    graph = open_graph({**state, "rooms": half}, model=UNIVERSAL).graph
+    shares = {room["id"]: room["hidden_share"] for room in state["rooms"]}
+    return SeenBuilding(set_hidden_shares(graph, rooms=shares), UNIVERSAL)
+
+
+def by_python(state: State, folder: Path) -> SeenBuilding:
+    """The graph of a map without things and shares, with these replaced in Python."""
+    graph = open_graph(state, model=UNIVERSAL).graph
+    bare = replace(graph, objects=(), hidden_share=0.5)
+    shares = [room["hidden_share"] for room in state["rooms"]]
+    rooms = [replace(r, hidden_share=s) for r, s in zip(graph.rooms, shares, strict=True)]
+    told: PartialGraph = replace(bare, rooms=tuple(rooms), objects=graph.objects)
+    mean = float(np.mean([room.hidden_share for room in told.rooms]))
+    return SeenBuilding(replace(told, hidden_share=mean), UNIVERSAL)
+
+
+def by_saving(state: State, folder: Path) -> SeenBuilding:
+    write_belief(by_calls(state, folder).belief(), folder / "saved.json")
+    return open_graph(folder / "saved.json", model=UNIVERSAL)
+
+
+def answer(seen: SeenBuilding) -> list[Any]:
+    """Return all that is answered, as numbers and names."""
+    shares = [(room.name, room.visited, room.hidden_share) for room in seen.graph.rooms]
+    kinds = [[(kind.name, kind.probability) for kind in seen.kinds(r)] for r in seen.rooms]
+    there = {f"{t} {p.room}": p.probability for t in ASKED for p in seen.where(t)}
+    building = [seen.graph.hidden_share, *(seen.anywhere(thing) for thing in ASKED)]
+    go = [seen.next_room(thing, here=seen.rooms[0]) for thing in ASKED]
+    return [shares, kinds, there, building, go]
+
+
+@pytest.mark.parametrize("door", [by_calls, by_options, by_python, by_saving])
+def test_the_same_state_has_the_same_answers(
+    door: Callable[[State, Path], SeenBuilding], tmp_path: Path
+) -> None:
+    for seed in range(8):
+        state = draw(seed)
+        expected, told = (answer(one(state, tmp_path)) for one in (by_file, door))
+        shares, kinds, there, building, go = told
+        assert shares == expected[0], state
+        assert kinds == expected[1], state
+        assert there == pytest.approx(expected[2], abs=1e-9), state
+        assert building == pytest.approx(expected[3], abs=1e-9), state
+        assert go == expected[4], state
+
+
+def test_some_of_these_states_show_something_of_rooms_that_are_said_to_hide_all() -> None:
+    """Else nothing of the rule would be tested."""
+    shown = [
+        room["hidden_share"] == 1 and thing.get("score", 1) >= 0.5
+        for state in map(draw, range(8))
+        for room in state["rooms"]
+        for thing in state["objects"]
+        if thing["room"] == room["id"]
+    ]
+    assert sum(shown) > 5
+
+
+@pytest.mark.parametrize("share", ["1", "kitchen=1"])
+def test_an_option_of_the_command_says_what_a_file_says(share: str) -> None:
+    """A kitchen with a stove had a microwave with 48 % by the option, and 11 % by the file."""
+    rooms = [{"id": "kitchen", "hidden_share": 0.5}, {"id": "bedroom", "visited": False}]
+    objects = [{"id": "1", "room": "kitchen", "category": "stove"}]
+    said = {"scene_id": "home", "rooms": rooms, "objects": objects}
+    in_file = {**said, "rooms": [{"id": "kitchen", "visited": False}, rooms[1]]}
+
+    def places(told: State, *options: str) -> list[Any]:
+        words = ["-", "--json", "--find", "microwave", *options]
+        done = CliRunner().invoke(belief_command, words, input=json.dumps(told))
+        assert done.exit_code == 0, done.output
+        found: list[Any] = json.loads(done.stdout)["things"][0]["places"]
+        return found
+
+    assert places(said, "--hidden-share", share) == places(in_file) != places(said)

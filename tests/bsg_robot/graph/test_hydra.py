@@ -1,0 +1,368 @@
+"""Spark-DSG files: what Hydra wrote is read and comes back as it was, with beliefs in it."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY
+from dsg_files import Graph, edge, node, robot_graph, symbol, write_graph
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from random_beliefs import CLASS_SPACE, make_belief
+from refusals import refuses
+
+from bsg_data.errors import RecipeError
+from bsg_models.belief.belief_graph import BeliefGraph, believe
+from bsg_models.belief.count_distribution import poisson
+from bsg_models.belief.expectation import Expectation
+from bsg_models.belief.partial_graph import PartialGraph
+from bsg_robot.errors import HydraError
+from bsg_robot.graph import graph_file
+from bsg_robot.graph.annotation import SPARK_DSG, _strip, annotate_hydra
+from bsg_robot.graph.document import encode_belief
+from bsg_robot.graph.graph_file import open_graph_file, parse_graph, read_graph
+from bsg_robot.graph.robot_json import RobotGraphError, read_robot_graph
+
+OFFICE = REPOSITORY / "docs" / "office.json"
+IN_FOLDER = [HealthCheck.function_scoped_fixture]
+
+
+def believe_something(graph: PartialGraph, seed: int = 0, *, most: float = 3.0) -> BeliefGraph:
+    """Return random beliefs about a graph, with blind nodes in its rooms."""
+    inputs = graph.histograms().astype(float)
+    hidden = poisson(np.random.default_rng(seed).gamma(0.1, most, inputs.shape))
+    return believe(graph, Expectation(inputs, hidden), model=f"random {seed}")
+
+
+def annotate(folder: Path, graph: Graph, **how: Any) -> tuple[BeliefGraph, Graph]:
+    """Return random beliefs about a graph, and the graph with them."""
+    path = write_graph(folder / "flat.json", graph)
+    belief = believe_something(read_graph(path), **how)
+    annotate_hydra(belief, path, folder / "out.json")
+    return belief, json.loads((folder / "out.json").read_text("utf-8"))
+
+
+def test_the_kind_of_a_graph_is_known_by_its_content(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert read_graph(OFFICE) == read_robot_graph(OFFICE)
+    with refuses(RecipeError, "labels-unused", OFFICE):
+        read_graph(OFFICE, labels="ade20k")
+    broken = tmp_path / "broken.json"
+    for text in ("{", '{"scene_id": "a", "scene_id": "b", "rooms": []}'):
+        broken.write_text(text)
+        with refuses(RobotGraphError, "json-malformed", broken):
+            read_graph(broken)
+    packed = tmp_path / "flat.json.gz"
+    packed.write_bytes(gzip.compress(json.dumps(robot_graph()).encode()))
+    file = open_graph_file(packed)
+    assert file.document == robot_graph()
+
+    class Standard:
+        buffer = io.BytesIO(json.dumps(robot_graph()).encode())
+
+    monkeypatch.setattr("sys.stdin", Standard())
+    assert open_graph_file(Path("-")).graph.rooms == file.graph.rooms
+
+
+def newer(graph: Graph) -> None:
+    """Say layers as newer files do, and leave metadata empty everywhere."""
+    graph["layer_names"] = {
+        "OBJECTS": {"layer": 2, "partition": 0},
+        "ROOMS": {"layer": 4, "partition": 0},
+        "BLIND": {"layer": 0, "partition": 0},
+    }
+    graph["layer_keys"] = [{"layer": layer, "partition": 0} for layer in (2, 3, 4, 5)]
+    for one in graph["nodes"]:
+        one["attributes"]["metadata"] = {}
+
+
+def older(graph: Graph) -> None:
+    """Leave out what old files do not have."""
+    graph["layer_names"] = {"OBJECTS": 2, "ROOMS": 4}
+    graph["layer_ids"], graph["mesh_layer_id"] = [2, 3, 4, 5], 0
+    for one in graph["nodes"]:
+        one.pop("partition")
+    graph["nodes"] = [one for one in graph["nodes"] if "type" not in one["attributes"]]
+    del graph["metadata"]
+
+
+def spoken(graph: Graph) -> None:
+    """Say something under `bsg`, and something else."""
+    said = {"scene_id": "home", "detector": ["bed", "flibber"]}
+    graph["metadata"] |= {"bsg": {"partial": said}, "run": [1, {"x": None}]}
+    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": {"hidden_share": 0.25}}
+    graph["nodes"][2]["attributes"]["metadata"] = {"mine": 3, "bsg": {}}
+
+
+@settings(max_examples=30, suppress_health_check=IN_FOLDER)
+@given(
+    form=st.sampled_from([lambda graph: None, newer, older, spoken]),
+    sort=st.booleans(),
+    seed=st.integers(0, 99),
+    most=st.sampled_from([0.0, 1.0, 5.0]),
+)
+def test_what_is_put_in_is_taken_out(
+    tmp_path: Path, form: Any, sort: bool, seed: int, most: float
+) -> None:
+    """Every key, value and order comes back, and a second annotation replaces the first."""
+    graph = robot_graph()
+    form(graph)
+    text = json.dumps(graph, sort_keys=sort)
+    belief, once = annotate(tmp_path, json.loads(text), seed=seed, most=most)
+    assert json.dumps(_strip(once)) == text
+    assert read_graph(tmp_path / "out.json") == belief.partial, "seen is not what is believed"
+    assert SPARK_DSG.read(tmp_path / "out.json") == belief
+    again = tmp_path / "again.json"
+    annotate_hydra(believe_something(belief.partial, 100), tmp_path / "out.json", again)
+    annotate_hydra(belief, again, again)
+    assert again.read_bytes() == (tmp_path / "out.json").read_bytes()
+
+
+def test_an_annotation_by_hand(tmp_path: Path) -> None:
+    belief, read = annotate(tmp_path, robot_graph())
+    room, blind = read["nodes"][1], read["nodes"][len(robot_graph()["nodes"]) :]
+    said = room["attributes"]["metadata"]["bsg"]["belief"]
+    assert said["expected"].keys() == set(belief.partial.class_space.classes)
+    assert len(blind) == len(belief.blind) > 0
+    assert {chr(one["id"] >> 56) for one in blind} == {"x"}
+    assert {one["layer"] for one in blind} == {0}, "below the rooms, and free"
+    assert all(one["attributes"]["is_predicted"] for one in blind)
+    assert [edge["target"] for edge in read["edges"][-len(blind) :]] == [one["id"] for one in blind]
+    document = read["metadata"]["bsg"]["belief"]["document"]
+    assert document == json.loads(json.dumps(encode_belief(belief)))
+
+
+def test_what_others_added_since_stays(tmp_path: Path) -> None:
+    _, read = annotate(tmp_path, robot_graph())
+    read["nodes"][1]["attributes"]["metadata"]["bsg"]["hidden_share"] = 0.1
+    read["nodes"][2]["attributes"]["metadata"]["other"] = 1
+    read["nodes"].append(node("O", 77, 2))
+    read["layer_ids"] = [2, 0]
+    left = _strip(read)
+    assert left["nodes"][1]["attributes"]["metadata"] == {"bsg": {"hidden_share": 0.1}}
+    assert left["nodes"][2]["attributes"]["metadata"] == {"other": 1}
+    assert left["nodes"][len(robot_graph()["nodes"]) :] == [node("O", 77, 2)]
+    assert left["layer_ids"] == [2]
+    assert left["metadata"] == robot_graph()["metadata"]
+
+
+def test_a_taken_layer_or_letter_is_left_alone(tmp_path: Path) -> None:
+    graph = robot_graph()
+    graph["nodes"].append(node("x", 0, 0))
+    blind = annotate(tmp_path, graph)[1]["nodes"][len(graph["nodes"]) :]
+    assert {(chr(one["id"] >> 56), one["layer"]) for one in blind} == {("y", 1)}
+    graph["layer_ids"] = [0, 1, 2, 3]
+    with refuses(HydraError, "layers-taken"):
+        annotate(tmp_path, graph)
+
+
+@pytest.mark.parametrize("metadata", [3, {"bsg": []}, {"bsg": {"belief": "yes"}}])
+def test_what_stands_in_the_way_is_named(tmp_path: Path, metadata: Any) -> None:
+    graph = robot_graph()
+    graph["nodes"][1]["attributes"]["metadata"] = metadata
+    with refuses(HydraError, "metadata-taken", "node R(0)"):
+        annotate(tmp_path, graph)
+
+
+def test_a_graph_by_hand(tmp_path: Path) -> None:
+    graph = read_graph(write_graph(tmp_path / "flat.json"))
+    assert (graph.scene_id, graph.adjacency, graph.hidden_share) == ("flat", ((1, 2),), 0.5)
+    kitchen, other = graph.rooms
+    assert (kitchen.name, kitchen.label, kitchen.room_type) == ("R(0)", "kitchen", "kitchen")
+    assert kitchen.box is not None
+    assert (other.name, other.label, other.room_type, other.box) == ("R(3)", None, None, None)
+    assert [(obj.name, obj.room_index, obj.raw_category) for obj in graph.objects] == [
+        ("O(2)", 1, "sofa"),
+        ("O(5)", 1, "tv_monitor"),
+        ("O(6)", 0, "chair"),
+        ("O(9)", 2, "label 99"),
+    ]
+
+
+def test_what_a_robot_says_comes_first(tmp_path: Path) -> None:
+    graph = robot_graph()
+    graph["metadata"]["bsg"] = {
+        "partial": {"scene_id": "home", "building_kind": "home", "hidden_share": 0.75},
+        "else": 1,
+    }
+    said = {"id": "galley", "hidden_share": 0.25, "room_type": None, "floor_area": 8.5, "my": {}}
+    graph["nodes"][1]["attributes"]["metadata"] = {"bsg": said}
+    graph["nodes"][2]["attributes"]["metadata"] = {"bsg": {"visited": False}}
+    graph["nodes"][5]["attributes"]["metadata"] = {"bsg": {"id": "7", "category": "armchair"}}
+    found = read_graph(write_graph(tmp_path / "x.json", graph))
+    assert (found.scene_id, found.building_kind, found.hidden_share) == ("home", "home", 0.75)
+    room, other = found.rooms
+    assert (room.name, room.hidden_share) == ("galley", 0.25)
+    assert (room.room_type, room.floor_area) == ("kitchen", 8.5)  # null is left out
+    assert (other.visited, other.hidden_share) == (False, 0.99), "it shows something"
+    assert (found.objects[0].name, found.objects[0].category) == ("7", "armchair")
+    for place, said in ((1, {"hidden_share": 7}), (1, {"hiden_share": 0.5}), (5, {"categry": "a"})):
+        graph["nodes"][place]["attributes"]["metadata"] = {"bsg": said}
+        with pytest.raises(RobotGraphError):
+            read_graph(write_graph(tmp_path / "x.json", graph))
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected", "notes"),
+    [
+        (None, ["label 7", "label 10"], 2),
+        ("mpcat40", ["cabinet", "couch"], 3),
+        ("own.csv", ["oven", "label 10"], 3),
+    ],
+)
+def test_labels_without_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, labels: Any, expected: list[str], notes: int
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.csv").write_text("label,name\n7,oven\n")
+    graph = robot_graph()
+    del graph["metadata"]
+    file = open_graph_file(write_graph(tmp_path / "flat.json", graph), labels=labels)
+    found = [obj.raw_category for obj in file.graph.objects]
+    assert found[:3] == [*expected, "chair"], "a name of one's own comes before a number's"
+    assert len(file.notes) == notes
+
+
+def say_on(graph: Graph, thing: int, on: str) -> None:
+    """Say on what O(thing) lies."""
+    (one,) = (node for node in graph["nodes"] if node["id"] == symbol("O", thing))
+    one["attributes"]["metadata"] = {"bsg": {"on": on}}
+
+
+def test_a_thing_on_what_cannot_hold_it_is_refused_as_in_our_json() -> None:
+    graph = robot_graph()
+    say_on(graph, 5, "O(9)")  # in another room
+    with refuses(RobotGraphError, "graph-malformed", "flat.json"):
+        parse_graph(graph, path=Path("flat.json"))
+
+
+def test_an_edge_between_objects_does_not_say_which_lies_on_the_other() -> None:
+    """Spark-DSG takes the two for siblings, whichever was written first; so nothing is guessed."""
+    graph, before = robot_graph(), parse_graph(robot_graph(), path=Path("flat.json"))
+    graph["edges"] += [edge(("O", 2), ("O", 5)), edge(("O", 9), ("O", 2))]
+    file = parse_graph(graph, path=Path("flat.json"))
+    assert file.graph == before.graph
+    (note,) = {*file.notes} - {*before.notes}
+    assert note.startswith("2 edges between objects not read: Spark-DSG does not say which")
+    assert not any("edge" in said for said in before.notes), "agents are none"
+
+
+def test_what_cannot_be_annotated_is_refused(tmp_path: Path) -> None:
+    path = write_graph(tmp_path / "dsg.json")
+    with refuses(HydraError, "room-unknown", path):
+        annotate_hydra(make_belief(1), path, tmp_path / "out.json")
+    with refuses(HydraError, "suffix-unknown", tmp_path / "out.json.gz"):
+        annotate_hydra(believe_something(read_graph(path)), path, tmp_path / "out.json.gz")
+    with refuses(HydraError, "belief-missing", path):
+        SPARK_DSG.read(path)
+    with refuses(HydraError, "dsg-malformed", OFFICE):
+        annotate_hydra(make_belief(1), OFFICE, tmp_path / "out.json")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def write_like_hydra(path: Path) -> None:
+    """Write a graph with spark_dsg: two rooms with places, objects, a label space, a mesh."""
+    dsg = pytest.importorskip("spark_dsg")
+    graph = dsg.DynamicSceneGraph()
+    building = dsg.SemanticNodeAttributes()
+    graph.add_node("BUILDINGS", dsg.NodeSymbol("B", 0), building)
+    for number in range(2):
+        room, place = dsg.RoomNodeAttributes(), dsg.PlaceNodeAttributes()
+        room.position = np.array([1e-5, 0.1 + 0.2, float(number)])
+        room.name = str(dsg.NodeSymbol("R", number))
+        graph.add_node("ROOMS", dsg.NodeSymbol("R", number), room)
+        graph.add_node("PLACES", dsg.NodeSymbol("p", number), place)
+        graph.insert_edge(dsg.NodeSymbol("B", 0), dsg.NodeSymbol("R", number))
+        graph.insert_edge(dsg.NodeSymbol("R", number), dsg.NodeSymbol("p", number))
+    graph.insert_edge(dsg.NodeSymbol("R", 0), dsg.NodeSymbol("R", 1))
+    for number in range(5):
+        thing = dsg.ObjectNodeAttributes()
+        thing.semantic_label, thing.name = number % 3, str(dsg.NodeSymbol("O", number))
+        graph.add_node("OBJECTS", dsg.NodeSymbol("O", number), thing)
+        graph.insert_edge(dsg.NodeSymbol("p", number % 2), dsg.NodeSymbol("O", number))
+    graph.set_labelspace(dsg.Labelspace({0: "sofa", 1: "tv_monitor"}), 2, 0)
+    graph.metadata.add({"run": {"seconds": 0.1}})
+    mesh = dsg.Mesh()
+    mesh.set_vertices(np.arange(24, dtype=np.float64).reshape(6, 4) / 7)
+    graph.mesh = mesh
+    graph.save(str(path), include_mesh=True)
+
+
+def list_nodes(graph: Any) -> dict[int, tuple[str, int | None]]:
+    """Return what spark_dsg shows of each node, and its parent."""
+    return {one.id.value: (str(one.attributes), one.get_parent()) for one in graph.nodes}
+
+
+def test_spark_dsg_finds_its_own_graph_again(tmp_path: Path) -> None:
+    path, out = tmp_path / "dsg.json", tmp_path / "out.json"
+    write_like_hydra(path)
+    spark_dsg = pytest.importorskip("spark_dsg")
+    belief = believe_something(read_graph(path))
+    annotate_hydra(belief, path, out)
+    load = spark_dsg.DynamicSceneGraph.load
+    before, after = load(str(path)), load(str(out))
+    blind = {one.id.value: one for one in after.get_layer("BLIND").nodes}
+    assert len(blind) == len(belief.blind) > 0
+    assert {one.attributes.name for one in blind.values()} <= set(CLASS_SPACE.classes)
+    for one, shown in zip(belief.blind, blind.values(), strict=True):
+        assert shown.attributes.is_predicted
+        assert shown.get_parent() == symbol("R", one.room_index - 1)
+    rest = {key: value for key, value in list_nodes(after).items() if key not in blind}
+    assert rest == list_nodes(before), "the rooms are in their building, and all else where it was"
+    assert len(list(after.edges)) == len(list(before.edges)) + len(blind)
+    assert after.get_labelspace(2, 0).labels_to_names == {0: "sofa", 1: "tv_monitor"}
+    assert after.metadata.get()["run"] == {"seconds": 0.1}
+    np.testing.assert_array_equal(after.mesh.get_vertices(), before.mesh.get_vertices())
+    # Back without loss, also when spark_dsg has written it again.
+    assert SPARK_DSG.read(out) == belief
+    after.save(str(tmp_path / "again.json"))
+    assert SPARK_DSG.read(tmp_path / "again.json") == belief
+    bare = _strip(json.loads(out.read_text("utf-8")))
+    assert json.dumps(bare) == json.dumps(json.loads(path.read_text("utf-8")))
+
+
+def test_a_binary_graph_is_converted(tmp_path: Path) -> None:
+    path, binary = tmp_path / "dsg.json", tmp_path / "dsg.sparkdsg"
+    write_like_hydra(path)
+    pytest.importorskip("spark_dsg").DynamicSceneGraph.load(str(path)).save(str(binary))
+    graph = read_graph(binary, labels="mpcat40")
+    assert graph == read_graph(path, labels="mpcat40")
+    annotate_hydra(believe_something(graph), binary, tmp_path / "out.json")
+    assert SPARK_DSG.read(tmp_path / "out.json") == believe_something(graph)
+    binary.write_bytes(b"no graph")
+    with refuses(HydraError, "binary-unloadable", binary):
+        read_graph(binary)
+
+
+def test_keys_of_somebody_else_are_compared_with_ours_once(tmp_path: Path) -> None:
+    graph = robot_graph()
+    foreign = {f"floor ar{number}q": 0 for number in range(20_000)}
+    for one in graph["nodes"][1:3]:
+        one["attributes"]["metadata"] = {"bsg": foreign}
+    path = write_graph(tmp_path / "dsg.json", graph)
+    began = time.process_time()
+    with refuses(RobotGraphError, "key-unknown", golden=False):
+        read_graph(path)
+    for one in graph["nodes"][1:3]:
+        one["attributes"]["metadata"] = {"bsg": {f"tracker {n}": 0 for n in range(20_000)}}
+    assert len(read_graph(write_graph(path, graph)).rooms) == 2
+    assert time.process_time() - began < 5
+
+
+def test_a_graph_that_is_too_large_is_refused_before_it_is_parsed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(graph_file, "ROBOT", 20)
+    monkeypatch.setattr(graph_file, "require_json", None)
+    path = tmp_path / "a.json"
+    path.write_text('{"kitchen": ["sink"], "hall": []}', "utf-8")
+    with refuses(RobotGraphError, "file-too-large", path):
+        read_graph(path)

@@ -1,0 +1,610 @@
+"""A robot's own JSON: read by hand, written and read back, refused where it is wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from refusals import refuses
+
+from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounds import (
+    MAX_ROBOT_LETTERS,
+    MAX_ROBOT_OBJECTS,
+    MAX_ROBOT_PAIRS,
+    MAX_ROBOT_ROOMS,
+    MAX_ROBOT_SOUGHT,
+)
+from bsg_data.scene.class_map import load_class_map
+from bsg_data.scene.surroundings import BUILDING_KINDS
+from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
+from bsg_models.belief.partial_graph import KnownRoom, Look, SeenObject, check_report
+from bsg_robot.graph import reports, robot_json
+from bsg_robot.graph.reports import reclassify
+from bsg_robot.graph.robot_json import (
+    RobotGraphError,
+    encode_robot_graph,
+    list_unmapped,
+    note_room_types,
+    parse_robot_graph,
+    read_robot_graph,
+    understand_rooms,
+)
+
+SAID: dict[str, Any] = {
+    "scene_id": "home",
+    "rooms": [{"id": "kitchen"}, {"id": "hall", "visited": False, "position": [1, 2, 0.5]}],
+    "objects": [
+        {"id": "1", "room": "kitchen", "category": "Fridge"},
+        {"id": "2", "category": "zzqx thing"},
+    ],
+    "adjacency": [["hall", "kitchen"]],
+}
+
+
+def test_a_graph_by_hand() -> None:
+    graph = parse_robot_graph(SAID, path=Path("x"))
+    assert [room.share for room in graph.rooms] == [VAGUE, ShareBelief(1.0)]
+    assert graph.hidden_share == 0.75
+    assert graph.rooms[1].position == (1, 2, 0.5)
+    first, second = graph.objects
+    assert (first.room_index, first.category) == (1, "refrigerator")
+    assert graph.class_space.classes[first.class_index or 0] == "refrigerator"
+    assert (second.room_index, second.category, second.class_index) == (0, None, None)
+    assert graph.adjacency == ((1, 2),)
+    assert list_unmapped(graph) == {"zzqx thing": 1}
+
+
+room_types = st.sampled_from([None, "Kitchen", "hallway", "other", "zzz"]) | st.dictionaries(
+    st.sampled_from(["kitchen", "hall", "zzz", ""]), st.floats(0, 0.25), min_size=1
+)
+shares = st.just({}) | st.tuples(st.floats(0.01, 0.99), st.floats(0, 0.99)).map(
+    lambda two: {
+        "hidden_share": two[0],
+        "hidden_share_sd": two[1] * (two[0] * (1 - two[0])) ** 0.5,
+    }
+)
+texts = st.text(min_size=1, max_size=8).filter(lambda text: text.isprintable())
+
+
+@given(
+    rooms=st.lists(texts, min_size=1, max_size=5, unique=True),
+    categories=st.lists(st.sampled_from(["bed", "sofa", "tap", "", "x<y"]), max_size=6),
+    data=st.data(),
+)
+def test_any_graph_is_read_back(
+    rooms: list[str], categories: list[str], data: st.DataObject
+) -> None:
+    said = {
+        "scene_id": data.draw(texts),
+        "building_kind": data.draw(st.sampled_from([None, "other", "zzz", *BUILDING_KINDS])),
+        "source": data.draw(st.sampled_from([None, "hm3d", "x<y"])),
+        "rooms": [
+            {
+                "id": name,
+                "visited": data.draw(st.booleans()),
+                **data.draw(shares),
+                "position": data.draw(st.none() | st.just([1, 2.5, -3])),
+                "box": data.draw(st.none() | st.just([[0, 0, 0], [1, 2, 3.5]])),
+                "footprint": data.draw(st.none() | st.just([[0, 0], [1, 0], [1, 1.5]])),
+                "floor_index": data.draw(st.none() | st.integers(-9, 9)),
+                "floor_area": data.draw(st.none() | st.floats(0.01, 1e5)),
+                "room_type": data.draw(room_types),
+            }
+            for name in rooms
+        ],
+        "objects": [
+            {
+                "id": str(number),
+                "room": data.draw(st.none() | st.sampled_from(rooms)),
+                "category": c,
+            }
+            for number, c in enumerate(categories)
+        ],
+        "detector": data.draw(st.none() | st.lists(st.sampled_from(["bed", "sofa", "tap", "x<y"]))),
+    }
+    graph = parse_robot_graph(said, path=Path("x"))
+    written = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def changed(**values: Any) -> str:
+    return json.dumps({**SAID, **values})
+
+
+def room(**values: Any) -> str:
+    return changed(rooms=[{"id": "kitchen", **values}])
+
+
+def test_a_fault_of_the_text_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "graph.json"
+    for text in ("{", "[]", '{"scene_id": "a", "scene_id": "b", "rooms": []}', '{"scene_id": NaN}'):
+        path.write_text(text)
+        with pytest.raises(RobotGraphError) as caught:
+            read_robot_graph(path)
+        assert str(path) in str(caught.value)
+    with pytest.raises(RobotGraphError):
+        read_robot_graph(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize(
+    ("said", "place"),
+    [
+        (None, "expected a JSON object"),
+        ({"format": "bsg-belief-graph"}, "a belief graph without `partial`"),
+        ({"scene_id": "a", "roms": []}, "'roms' is no key; did you mean rooms"),
+        ({"x" * 10_000: 1}, f"'{'x' * 80}' is no key"),
+        ({"building_kind": 7}, "building_kind: "),
+        ({"room_labels": {"Kajüte": "bedrom"}}, "room_labels: expected a label that we know"),
+        ({"room_labels": ["Kajüte"]}, "room_labels: "),
+        ({"detector": "chair"}, "detector: no vocabulary 'chair'"),
+        ({"detector": ["chair", 5]}, "detector: expected a JSON list of words"),
+        ({"rooms": [{"id": "a"}, {"id": "a"}]}, "room id 'a'"),
+        ({"objects": [{"id": "1", "category": "bed", "room": "attic"}]}, "object '1' (bed): "),
+        ({"objects": [{"id": "7", "clas": "bed"}]}, "object '7': 'clas' is no key; did you mean"),
+        ({"objects": [{"id": "7", "category": "bed"}] * 11 + [5]}, "object number 12: "),
+        ({"adjacency": [["hall", "hall"]]}, "adjacency: 'hall' with itself"),
+        ({"adjacency": [["hall", "attic"]]}, "adjacency of 'hall' and 'attic': "),
+        ({"adjacency": [["hall", "kitchen"], ["hall", []]]}, "pair of adjacency number 2: 1: "),
+        ({"rooms": {"hall": []}}, "rooms: expected a JSON list, found {'hall': []}; a map of"),
+        ({"rooms": ["hall"]}, 'room number 1: expected a JSON object, such as {"id": "kitchen"}'),
+        ({"rooms": [{"name": "hall"}]}, "room number 1: 'name' is no key; did you mean id?"),
+        ({"kind": "home"}, "'kind' is no key; did you mean building_kind?"),
+    ],
+)
+def test_a_fault_of_a_graph_is_at_its_place(said: Any, place: str) -> None:
+    document = {**SAID, **said} if isinstance(said, dict) else said
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+        parse_robot_graph(document, path=Path("x"))
+    assert str(caught.value).startswith(f"x: {place}")
+
+
+def test_the_simplest_map_says_what_its_document_says() -> None:
+    """A room with things was entered; its name is its kind, if that is a label."""
+    simple = {"kitchen_2": ["sink", "chair", "chair"], "R7": ["sink"], "hall": []}
+    full = {
+        "scene_id": "home",
+        "rooms": [
+            {"id": "kitchen_2", "room_type": "kitchen"},
+            {"id": "R7"},
+            {"id": "hall", "visited": False, "room_type": "corridor"},
+        ],
+        "objects": [
+            {"id": "sink 1", "room": "kitchen_2", "category": "sink"},
+            {"id": "chair 1", "room": "kitchen_2", "category": "chair"},
+            {"id": "chair 2", "room": "kitchen_2", "category": "chair"},
+            {"id": "sink 2", "room": "R7", "category": "sink"},
+        ],
+    }
+    path = Path("home.json")
+    assert parse_robot_graph(simple, path=path) == parse_robot_graph(full, path=path)
+    nothing = {"scene_id": "home", "rooms": []}
+    assert parse_robot_graph({}, path=path) == parse_robot_graph(nothing, path=path)
+
+
+@pytest.mark.parametrize(
+    ("said", "place"),
+    [
+        ({"kitchen": "sink"}, "kitchen: expected a JSON list"),
+        ({"kitchen": ["sink"], "hall": ["lamp", 5]}, "hall.1: Input should be a valid string"),
+        ({"x" * 10_000: []}, f"{'x' * 80}.[key]: String should have at most 500 characters"),
+        ({"kitchen": ["sink"], "scene_id": "home"}, "'kitchen' is no key; beside its rooms"),
+        ({"kitchen": ["sink"], "looks": []}, "'kitchen' is no key; beside its rooms"),
+        (
+            {"kitchen": ["cup"] * 60_000, "hall": ["cup"] * 40_001},
+            "expected at most 50,000 things",
+        ),
+    ],
+)
+def test_a_fault_of_the_simplest_map_is_at_its_place(said: Any, place: str) -> None:
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+        parse_robot_graph(said, path=Path("x"))
+    assert str(caught.value).startswith(f"x: {place}")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("hiden_share", 0.5),
+        ("hidden_share", 1.5),
+        ("seconds_inside", -1),
+        ("position", [1e300, 0, 0]),
+        ("box", [[0, 0, 0]] * 3),
+        ("floor_index", True),
+        ("floor_area", 0),
+        ("room_type", 5),
+        ("room_type", {"kitchen": 0.7, "bar": 0.4}),
+    ],
+)
+def test_a_fault_of_a_room_is_at_its_key(key: str, value: Any) -> None:
+    document = {"scene_id": "home", "rooms": [{"id": "kitchen", key: value}]}
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+        parse_robot_graph(document, path=Path("x"))
+    assert str(caught.value).startswith("x: room 'kitchen': ")
+    assert key in str(caught.value)
+    assert "instance of" not in str(caught.value), "words of JSON, not of Python"
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"hidden_share": 0.5, "floor_in_view": 0.5},
+        {"hidden_share_sd": 0.1, "seconds_inside": 5},
+        {"hidden_share": 1.0, "hidden_share_sd": 0.1},
+        {"visited": False, "seconds_inside": 5},
+    ],
+)
+def test_what_cannot_both_be_is_refused(said: dict[str, Any]) -> None:
+    document = {"scene_id": "home", "rooms": [{"id": "kitchen", **said}]}
+    with refuses(RobotGraphError, "graph-malformed", where="x"):
+        parse_robot_graph(document, path=Path("x"))
+
+
+def test_a_room_type_that_nobody_can_read_is_not_said_but_noted() -> None:
+    types = ["cooking spot", "ward", {"zzqx": 0.5, "hall": 0.25}, "zzqx"]
+    rooms = [{"id": str(n), "room_type": said} for n, said in enumerate(types)]
+    graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("x"))
+    kinds = [None, "patient room", {"corridor": 0.25}, None]
+    assert [room.room_type for room in graph.rooms] == kinds
+    bare = [{"id": room.name, "room_type": room.room_type} for room in graph.rooms]
+    unsaid = parse_robot_graph({"scene_id": "home", "rooms": bare}, path=Path("x"))
+    assert tuple(replace(room, unread=()) for room in graph.rooms) == unsaid.rooms
+    notes = note_room_types(graph)
+    assert notes == ("'cooking spot', 'zzqx': kind of room unknown; say `room_type`",)
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    for reader in (load_class_map(), graph.class_space):
+        again = parse_robot_graph(saved, path=Path("x"), class_map=reader)
+        assert (again, note_room_types(again)) == (graph, notes)
+
+
+def test_a_type_that_nobody_can_read_leaves_the_name_of_the_room() -> None:
+    (room,) = parse_robot_graph(
+        {"rooms": [{"id": "kitchen", "room_type": "zzz"}]}, path=Path("x")
+    ).rooms
+    assert (room.room_type, room.unread) == ("kitchen", ("zzz",))
+
+
+@pytest.mark.parametrize(
+    ("word", "kind", "note"),
+    [
+        ("castle", None, "'castle': kind of building unknown; known are home, office"),
+        ("flat", "home", "building kind taken for `home`, for it is called flat; say"),
+        ("Factory", "warehouse", "building kind taken for `warehouse`, for it is called Factory"),
+    ],
+)
+def test_any_word_says_the_kind_of_a_building_or_nothing(
+    word: str, kind: str | None, note: str
+) -> None:
+    graph = parse_robot_graph({"rooms": [], "building_kind": word}, path=Path("x"))
+    assert graph.building_kind == kind
+    assert note_room_types(graph)[0].startswith(note)
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    again = parse_robot_graph(saved, path=Path("x"))
+    assert again == graph
+    assert kind or note_room_types(again) == note_room_types(graph)
+
+
+def test_a_hotel_s_rooms_have_numbers() -> None:
+    """In a hotel that is said, and in one that its rooms tell."""
+    names = ["Room 101", "102", "guest room 12", "suite 3", "hotel bar", "7", "kitchen"]
+    kinds = [*["hotel room"] * 4, "bar", None, "kitchen"]
+    told = {"rooms": [{"id": name} for name in names]}
+    for said in (told, told | {"building_kind": "hotel"}):
+        graph = parse_robot_graph(said, path=Path("x"))
+        assert ([room.room_type for room in graph.rooms], graph.building_kind) == (kinds, "hotel")
+    bare = parse_robot_graph(told | {"building_kind": "office"}, path=Path("x"))
+    assert [room.room_type for room in bare.rooms[:3]] == [None, None, "bedroom"]
+
+
+def test_words_of_the_user_stay_with_the_graph() -> None:
+    said = {
+        "rooms": [{"id": "Kajüte 2"}, {"id": "x", "room_type": "Messe"}, {"id": "Last"}],
+        "room_labels": {"Kajüte": "bedroom", "Messe": "canteen", "Last": None},
+    }
+    graph = parse_robot_graph(said, path=Path("x"))
+    assert [room.room_type for room in graph.rooms] == ["bedroom", "canteen", None]
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert saved["room_labels"] == said["room_labels"]
+    assert parse_robot_graph(saved, path=Path("x")) == graph
+    mine = parse_robot_graph(said, path=Path("x"), room_labels=[("Kajüte", "office")])
+    assert mine.rooms[0].room_type == "office"
+
+
+@pytest.mark.parametrize(
+    "own",
+    [[(str(n), "attic") for n in range(10_001)], [("x" * 501, "attic")], [("x", "zzqx")]],
+    ids=["too many", "too long", "no label"],
+)
+def test_words_of_the_user_that_no_file_may_hold_are_refused(own: list[tuple[str, str]]) -> None:
+    """Else the graph that keeps them is saved, and cannot be opened again."""
+    with pytest.raises(RobotGraphError, match="room_labels"):
+        parse_robot_graph({"rooms": [{"id": "x"}]}, path=Path("x"), room_labels=own)
+
+
+def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
+    """The label counts before the id; a saved graph says what was understood."""
+    rooms = [
+        {"id": "hall"},
+        {"id": "R7", "label": "2nd bath room", "room_type": None},
+        {"id": "kitchen", "room_type": "bar", "label": "Office"},
+        {"id": "3", "room_type": {"bar": 0.5, "pub": 0.25}},
+        {"id": "staff kichen", "room_type": "unknown"},
+        {"id": "zzqx", "room_type": ""},
+        {"id": "R8"},
+        {"id": "hut", "label": "Kajüte"},
+    ]
+    graph = parse_robot_graph({"rooms": rooms}, path=Path("x"))
+    kinds = ["corridor", "bathroom", "bar", {"bar": 0.75}, "kitchen", None, None, None]
+    assert [room.room_type for room in graph.rooms] == kinds
+    assert note_room_types(graph) == (
+        "hall, 2nd bath room: read as the kinds that their names say",
+        "kinds of rooms read by a rule: 'staff kichen' is kitchen (misspelt)",
+        "'zzqx', 'Kajüte': kind of room unknown; say `room_type`",
+    )
+    saved = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert [room["room_type"] for room in saved["rooms"]] == kinds
+    for reader in (load_class_map(), graph.class_space):
+        again = parse_robot_graph(saved, path=Path("x"), class_map=reader)
+        assert again == graph == understand_rooms(graph)
+        assert len(note_room_types(again)) == 1, "of the room that is still unknown"
+
+
+def test_rooms_tell_the_kind_of_a_building_that_nobody_says() -> None:
+    ward = {"nurse station": ["desk"], "patient room 1": ["bed"], "toilet": []}
+    graph = parse_robot_graph(ward, path=Path("x"))
+    assert graph.building_kind == "hospital"
+    told, known = note_room_types(graph)[-2:]
+    assert told.startswith("building kind taken for `hospital`, by nurse station, patient room 1;")
+    assert "hospital" in known
+    assert encode_robot_graph(graph)["building_kind"] == "hospital"
+    for kind in ("school", "other"):
+        said = parse_robot_graph({**ward, "building_kind": kind}, path=Path("x"))
+        assert said.building_kind == encode_robot_graph(said)["building_kind"] == kind
+        notes = note_room_types(said)  # that `other` is no kind of theirs
+        assert len(notes) == (kind == "other")
+    home = {"bedroom": [], "living room": [], "office": [], "kitchen": []}
+    assert parse_robot_graph(home, path=Path("x")).building_kind is None
+
+
+def test_what_is_empty_is_left_out_and_ids_are_made_up_or_numbers() -> None:
+    said = {
+        "scene_id": None,
+        "building_kind": "",
+        "rooms": [
+            {"id": 3, "label": "", "visited": None, "room_type": None, "hidden_share_sd": None},
+            {"id": "hall", "position": None},
+        ],
+        "objects": [
+            {"category": "sink", "room": 3, "score": None},
+            {"category": "sink", "room": ""},
+            {"id": "sink 2", "category": "sink"},
+            {"id": 7, "category": "bed", "room": "hall"},
+        ],
+        "adjacency": [[3, "hall"]],
+        "looks": [{"room": 3, "thing": "cup", "chance": None}],
+        "detector": None,
+        "more_rooms": None,
+    }
+    graph = parse_robot_graph(said, path=Path("my.flat.json"))
+    assert (graph.scene_id, graph.building_kind) == ("my", None)
+    assert [room.name for room in graph.rooms] == ["3", "hall"]
+    assert [(obj.name, obj.room_index) for obj in graph.objects] == [
+        ("sink 1", 1),
+        ("sink 3", 0),
+        ("sink 2", 0),
+        ("7", 2),
+    ]
+    assert graph.adjacency == ((1, 2),)
+    assert [one.room_index for one in graph.looks] == [1]
+    for wrong in ({"id": None}, {"id": True}, {"id": 3.5}, {"id": ""}):
+        with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
+            parse_robot_graph({"rooms": [wrong]}, path=Path("x"))
+
+
+def test_a_detector_of_few_words_says_nothing_of_other_classes() -> None:
+    rooms = [{"id": "kitchen", "hidden_share": 0}, {"id": "hall", "visited": False}]
+    said = {**SAID, "rooms": rooms, "detector": ["fridge", "Couch", "flibber"]}
+    graph = parse_robot_graph(
+        {**said, "objects": [*SAID["objects"], {"id": "3", "room": "hall", "category": "bed"}]},
+        path=Path("x"),
+    )
+    seen = graph.observation()
+    known = [graph.class_space.classes.index(name) for name in ("refrigerator", "couch")]
+    assert not seen.withheld[:, known].any()
+    assert np.delete(seen.withheld, known, axis=1).all()  # a bed that somebody else saw, too
+    assert seen.inputs[2].sum() == 1
+    assert (seen.cell_share[1] == np.where(seen.withheld[1], 1, 0)).all()  # a searched room
+    assert reclassify(graph, load_class_map("hm3d-wide-v1")).detector == tuple(
+        (word, None if name is None else load_class_map("hm3d-wide-v1").classes.index(name))
+        for word, name in (("fridge", "refrigerator"), ("Couch", "couch"), ("flibber", None))
+    )
+
+
+def test_a_graph_has_a_bound_of_rooms() -> None:
+    """A small file would ask for more memory than a machine has."""
+    said = {"scene_id": "huge", "rooms": [{"id": f"r{i}"} for i in range(MAX_ROBOT_ROOMS + 1)]}
+    with refuses(RobotGraphError, "graph-malformed", where="huge.json"):
+        parse_robot_graph(said, path=Path("huge.json"))
+
+
+def test_a_graph_has_a_bound_of_objects() -> None:
+    objects = [{"id": str(n), "category": "cup"} for n in range(MAX_ROBOT_OBJECTS + 1)]
+    said = {"scene_id": "huge", "rooms": [], "objects": objects}
+    with refuses(RobotGraphError, "graph-malformed", where="huge.json", golden=False):
+        parse_robot_graph(said, path=Path("huge.json"))
+
+
+def test_a_graph_has_a_bound_of_letters_of_different_words() -> None:
+    """Rules read each word: half a hundred thousand of a hundred letters took a minute."""
+    word = "x" * 500
+    few = {"rooms": [], "objects": [{"category": word}] * 2_001}
+    assert len(parse_robot_graph(few, path=Path("few.json")).objects) == 2_001
+    many = [{"category": f"{word[:-6]}{n:06}"} for n in range(MAX_ROBOT_LETTERS // 500 + 1)]
+    with pytest.raises(RobotGraphError, match="expected at most 1,000,000 letters of different"):
+        parse_robot_graph({"rooms": [], "objects": many}, path=Path("many.json"))
+
+
+def test_what_is_reported_in_python_is_of_numbers_that_a_file_can_hold() -> None:
+    near = (np.float64(1), np.int64(2), np.float32(0.5))
+    room = check_report(KnownRoom("hall", 1.0, position=near, floor_area=np.float64(9)))
+    assert (room.position, room.floor_area) == ((1.0, 2.0, 0.5), 9.0)
+    assert {type(value) for value in (*room.position, room.floor_area)} == {float}
+    for wrong in ({"floor_area": -1.0}, {"position": (1.0, 2.0)}, {"room_type": {"kitchen": 2.0}}):
+        with pytest.raises(RecipeError):
+            check_report(KnownRoom("hall", 1.0, **wrong))
+    bed = SeenObject("1", 1, "bed", "bed", 0, near)
+    assert check_report(bed).position == (1.0, 2.0, 0.5)
+    with pytest.raises(RecipeError):
+        check_report(replace(bed, position=(0.0, 0.0, math.inf)))
+
+
+def test_a_look_stands_in_the_place_of_a_share() -> None:
+    rooms = [
+        {"id": "hall", "floor_in_view": 0.6},
+        {"id": "bath", "visited": False, "walls_in_view": 0.2},
+        {"id": "kitchen", "seconds_inside": 4, "box": [[0, 0, 0], [3, 2, 2.5]]},
+        {"id": "attic", "visited": False},
+    ]
+    graph = parse_robot_graph({"scene_id": "home", "rooms": rooms}, path=Path("x"))
+    assert [room.share for room in graph.rooms] == [
+        estimate_hidden_share(floor_in_view=0.6),
+        estimate_hidden_share(walls_in_view=0.2),
+        estimate_hidden_share(seconds_inside=4, floor_area=6),
+        estimate_hidden_share(visited=False),
+    ]
+    written = json.loads(json.dumps(encode_robot_graph(graph)))
+    assert parse_robot_graph(written, path=Path("x")) == graph
+
+
+def test_a_detector_is_a_vocabulary() -> None:
+    said = {"scene_id": "x", "rooms": [{"id": "a"}], "detector": "coco"}
+    graph = parse_robot_graph(said, path=Path("x"))
+    assert len(graph.detector or ()) == 80
+    assert parse_robot_graph(encode_robot_graph(graph), path=Path("x")) == graph
+    with refuses(RobotGraphError, "graph-malformed", "x"):
+        parse_robot_graph({**said, "detector": "cocoa"}, path=Path("x"))
+
+
+KITCHEN: dict[str, Any] = {
+    "scene_id": "home",
+    "rooms": [{"id": "kitchen"}, {"id": "hall"}],
+    "objects": [
+        {"id": "table", "room": "kitchen", "category": "table"},
+        {"id": "tray", "room": "kitchen", "category": "tray", "on": "table"},
+        {"id": "cup", "room": "kitchen", "category": "cup", "on": "tray"},
+        {"id": "bench", "room": "hall", "category": "bench"},
+    ],
+    "looks": [{"room": "kitchen", "thing": "key", "at": "table"}],
+}
+
+
+def test_what_lies_on_what_is_read_and_written_and_a_look_is_at_a_piece_of_its_room() -> None:
+    graph = parse_robot_graph(KITCHEN, path=Path("x"))
+    assert [obj.on for obj in graph.objects] == [None, "table", "tray", None]
+    assert [one.at for one in graph.looks] == ["table"]
+    assert parse_robot_graph(encode_robot_graph(graph), path=Path("x")) == graph
+    looks = [{"room": "hall", "thing": "key", "at": "table"}]
+    with refuses(RobotGraphError, "graph-malformed", where="x"):
+        parse_robot_graph(KITCHEN | {"looks": looks}, path=Path("x"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"on": "tble"}, "object 'cup': on: there is no object 'tble'; did you mean"),
+        (
+            {"on": "bench"},
+            "object 'cup': on: 'bench' is in room 'hall'; expected an object of room",
+        ),
+        ({"on": "cup"}, "object 'cup': on: lies on itself, by 'cup'; say what is below"),
+        (
+            {"parentReceptacles": "tray"},
+            "object 'cup': 'parentReceptacles' is no key; did you mean on",
+        ),
+    ],
+)
+def test_a_thing_on_what_cannot_hold_it_is_refused(changed: dict[str, Any], said: str) -> None:
+    objects = [*KITCHEN["objects"]]
+    objects[2] = {"id": "cup", "room": "kitchen", "category": "cup"} | changed
+    with refuses(RobotGraphError, "graph-malformed", where="x") as caught:
+        parse_robot_graph(KITCHEN | {"objects": objects}, path=Path("x"))
+    assert str(caught.value).startswith(f"x: {said}")
+
+
+def test_circles_of_any_length_and_long_piles_are_read_in_one_pass() -> None:
+    pile = [
+        {"id": str(n), "room": "kitchen", "category": "book", "on": str(n + 1)} for n in range(5000)
+    ]
+    bottom = {"id": "5000", "room": "kitchen", "category": "table"}
+    graph = parse_robot_graph(KITCHEN | {"objects": [*pile, bottom], "looks": []}, path=Path("x"))
+    assert graph.objects[0].on == "1"
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False):
+        circle = [*pile, bottom | {"on": "0"}]
+        parse_robot_graph(KITCHEN | {"objects": circle, "looks": []}, path=Path("x"))
+
+
+MANY_KEYS = {f"k{number}": 0 for number in range(100_000)}
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ({"scene_id": "a", "rooms": [], **MANY_KEYS}, "'k0' is no key; known are format, version"),
+        ({"scene_id": "a", "rooms": [{"id": "k", **MANY_KEYS}]}, "room 'k': 'k0' is no key"),
+        ({"scene_id": "a", "rooms": [], "detector": {"a": 0}}, "detector.a: Input should be a"),
+        (MANY_KEYS, "expected at most 3,000 rooms, found 100,000"),
+    ],
+)
+def test_a_graph_with_very_many_keys_is_refused_for_the_first(said: Any, why: str) -> None:
+    with refuses(RobotGraphError, "graph-malformed", where="x", golden=False) as caught:
+        parse_robot_graph(said, path=Path("x"))
+    assert str(caught.value).startswith(f"x: {why}")
+
+
+@pytest.mark.parametrize("said", [[*MANY_KEYS], MANY_KEYS], ids=("words", "words with classes"))
+def test_a_detector_has_a_bound_of_words(said: Any) -> None:
+    with refuses(RobotGraphError, "graph-malformed", where="x"):
+        parse_robot_graph({"scene_id": "a", "rooms": [], "detector": said}, path=Path("x"))
+
+
+def test_what_a_graph_has_in_all_is_bounded_and_one_at_the_bound_is_read(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for bound, most in (("ALL_CORNERS", 6), ("ROBOT_TYPES", 4), ("ROBOT_KINDS", 3)):
+        monkeypatch.setattr(robot_json, f"MAX_{bound}", most)
+    corners = [[0, 0], [1, 0], [1, 1]]
+    types = ({"hall": 0.5, "den": 0.2}, {"hall": 0.5, "pantry": 0.2})
+    rooms = [{"id": str(n), "footprint": corners, "room_type": types[n]} for n in range(2)]
+    assert len(parse_robot_graph({"rooms": rooms}, path=Path("x")).rooms) == 2
+    for more in (
+        {"id": "2", "footprint": corners},
+        {"id": "2", "room_type": {"hall": 0.5}},
+        {"id": "2", "room_type": "attic"},
+        {"id": "2", "unread": ["zzz"]},
+    ):
+        with refuses(RobotGraphError, "graph-malformed", "x"):
+            parse_robot_graph({"rooms": [*rooms, more]}, path=Path("x"))
+
+
+def test_pairs_of_rooms_and_things_that_looks_sought_are_bounded() -> None:
+    two = {"rooms": [{"id": "a"}, {"id": "b"}]}
+    pairs = [["a", "b"]] * MAX_ROBOT_PAIRS
+    graph = parse_robot_graph({**two, "adjacency": pairs}, path=Path("x"))
+    assert graph.adjacency == ((1, 2),)
+    with refuses(RobotGraphError, "graph-malformed", "x"):
+        parse_robot_graph({**two, "adjacency": [*pairs, ["a", "b"]]}, path=Path("x"))
+    looks = [{"room": "a", "thing": f"thing {n}"} for n in range(MAX_ROBOT_SOUGHT)]
+    graph = parse_robot_graph({**two, "looks": [*looks, *looks]}, path=Path("x"))
+    assert len(graph.looks) == 2 * MAX_ROBOT_SOUGHT
+    with refuses(RobotGraphError, "graph-malformed", "x"):
+        parse_robot_graph({**two, "looks": [*looks, looks[0] | {"thing": "mug"}]}, path=Path("x"))
+    reports.look(graph, Look(2, "thing 1", 0.5))
+    with refuses(RecipeError, "looks-too-many", "x"):
+        reports.look(graph, Look(2, "mug", 0.5))

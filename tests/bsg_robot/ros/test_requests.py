@@ -1,0 +1,298 @@
+"""What a robot says in texts, by hand and at random: each gets an answer."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import asdict
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from conftest import REPOSITORY
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_cli.ros import main
+from bsg_data.files import encode_json
+from bsg_robot import open_graph
+from bsg_robot.ros import requests
+from bsg_robot.ros.requests import TOPICS, Robot, read_detections
+
+OFFICE = REPOSITORY / "docs" / "office.json"
+
+
+@pytest.fixture
+def robot() -> Robot:
+    return Robot(open_graph(OFFICE, model="mixture"))
+
+
+def say(robot: Robot, topic: str, **said: Any) -> dict[str, Any]:
+    return robot.hear(topic, json.dumps(said))
+
+
+def test_a_text_that_is_no_object_is_the_first_word(robot: Robot) -> None:
+    assert robot.hear("entered", "meeting-room") == {"topic": "entered", "room": "meeting-room"}
+    assert robot.hear("saw", "sofa") == {"topic": "saw", "object": "saw 19"}
+    assert robot.seen.graph.objects[-1].room_index == 3
+    answer = robot.hear("where", "sofa")
+    places = robot.seen.where("sofa", here="meeting-room")
+    (sofa,) = answer["things"]
+    assert sofa["places"] == [asdict(place) for place in places]
+    assert (answer["go_first"], answer["here"]) == ("meeting-room", "meeting-room")
+    assert say(robot, "expected", room="kitchen")["expected"]
+    assert robot.hear("where", '"sofa"') == answer
+    both = robot.hear("where", '["cup", "sofa"]')["things"]
+    assert [one["thing"] for one in both] == ["cup", "sofa"]
+
+
+def test_reports_change_what_python_would_change(robot: Robot) -> None:
+    other = robot.seen.copy()
+    say(robot, "entered", room="kitchen", floor_in_view=0.5)
+    say(robot, "discovered", room="R9", beside=["kitchen"], position=[1, 2, 3], floor_area=8)
+    say(robot, "saw", thing="lamp", room="R9", object="l", position=[1, 2, 4])
+    say(robot, "searched", room="meeting-room")
+    say(robot, "looked", thing="bottle")
+    say(robot, "looked", thing="mug", room="waiting-room", chance=0.5)
+    say(robot, "gone", object="9")
+    say(robot, "searched", room="waiting-room", found=["couch", "3"])
+    facts = {"room_type": "storage room", "label": "D", "floor_area": 7, "beside": "meeting-room"}
+    say(robot, "describe", room="R9", **facts)
+    say(robot, "more_rooms", number=4)
+    for age in (48, 24):  # within 0.3 m, the same one
+        asked = {"position": [5, 5, 1 + age / 200], "age": age, "stays": 24, "within": 0.3}
+        say(robot, "saw", thing="toy", room="R9", **asked)
+    other.entered("kitchen", floor_in_view=0.5)
+    other.discovered("R9", beside="kitchen", position=(1, 2, 3), floor_area=8)
+    other.saw("R9", "lamp", object_id="l", position=(1, 2, 4))
+    other.searched("meeting-room")
+    other.looked("kitchen", "bottle")
+    other.looked("waiting-room", "mug", chance=0.5)
+    other.gone("9")
+    other.searched("waiting-room", found=["couch", "3"])
+    other.describe("R9", **facts)
+    other.more_rooms(4)
+    other.saw("R9", "toy", position=(5, 5, 1.12), score=0.5)
+    assert robot.seen.graph == other.graph
+    assert robot.here == "kitchen"
+    known = {obj.name: obj for obj in robot.seen.graph.objects}
+    assert known.keys() & {"1", "2", "3", "4", "5", "9"} == {"1", "3"}
+    bottles = {place.room: place for place in robot.seen.where("bottle")}
+    assert bottles["kitchen"].seen == ("12",)
+    assert bottles["kitchen"].probability < 0.95, "a look has missed the bottle"
+    assert robot.seen.graph.rooms[-1].label == "D"
+
+
+def test_what_lies_on_what_and_looks_at_furniture_are_heard() -> None:
+    robot = Robot(open_graph({"kitchen": ["counter", "fridge"], "hall": []}))
+    say(robot, "entered", room="kitchen")
+    say(robot, "saw", thing="mug", object="m", on="counter 1")
+    say(robot, "looked", thing="milk", at="fridge 1")
+    assert robot.seen.graph.objects[-1].on == "counter 1"
+    assert [one.at for one in robot.seen.graph.looks] == ["fridge 1"]
+
+
+def test_a_robot_asks_for_the_next_piece_of_furniture_from_where_it_is() -> None:
+    robot = Robot(open_graph({"kitchen": ["counter", "fridge"], "hall": []}))
+    assert robot.hear("next_place", "milk")["code"] == "room-unsaid"
+    say(robot, "entered", room="kitchen")
+    go = robot.hear("next_place", "milk")
+    assert go == {"topic": "next_place", "thing": "milk", "room": "kitchen", "piece": "fridge 1"}
+    say(robot, "looked", thing="milk", at="fridge 1")
+    asked = {"id": 7, "thing": "milk", "at": "fridge 1", "look": 1, "chance": 0.9}
+    then = robot.seen.next_place("milk", here="kitchen", at="fridge 1", look=1, chance=0.9)
+    assert then is not None
+    assert say(robot, "next_place", **asked) == {"id": "7", **go, "piece": then.piece}
+    assert then.piece == "counter 1"
+    for wrong, code in ({"at": "bed"}, "piece-unknown"), ({"look": -1}, "request-malformed"):
+        assert say(robot, "next_place", **asked | wrong)["code"] == code
+
+
+@pytest.mark.parametrize(("text", "more"), [("3", 3), ("true", True), ('{"number": true}', True)])
+def test_rooms_that_are_not_found_are_a_number_or_true(
+    robot: Robot, text: str, more: object
+) -> None:
+    assert robot.hear("more_rooms", text) == {"topic": "more_rooms", "number": more}
+    assert robot.seen.graph.more_rooms is more
+    robot.seen.searched("waiting-room")
+    answer = robot.hear("where", '{"thing": "toilet", "here": "waiting-room"}')
+    assert "explore" in [place["room"] for place in answer["things"][0]["places"]]
+    assert "explore" in [step["room"] for step in answer["plan"]]
+
+
+def test_the_room_that_is_said_is_that_of_the_ways_also_for_several_robots(robot: Robot) -> None:
+    robot.hear("entered", "meeting-room")
+    for here, unit in ((None, None), ("kitchen", "rooms")):
+        answer = say(robot, "where", thing="cup", robots={"a": "kitchen"}, here=here)
+        assert (answer["here"], answer["cost_unit"]) == (here, unit)
+
+
+def test_a_number_is_an_id(robot: Robot) -> None:
+    assert say(robot, "discovered", room=7, beside="kitchen")["room"] == "7"
+    say(robot, "discovered", room="R8", beside=7)
+    assert say(robot, "saw", thing="cup", room=7, object=41)["object"] == "41"
+    assert say(robot, "gone", object=41)["object"] == "41"
+    assert robot.seen.rooms[-2:] == ("7", "R8")
+    assert robot.seen.graph.adjacency[-2:] == ((2, 4), (4, 5))
+
+
+def test_the_kind_of_a_building_is_told_when_its_rooms_tell_it() -> None:
+    robot = Robot(open_graph({}))
+    assert "notes" not in say(robot, "discovered", room=1, room_type="nurse station")
+    told = say(robot, "discovered", room=2, room_type="operating theater")["notes"]
+    assert any(note.startswith("building kind taken for `hospital`") for note in told)
+    (note,) = say(robot, "discovered", room="ward")["notes"]
+    assert "building kind" not in note, "it is said once"
+    assert robot.seen.graph.building_kind == "hospital"
+
+
+def test_a_word_that_tells_the_model_nothing_is_noted(robot: Robot) -> None:
+    gizmo = say(robot, "saw", thing="gizmo", room="kitchen")
+    assert gizmo["notes"] == ["no class map knows 'gizmo': it is kept, but tells the model nothing"]
+    for topic in ("discovered", "describe"):
+        (note,) = say(robot, topic, room="R9", room_type="zzz")["notes"]
+        assert note == "'zzz': kind of room unknown; say `room_type`"
+
+
+@pytest.mark.parametrize(
+    ("topic", "text", "code"),
+    [
+        ("saw", "sofa", "room-unsaid"),
+        ("saw", "", "request-malformed"),
+        ("saw", '{"thing": "sofa", "room": "kitchen", "position": [0, 1]}', "request-malformed"),
+        ("saw", '{"thing": 7, "room": "kitchen"}', "request-malformed"),
+        ("entered", "cellar", "room-unknown"),
+        ("entered", '{"room": "kitchen", "floor_in_view": 1.5}', "request-malformed"),
+        ("entered", '{"room": "kitchen", "floor_in_view": 1, "hidden_share": 0}', "share-twice"),
+        ("discovered", "kitchen", "room-known"),
+        ("saw", '{"thing": "cup", "room": "kitchen", "score": 1.5}', "request-malformed"),
+        ("searched", '{"room": "kitchen", "found": ["chair", "toaster"]}', "object-unknown"),
+        ("looked", '{"thing": "bottle", "room": "kitchen", "chance": 2}', "request-malformed"),
+        ("gone", "no-such", "object-unknown"),
+        ("gone", '{"object": true}', "request-malformed"),
+        ("describe", '{"room": "kitchen", "floor_area": 0}', "report-impossible"),
+        ("more_rooms", "many", "request-malformed"),
+        ("more_rooms", '{"number": 1.5}', "request-malformed"),
+        ("where", '{"thing": "cup", "robots": {}}', "request-malformed"),
+        ("where", '{"thing": "cup", "robots": {"a": "cellar"}}', "room-unknown"),
+        ("where", '{"thing": "cup", "look": 1e999}', "request-malformed"),
+        ("where", "zzqx", "thing-unknown"),
+        ("where", '{"thing": []}', "request-malformed"),
+        ("where", '{"thing": "sofa", "thing": "bed"}', "json-malformed"),
+        ("where", '{"thing": ' + "[" * 60_000, "json-malformed"),
+        ("where", "x" * 65_537, "request-too-large"),
+    ],
+)
+def test_a_fault_is_an_answer_and_changes_nothing(
+    robot: Robot, topic: str, text: str, code: str
+) -> None:
+    before = robot.seen.graph
+    answer = robot.hear(topic, text)
+    assert (answer["topic"], answer["code"]) == (topic, code)
+    assert len(answer["error"]) < 1_000
+    assert robot.seen.graph == before
+    assert robot.here is None
+
+
+def test_a_question_that_is_wrong_keeps_its_id(robot: Robot) -> None:
+    assert say(robot, "where", thing=3, id="q")["id"] == "q"
+    assert say(robot, "where", thing="sofa", id=3)["id"] == "3"
+    assert "id" not in say(robot, "where", thing="sofa", id=3.5)
+
+
+def test_a_broken_detector_fills_no_memory(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(requests, "MOST_OBJECTS", len(robot.seen.graph.objects) + 1)
+    monkeypatch.setattr(requests, "MOST_ROOMS", len(robot.seen.rooms) + 1)
+    say(robot, "saw", thing="cup", room="kitchen", object="new")
+    assert (
+        say(robot, "saw", thing="cup", room="kitchen", object="more")["code"] == "objects-too-many"
+    )
+    assert say(robot, "saw", thing="cup", room="kitchen", object="new")["object"] == "new"
+    codes = [say(robot, "discovered", room=name).get("code") for name in "ab"]
+    assert codes[-1] == "rooms-too-many"
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+    max_leaves=8,
+)
+KEYS = sorted({key for kind, _ in TOPICS.values() for key in kind.model_fields})
+SEEN = open_graph(OFFICE, model="mixture")
+
+
+@given(
+    topic=st.sampled_from(sorted(TOPICS)),
+    said=st.text() | st.dictionaries(st.sampled_from(KEYS), JSON).map(json.dumps),
+)
+def test_any_text_gets_an_answer_that_is_json(topic: str, said: str) -> None:
+    answer = Robot(SEEN.copy()).hear(topic, said)
+    assert json.loads(encode_json(answer))["topic"] == topic
+
+
+def detection(object_id: str, *scores: tuple[str, float]) -> SimpleNamespace:
+    """Return a vision_msgs/msg/Detection3D of vision_msgs 4, as Humble and later have it."""
+    return SimpleNamespace(
+        results=[
+            SimpleNamespace(hypothesis=SimpleNamespace(class_id=word, score=score))
+            for word, score in scores
+        ],
+        bbox=SimpleNamespace(center=SimpleNamespace(position=SimpleNamespace(x=1.0, y=2.0, z=0.5))),
+        id=object_id,
+    )
+
+
+def message(frame: str, *detections: SimpleNamespace) -> SimpleNamespace:
+    return SimpleNamespace(header=SimpleNamespace(frame_id=frame), detections=[*detections])
+
+
+@pytest.mark.parametrize(
+    ("frame", "place"),
+    [("map", {"position": (1.0, 2.0, 0.5)}), ("camera", {"within": math.inf})],
+)
+def test_detections_with_a_high_score_are_sightings(
+    robot: Robot, frame: str, place: dict[str, Any]
+) -> None:
+    heard = message(
+        frame,
+        detection("d1", ("wall", 0.1), ("microwave", 0.9)),
+        detection("d2", ("lamp", 0.4)),
+        detection("", ("lamp", 1.0)),
+        detection("d3"),
+    )
+    said, lamp = read_detections(heard, frame="map", min_score=0.5)
+    assert said == {"thing": "microwave", "object": "d1", "score": 0.9, **place}
+    assert lamp == {"thing": "lamp", "object": None, "score": 1.0, **place}
+    assert robot.answer("saw", said)["code"] == "room-unsaid"
+    robot.hear("entered", "kitchen")
+    assert robot.answer("saw", said)["object"] == "d1"
+    assert robot.answer("saw", lamp)["object"] == "saw 20"
+    assert [obj.score for obj in robot.seen.graph.objects[-2:]] == [0.9, 1.0]
+
+
+def test_without_ros_the_command_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    monkeypatch.delitem(sys.modules, "bsg_robot.ros.node", raising=False)
+    done = CliRunner().invoke(main, ["--ros-args", "-p", "graph:=home.json"])
+    assert done.exit_code == 1
+    assert "setup.bash" in done.stderr
+    assert "[ros]" in done.stderr
+
+
+@pytest.mark.parametrize("blank", [None, ""])
+def test_blank_keys_are_left_out(blank: str | None) -> None:
+    robot = Robot(open_graph({"kitchen": [], "hall": []}))
+    said = (
+        ("discovered", {"room": 4, "beside": blank, "room_type": blank, "position": blank}),
+        ("entered", {"room": "kitchen", "floor_in_view": blank, "id": blank}),
+        ("saw", {"thing": "sink", "room": blank, "object": blank, "within": blank}),
+        ("looked", {"thing": "mug", "room": "hall", "chance": blank}),
+        ("searched", {"room": "hall", "found": blank}),
+        ("where", {"thing": "mug", "here": blank, "chance": blank, "task": blank, "id": blank}),
+        ("where", {"thing": "mug", "here": 4, "robots": blank, "look": blank}),
+    )
+    for topic, fields in said:
+        answer = robot.answer(topic, fields)
+        assert "error" not in answer, (topic, answer)

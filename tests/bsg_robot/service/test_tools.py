@@ -1,0 +1,115 @@
+"""The service as an agent asks it: by the official client, over stdin and stdout, and over HTTP."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Any
+
+import anyio
+import pytest
+from mcp import Client, StdioServerParameters
+
+import bsg_robot
+
+COMMAND = (sys.executable, "-c", "from bsg_cli.serve import main; main()")
+SIMPLE = {"kitchen": ["sink", "stove"], "hall": []}
+
+
+@pytest.fixture(params=[pytest.param("stdio", marks=pytest.mark.heavy), "http"])
+def server(request: pytest.FixtureRequest) -> Any:
+    if request.param == "http":
+        return request.getfixturevalue("address") + "/mcp"
+    return StdioServerParameters(command=COMMAND[0], args=[*COMMAND[1:], "--stdio"])
+
+
+def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
+    async def ask() -> None:
+        async with Client(server) as client:
+            tools = {tool.name: tool for tool in (await client.list_tools()).tools}
+            assert set(tools) == {"find_things", "next_place", "expect_things"}
+            assert all(tool.description and tool.output_schema for tool in tools.values())
+
+            question = {"map": SIMPLE, "things": ["microwave"], "here": "hall"}
+            found = (await client.call_tool("find_things", question)).structured_content
+            seen = bsg_robot.open_graph(SIMPLE)
+            assert found["go_first"] == seen.next_room("microwave", here="hall")
+            place = found["things"][0]["places"][0]
+            best = seen.where("microwave", here="hall")[0]
+            assert (place["room"], place["cost"]) == (best.room, best.cost)
+            assert place["probability"] == pytest.approx(best.probability, abs=1e-6)
+
+            milk = {"map": {"kitchen": ["counter", "fridge"], "hall": []}, "thing": "milk"}
+            go = await client.call_tool("next_place", {**milk, "here": "hall", "at": "", "look": 0})
+            assert go.structured_content["piece"] == "fridge 1"
+            fault = await client.call_tool("next_place", milk)
+            assert "here: Field required" in fault.content[0].text
+
+            held = await client.call_tool("expect_things", {"map": SIMPLE, "room": "hall"})
+            names = [one["name"] for one in held.structured_content["rooms"][0]["expected"]]
+            assert names == [one.name for one in seen.expected("hall")[:10]]
+
+            wrong = {"map": {"kitchen": 5}, "things": ["microwave"]}
+            fault = await client.call_tool("find_things", wrong)
+            assert fault.is_error
+            assert "map: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
+            for wrong in ({"chance": 2}, {"look": -1}, {"task": "some"}, {"robots": 3}):
+                assert (await client.call_tool("find_things", {**question, **wrong})).is_error
+
+    anyio.run(ask)
+
+
+def test_a_line_out_of_bounds_is_refused_by_its_id_and_the_next_is_answered() -> None:
+    """Bytes, what would take gigabytes as objects, a key twice, and what is no JSON."""
+    said = b'{"jsonrpc": "2.0", "id": %d, "method": "ping", "params": %s}\n'
+    twice = b'{"map": {"hall": [], "hall": []}}'
+    lines = [
+        said % (1, b'["' + b"x" * 8_500_000 + b'"]'),
+        said % (2, b"[" + b"[]," * 2_000_000 + b"1]"),
+        said % (3, twice),
+        b"hello\n",
+        said % (4, b"{}"),
+    ]
+    done = subprocess.run([*COMMAND, "--stdio"], input=b"".join(lines), capture_output=True)
+    answers = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [one["id"] for one in answers] == [1, 2, 3, None, 4]
+    assert [one["error"]["code"] for one in answers[:-1]] == [-32600] * 4
+    for answer, what in zip(answers[:-1], ("bytes", "lists", "twice", "column"), strict=True):
+        assert what in answer["error"]["message"]
+    assert done.returncode == 0
+
+
+def test_a_map_may_be_a_text_that_our_parser_reads(address: str) -> None:
+    async def ask() -> None:
+        async with Client(address + "/mcp") as client:
+            question = {"map": json.dumps(SIMPLE), "things": "cup", "here": "hall"}
+            found = await client.call_tool("find_things", question)
+            plain = await client.call_tool("find_things", {**question, "map": SIMPLE})
+            assert found.structured_content == plain.structured_content
+            twice = await client.call_tool("find_things", {**question, "map": '{"a": [], "a": []}'})
+            assert twice.is_error
+            assert "the key 'a' twice" in twice.content[0].text
+
+    anyio.run(ask)
+
+
+def test_a_list_of_things_may_be_a_text(address: str) -> None:
+    async def ask() -> None:
+        async with Client(address + "/mcp") as client:
+            said = [["cup", "towel"], '["cup", "towel"]', "cup, towel"]
+            found = [
+                await client.call_tool("find_things", {"map": SIMPLE, "things": one})
+                for one in said
+            ]
+            first = found[0].structured_content
+            assert [one["thing"] for one in first["things"]] == ["cup", "towel"]
+            assert all(one.structured_content == first for one in found)
+            bare = {"map": SIMPLE, "things": "mug (red, old), [towel]"}
+            answer = (await client.call_tool("find_things", bare)).structured_content
+            assert [one["thing"] for one in answer["things"]] == ["mug (red, old)", "[towel]"]
+            for fault in ('["cup"', "[5]", " , "):
+                broken = await client.call_tool("find_things", {"map": SIMPLE, "things": fault})
+                assert broken.is_error, fault
+
+    anyio.run(ask)
