@@ -15,19 +15,28 @@ from .places import refuse_file
 from .registry import Registry
 from .scene.class_map import published_maps
 from .scene.connections import Connections
-from .scene.scene_graph import AnnotatedObject, Box, MeshCoverage
+from .scene.scene_graph import Box, MeshCoverage
 from .sources.assembly import assemble
 from .sources.catalogue import SOURCES
 from .sources.room_layouts import WithLayouts
 from .sources.room_words import WithRoomLabels
-from .sources.source import FoundScenes, Reading, SceneRef, Source, SourceRow
+from .sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    Source,
+    SourceRow,
+)
 from .terms import Terms
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [
     "MASKS",
     "SOURCES",
-    "AnnotatedObject",
+    "AnnotatedRoom",
+    "Annotation",
     "Box",
     "Connections",
     "EncodedScene",

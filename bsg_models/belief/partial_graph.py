@@ -38,7 +38,7 @@ from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType, check_room_type
 from bsg_data.scene.scene_graph import Box
-from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings
+from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, area_of
 from bsg_data.spelling import show_value
 from bsg_models.belief.hidden_share import ShareBelief
 
@@ -347,7 +347,12 @@ class PartialGraph:
             self._count_unclassified(vocabulary),
             vocabulary=vocabulary,
             connections=Connections.of_pairs(self.adjacency),
-            surroundings=Surroundings.of_graph(self, self.rooms),
+            surroundings=Surroundings.of_rooms(
+                [area_of(room) for room in self.rooms],
+                [room.room_type for room in self.rooms],
+                building_kind=self.building_kind,
+                source=self.source,
+            ),
         )
 
     def _cells(self) -> Counts:

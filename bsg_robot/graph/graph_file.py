@@ -13,8 +13,8 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
 from bsg_data.inputs.documents import require_json
 from bsg_data.sources.dsg_file import is_dsg, parse_dsg
+from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.room_words import RoomWords, read_room_words
-from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_robot.graph.hydra import BINARY, convert, describe_hydra, find_document, note_hydra
 from bsg_robot.graph.map_forms import FORM
