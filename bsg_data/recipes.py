@@ -18,8 +18,8 @@ from pydantic import (
 
 from bsg_data.errors import RecipeError, ask_to_upgrade
 from bsg_data.first_fault import keep_one_unknown
-from bsg_data.spelling import SHOWN, show_value
 from bsg_data.tables import make_line
+from bsg_data.words.shown import SHOWN, show_value
 
 MAX_SEED = 2**63 - 1  # what TOML, torch and a table of numbers can hold
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]  # of things, or a probability

@@ -46,8 +46,8 @@ from bsg_data.scene.class_map import (
     write_own_map,
 )
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.name_rules import Rule
 from bsg_data.scene.scene_graph import MeshCoverage
+from bsg_data.scene.synonyms import Rule
 
 LICENCE_REF = "LicenseRef-"  # SPDX's prefix for a licence that is not on its list
 _ADDRESS = r"https?://[^\s<>()\[\]|\"]+"

@@ -15,7 +15,7 @@ from typing import BinaryIO, cast
 
 from bsg_data.errors import BSGError, SourceError
 from bsg_data.inputs.bounds import DATASET_TABLE, MAX_RATIO, MIB
-from bsg_data.spelling import list_some
+from bsg_data.words.shown import list_some
 
 PACKED = ".gz"
 Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class of `BSGError`

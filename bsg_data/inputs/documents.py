@@ -31,7 +31,7 @@ from bsg_data.inputs.bounds import (
     MAX_TOML_LINE,
     MAX_VALUES,
 )
-from bsg_data.spelling import SHOWN, show_value
+from bsg_data.words.shown import SHOWN, show_value
 
 if sys.version_info >= (3, 11):
     import tomllib

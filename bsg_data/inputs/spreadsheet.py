@@ -33,7 +33,7 @@ from bsg_data.inputs.bounds import (
     MAX_TAG,
     SHEET_LIST,
 )
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 
 SheetRow = dict[int, str]  # number of the column, from 0 → text, of the cells that are not empty
 _Attributes = dict[str, str]

@@ -21,7 +21,8 @@ from bsg_data.first_fault import Listed
 from bsg_data.inputs.bounds import MAX_MAP_ROWS
 from bsg_data.inputs.documents import parse_csv
 from bsg_data.recipes import Record
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN, show_value
 
 DEFAULT_CLASS_SPACE = "hm3d45-v1"
 _MAX_CLASSES = 256  # the objects table stores the index in a byte

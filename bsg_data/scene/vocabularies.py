@@ -12,8 +12,9 @@ from functools import cache
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.name_rules import take_apart
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.normal import take_apart
+from bsg_data.words.shown import SHOWN
 
 VOCABULARIES = "vocabularies-v1.csv"
 

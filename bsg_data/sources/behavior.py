@@ -31,7 +31,7 @@ from bsg_data.scene.scene_graph import AnnotatedObject, Room, is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 
 _FILE = "combined_room_object_list.json"
 _MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all

@@ -12,7 +12,8 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.bounded_file import PACKED, read_bytes
 from bsg_data.inputs.bounds import LABEL_TABLE, MAX_LABEL_ROWS
 from bsg_data.inputs.documents import parse_csv
-from bsg_data.spelling import SHOWN, list_some, meant_names, show_value
+from bsg_data.words.nearest import nearest_names
+from bsg_data.words.shown import SHOWN, list_some, show_value
 
 SUFFIXES = (".csv", ".csv.gz", ".tsv", ".tsv.gz")
 _MARKS = {  # in a header that is one column → what to do
@@ -103,7 +104,7 @@ def _find_columns(
     for column, others in columns.items():
         name = next((name for name in (column, *others) if name in header), None)
         if name is None:
-            near = meant_names(column, set(header) - set(columns), most=1)
+            near = nearest_names(column, set(header) - set(columns), most=1)
             hint = f"; rename {near[0]} to {column}" if near else ""
             if said := hint_separator(header):
                 hint = f"; {said}"

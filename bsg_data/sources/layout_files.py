@@ -30,7 +30,7 @@ from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.recipes import name_fault
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.label_table import LabelTable, read_label_table
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 
 CONFIG_SUFFIX = ".semantic_config.json"
 SUFFIXES = (".yaml", ".yml", CONFIG_SUFFIX)

@@ -40,7 +40,7 @@ from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 
 # The letters of regions, in the words of the format's description.
 REGION_LABELS = {

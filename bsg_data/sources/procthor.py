@@ -45,7 +45,7 @@ from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
 from bsg_data.sources.assembly import assemble, place_room
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file

@@ -51,7 +51,8 @@ from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state
 from bsg_data.sources.assembly import assemble, place_room, require_few_letters
 from bsg_data.sources.label_table import SUFFIXES, hint_separator, separator_of
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
-from bsg_data.spelling import ask_if_meant, list_some, meant_names
+from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.shown import list_some
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")
@@ -456,7 +457,7 @@ def _index(names: Iterable[str]) -> dict[str, list[int]]:
 def _lack_column(
     path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
 ) -> SourceError:
-    near = meant_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
+    near = nearest_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
     hint = f"name yours by --option {field}=COLUMN"
     if near:
         hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"

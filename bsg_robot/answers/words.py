@@ -11,25 +11,15 @@ from itertools import chain, islice
 from types import MappingProxyType
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.class_map import (
-    ClassMap,
-    Role,
-    load_class_map,
-    normalise_name,
-    read_real_words,
-)
-from bsg_data.scene.name_rules import (
-    LONGEST,
-    MARKS,
-    SHORT,
-    index_words,
-    is_typo,
-    list_parts,
-    mend,
-    singulars,
-)
+from bsg_data.scene.class_map import ClassMap, Role, load_class_map
 from bsg_data.scene.room_label import owner_of, read_room
-from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
+from bsg_data.scene.synonyms import read_real_words
+from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.normal import LONGEST, MARKS, normalise_name
+from bsg_data.words.phrase import list_parts
+from bsg_data.words.plural import singulars
+from bsg_data.words.shown import SHOWN, show_value
+from bsg_data.words.typo import SHORT, index_words, is_typo, mend
 from bsg_models.belief.hidden_share import ShareBelief
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.found_model import WIDE_MAP
@@ -370,7 +360,7 @@ def _spelled_alike(word: str, class_map: ClassMap) -> list[str]:
         if entry.class_index is not None:
             names.setdefault(normalise_name(str(entry.category)))
     names |= dict.fromkeys(map(normalise_name, class_map.classes))
-    return list(meant_names(normalise_name(word), names))
+    return list(nearest_names(normalise_name(word), names))
 
 
 def _mended(word: str, known: Sequence[str]) -> list[str]:

@@ -17,17 +17,18 @@ people were asked about are the columns of everything here, in the order of `lis
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.class_map import Classified, ClassMap, normalise_names
-from bsg_data.scene.name_rules import LONGEST, list_parts, singulars, take_apart
+from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import known_label
+from bsg_data.words.normal import LONGEST, drop_number, separate, take_apart
+from bsg_data.words.phrase import list_parts
+from bsg_data.words.plural import singulars
 from bsg_robot.tables.table import read_table
 
 _FILE, _NARROW, _PIECES = "things-v1.csv", "narrow-rooms-v1.csv", "receptacles-v1.csv"
@@ -35,7 +36,6 @@ _SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
 _HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight")
 _SEPARATOR = "|"
 _OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
-_NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +104,13 @@ def find_thing(word: str) -> Thing | None:
     if len(word) > LONGEST:
         return None
     listed = _read_things()[1]
-    apart = take_apart(word)
-    for key in dict.fromkeys(_spell((word, apart, _NUMBERED.sub("", apart)))):
+    said, apart = separate(word), separate(take_apart(word))
+    for key in dict.fromkeys((said, apart, drop_number(apart))):
         forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
-        for form in (*forms, *(form.replace(" ", "") for form in forms)):
-            if form in listed:
-                return listed[form]
+        joined = (form.replace(" ", "") for form in forms if form[:2] != "a ")  # a tv is no atv
+        found = (listed[form] for form in (*forms, *joined) if form in listed)
+        if thing := next(found, None):
+            return thing
     return None
 
 
@@ -139,8 +140,7 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
         rates = (float(home) / 100, float(sight) / 100)
         things.append(Thing(name, spellings, wider or None, weights, *rates))
     names = [(one, thing) for thing in things for one in thing.names]
-    spelled = _spell([one for one, _ in names])
-    listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
+    listed = {separate(name): thing for name, thing in names}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
     return tuple(things), joined | listed
 
@@ -155,12 +155,6 @@ def _read_narrow() -> frozenset[str]:
     """Return the labels of rooms that hold only what the table of things names there."""
     rows = read_table(_NARROW, ("room", "holds"))
     return frozenset(room for room, _ in rows)
-
-
-def _spell(words: Iterable[str]) -> list[str]:
-    """Return the forms in which names are compared: normalised, spaces for `-` and `_`."""
-    said = normalise_names(words)
-    return [" ".join(one.replace("-", " ").replace("_", " ").split()) for one in said]
 
 
 @dataclass(frozen=True, eq=False, slots=True)  # each is one: answers look them up by the thousand
@@ -223,17 +217,15 @@ def find_receptacle(word: str) -> Receptacle | None:
     if len(word) > LONGEST:
         return None
     listed = _read_receptacles()
-    for key in dict.fromkeys(_spell((word, take_apart(word), *list_parts(word)))):
-        for form in (key, *singulars(key)):
-            if form in listed:
-                return listed[form]
-    return None
+    keys = map(separate, (word, take_apart(word), *list_parts(word)))
+    forms = (form for key in keys for form in (key, *singulars(key)))
+    return next((listed[form] for form in forms if form in listed), None)
 
 
 @lru_cache(maxsize=256)
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
-    listed, words = _read_keeping(), _spell((word,))[0].split(" ")
+    listed, words = _read_keeping(), separate(word).split()
     for start in range(len(words)):  # running shoes lie where shoes do
         said = " ".join(words[start:])
         thing = find_thing(said)
@@ -260,7 +252,7 @@ def _read_receptacles() -> Mapping[str, Receptacle]:
     for name, spellings, like, opened, only, _ in read_table(_PIECES, header):
         alike = tuple(number[one] for one in like.split(_SEPARATOR))
         piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
-        found |= dict.fromkeys(_spell((name, *spellings.split(_SEPARATOR))), piece)
+        found |= dict.fromkeys(map(separate, (name, *spellings.split(_SEPARATOR))), piece)
     return found
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.name_rules import singulars
+from bsg_data.words.plural import singulars
 from bsg_robot.answers.nouns import split_head
 
 SIZE = 38_000  # things, the most frequent

@@ -14,8 +14,9 @@ from refusals import refuses
 
 from bsg_data.errors import ClassMapError
 from bsg_data.results import require_seal
-from bsg_data.scene.class_map import load_class_map, normalise_name
+from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.class_space import read_published
+from bsg_data.words.normal import normalise_name
 
 MAPPINGS, TABLES = REPOSITORY / "mappings", REPOSITORY / "bsg_robot/tables"
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.class_space import load_class_space
-from bsg_data.scene.name_rules import separate
 from bsg_data.scene.room_label import known_label, label_of, list_room_labels
+from bsg_data.words.normal import normalise_name, separate
 from bsg_robot.things.things import (
     Thing,
     find_keeping,

@@ -1,0 +1,107 @@
+"""Other words for what a class map lists.
+
+`mappings/synonyms-v1.csv` has `name,category`: another word, and HM3D's; the words of vocabularies
+(`bsg_data.scene.vocabularies`) are such, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from itertools import chain
+from typing import Literal
+
+from bsg_data.scene.class_space import read_published, read_rows
+from bsg_data.scene.vocabularies import VOCABULARIES, list_meanings
+from bsg_data.words.normal import normalise_names, separate
+from bsg_data.words.phrase import list_tails
+from bsg_data.words.plural import change_number
+
+Rule = Literal["separator", "vocabulary", "number", "synonym", "head noun", "phrase", "spelling"]
+UNKNOWN = "unknown"  # the category of a nameless object
+_SYNONYMS, _REAL_WORDS = "synonyms-v1.csv", "real-words-v1.csv"
+_HM3D = "hm3d45-v1.csv"  # its names and their classes
+RULE_FILES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # by which names are read that no map lists
+
+
+def list_synonyms(listed: Mapping[str, tuple[str, str]]) -> dict[str, tuple[str, Rule]]:
+    """Return other words for what a map lists → the listed name, and the rule that says so.
+
+    A word leads to the empty name if no words of it are to be taken alone. A map need not list
+    HM3D's word: another listed name of the same category does, or for a word of a vocabulary the
+    plural or the head noun, if both have one class of HM3D.
+
+    Args:
+        listed: normalised name → category and class; empty without one.
+    """
+    vocabulary, called = _read_vocabulary(), _name_meanings(listed)
+    found = dict(called)
+    for name, category in {**_read_synonyms(), **vocabulary}.items():
+        wider = _list_wider(name, category) if name in vocabulary else ()
+        others = (one for one in (category, called.get(category), *wider) if one in listed)
+        if (other := next(others, None)) or not category or name in vocabulary:
+            found[name] = other or ""
+    for name, other in {**{name: name for name in listed}, **found}.items():
+        if " " in name:  # `diningtable` is `dining table`
+            found.setdefault(name.replace(" ", ""), other)
+
+    def name_rule(word: str, other: str) -> Rule:
+        is_apart = other.replace(" ", "") == word
+        return "separator" if is_apart else "vocabulary" if word in vocabulary else "synonym"
+
+    left = {word: other for word, other in found.items() if word not in listed}
+    return {word: (other, name_rule(word, other)) for word, other in left.items()}
+
+
+def _list_wider(word: str, category: str) -> Iterator[str]:
+    """Yield plurals and last words of a word and of HM3D's, those of the same class there."""
+    of_hm3d = _read_classes()
+    for name in (category, word):
+        tails = (" ".join(tail) for tail in list_tails(name.split()))
+        for one in (*change_number(name), *tails):
+            if of_hm3d.get(one) == of_hm3d[category] != "":
+                yield one
+
+
+def _name_meanings(listed: Mapping[str, tuple[str, str]]) -> dict[str, str]:
+    """Return a listed name for each category, class and synonym that is not listed itself."""
+    synonyms, meanings = _read_synonyms(), zip(*listed.values(), strict=True)
+    said = [*chain.from_iterable(meanings), *(synonyms.get(name, "") for name in listed)]
+    found: dict[str, str] = {}
+    for one, name in zip(normalise_names(said), [*listed] * 3, strict=True):
+        if one and one != UNKNOWN and one not in listed:
+            found.setdefault(one, name)
+    return found
+
+
+@cache
+def _read_classes() -> Mapping[str, str]:
+    """Return the class of each of HM3D's names."""
+    header = ("raw_category", "category", "class")
+    names, _, classes = _read_columns(_HM3D, header)
+    return dict(zip(normalise_names(names), classes, strict=True))
+
+
+@cache
+def _read_synonyms() -> Mapping[str, str]:
+    columns = _read_columns(_SYNONYMS, ("name", "category"))
+    return dict(zip(*map(normalise_names, columns), strict=True))
+
+
+@cache
+def _read_vocabulary() -> Mapping[str, str]:
+    """Return HM3D's words by the words of all vocabularies, normalised, with spaces alone."""
+    words, categories = zip(*list_meanings(), strict=True)
+    return dict(zip(map(separate, words), normalise_names(categories), strict=True))
+
+
+@cache
+def read_real_words() -> frozenset[str]:
+    """Return words of English that are one typo from a word of a name."""
+    (words,) = _read_columns(_REAL_WORDS, ("word",))
+    return frozenset(words)
+
+
+def _read_columns(file: str, header: tuple[str, ...]) -> list[tuple[str, ...]]:
+    rows = read_rows(file, read_published(file), header)
+    return [*zip(*(row for _, row in rows), strict=True)]
