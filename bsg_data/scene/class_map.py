@@ -29,7 +29,7 @@ from bsg_data.scene.class_space import (
     read_rows,
 )
 from bsg_data.scene.synonyms import RULE_FILES, UNKNOWN, Rule, list_synonyms, read_real_words
-from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.nearest import ask_if_meant, nearest_names
 from bsg_data.words.normal import (
     LONGEST,
     drop_number,
@@ -163,6 +163,10 @@ class ClassMap:
     def classify_whole(self, name: str) -> Classified:
         """Classify a name without the rules of the head noun and of typos: much faster."""
         return self.lookup(name) or self._read(list_readings(name), is_whole=True) or _UNMAPPED
+
+    def nearest(self, name: str) -> tuple[str, ...]:
+        """Return the known spellings most like `name`, best first."""
+        return nearest_names(name, self.normalised)
 
     def _resolve(self, name: str) -> Classified:
         """Read a name that is not listed by the rules."""

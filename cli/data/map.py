@@ -14,7 +14,6 @@ from bsg_cli.options import class_map_option, dataset_argument, json_option
 from bsg_cli.terminal import CommandGroup, print_json, print_note, print_text
 from bsg_data import extend
 from bsg_data.tables import format_text
-from bsg_data.words.nearest import nearest_names
 
 # why a known name has no class, by its role
 _WITHOUT_CLASS = {
@@ -100,7 +99,7 @@ def _map_show(category: str, class_map: str, as_json: bool) -> None:
         "class": name,
         "role": known.role,
         "rule": known.rule,
-        "nearest": [] if mapped else list(nearest_names(category, loaded.normalised)),
+        "nearest": [] if mapped else list(loaded.nearest(category)),
         "elsewhere": {} if name or index is not None else _find_elsewhere(category),
         "definition": None if index is None else loaded.definitions[index],
         "spellings": [] if index is None else spellings,
