@@ -33,10 +33,10 @@ from bsg_data.words.nearest import ask_if_meant, nearest_names
 from bsg_data.words.normal import (
     LONGEST,
     drop_number,
-    list_readings,
     normalise_name,
     normalise_names,
     separate,
+    take_apart,
 )
 from bsg_data.words.phrase import MOST_WORDS, list_parts, list_tails
 from bsg_data.words.plural import change_number
@@ -44,7 +44,7 @@ from bsg_data.words.shown import SHOWN, show_value
 from bsg_data.words.typo import index_words, mend
 
 DEFAULT_CLASS_MAP = "hm3d45-v1"
-RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map
+_RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map
 _MOST_RESOLVED = 2**16  # names that are not listed and whose class is kept: a robot's graph fits in
 SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
 _FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
@@ -140,7 +140,7 @@ class ClassMap:
 
     def lists(self, name: str) -> bool:
         """Say whether a name as a whole is listed, or is another word that leads to one or none."""
-        forms = (separate(reading) for reading in list_readings(name))
+        forms = (separate(reading) for reading in _list_readings(name))
         return self.lookup(name) is not None or any(form in self.words for form in forms)
 
     def classify(self, name: str) -> Classified:
@@ -162,7 +162,7 @@ class ClassMap:
 
     def classify_whole(self, name: str) -> Classified:
         """Classify a name without the rules of the head noun and of typos: much faster."""
-        return self.lookup(name) or self._read(list_readings(name), is_whole=True) or _UNMAPPED
+        return self.lookup(name) or self._read(_list_readings(name), is_whole=True) or _UNMAPPED
 
     def nearest(self, name: str) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
@@ -170,11 +170,11 @@ class ClassMap:
 
     def _resolve(self, name: str) -> Classified:
         """Read a name that is not listed by the rules."""
-        readings, parts = list_readings(name), list_parts(name)
+        readings, parts = _list_readings(name), list_parts(name)
         if parts == (name,) or self.lists(name):
             found = self._read(readings)
         elif (found := self._read(readings, is_whole=True)) is None:
-            of_parts = [list_readings(part) for part in parts]
+            of_parts = [_list_readings(part) for part in parts]
             known = [*filter(None, map(self._read, of_parts))]
             if known:  # rule 5 of mappings/README.md: the first with a class, or the first
                 best = min(known, key=lambda one: one.class_index is None)
@@ -233,6 +233,11 @@ class OwnMap(Record):
     structure: bytes | None = None  # NAME.structure.csv
 
 
+def _list_readings(name: str) -> list[str]:
+    """Return the readings of a name, normalised: as it is, and taken apart."""
+    return [*dict.fromkeys(normalise_names((name, take_apart(name))))]
+
+
 def is_nameless(name: str) -> bool:
     """Say whether a name is blank, `unknown` or `unknown/...`."""
     return normalise_name(name).partition("/")[0].strip() in ("", UNKNOWN)
@@ -253,14 +258,9 @@ def map_into(class_space: str) -> str:
             return row.class_map
     raise ClassMapError(
         f"no published class map is for the class space {class_space!r}; published are "
-        f"{', '.join(list_class_maps())}. Read the graph in Python with your own NAME.csv: "
+        f"{', '.join(sorted(published_maps()))}. Read the graph in Python with your own NAME.csv: "
         "read_robot_graph(path, class_map='NAME.csv')"
     )
-
-
-def list_class_maps() -> tuple[str, ...]:
-    """Return the versions of the published maps, sorted."""
-    return tuple(sorted(published_maps()))
 
 
 def load_class_map(name: AnyPath | ClassMap = DEFAULT_CLASS_MAP) -> ClassMap:
@@ -279,7 +279,7 @@ def _load(name: str) -> ClassMap:
     if is_own_map(name):
         return parse_own_map(read_own_map(Path(name)))
     if name not in published_maps():
-        known = list_class_maps()
+        known = sorted(published_maps())
         asked = f"{ask_if_meant(name, known)} published are {', '.join(known)}".lstrip()
         raise ClassMapError(
             f"no class map {name[:SHOWN]!r}: {asked}; for a map of your own give the path of its "
@@ -373,7 +373,7 @@ def _parse_map(
     rows = read_rows(f"{version}.structure.csv", structure, ("category",))
     building_parts = frozenset([row[0] for _, row in rows])
     entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, building_parts)
-    files = (spellings, classes, structure, *map(read_published, RULE_FILES), RULES_VERSION)
+    files = (spellings, classes, structure, *map(read_published, RULE_FILES), _RULES_VERSION)
     return ClassMap(
         version=version,
         sha256=hashlib.sha256(b"".join(files)).hexdigest(),

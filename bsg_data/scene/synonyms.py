@@ -1,7 +1,10 @@
-"""Other words for what a class map lists.
+"""Other words for what a class map lists: synonyms, and the words of vocabularies.
 
-`mappings/synonyms-v1.csv` has `name,category`: another word, and HM3D's; the words of vocabularies
-(`bsg_data.scene.vocabularies`) are such, too.
+`mappings/synonyms-v1.csv` has `name,category`: another word, and HM3D's.
+`mappings/vocabularies-v1.csv` has `vocabulary,word,category`: each word of each vocabulary of
+detectors, simulators and data sets, as it is published, with HM3D's word for it. A word without a
+category names nothing that HM3D names, and so no words of it are taken alone: a `baseball glove` is
+no glove.
 """
 
 from __future__ import annotations
@@ -11,17 +14,21 @@ from functools import cache
 from itertools import chain
 from typing import Literal
 
+from bsg_data.errors import RecipeError
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.vocabularies import VOCABULARIES, list_meanings
-from bsg_data.words.normal import normalise_names, separate
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.normal import normalise_names, separate, take_apart
 from bsg_data.words.phrase import list_tails
 from bsg_data.words.plural import change_number
+from bsg_data.words.shown import SHOWN
 
 Rule = Literal["separator", "vocabulary", "number", "synonym", "head noun", "phrase", "spelling"]
 UNKNOWN = "unknown"  # the category of a nameless object
-_SYNONYMS, _REAL_WORDS = "synonyms-v1.csv", "real-words-v1.csv"
+_SYNONYMS, _VOCABULARIES = "synonyms-v1.csv", "vocabularies-v1.csv"
+_REAL_WORDS = "real-words-v1.csv"
+_WORDS = ("vocabulary", "word", "category")
 _HM3D = "hm3d45-v1.csv"  # its names and their classes
-RULE_FILES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # by which names are read that no map lists
+RULE_FILES = (_SYNONYMS, _VOCABULARIES, _REAL_WORDS)  # by which names are read that no map lists
 
 
 def list_synonyms(listed: Mapping[str, tuple[str, str]]) -> dict[str, tuple[str, Rule]]:
@@ -90,9 +97,29 @@ def _read_synonyms() -> Mapping[str, str]:
 
 @cache
 def _read_vocabulary() -> Mapping[str, str]:
-    """Return HM3D's words by the words of all vocabularies, normalised, with spaces alone."""
-    words, categories = zip(*list_meanings(), strict=True)
-    return dict(zip(map(separate, words), normalise_names(categories), strict=True))
+    """Return HM3D's words by the words of all vocabularies, normalised, with spaces alone.
+
+    A word in camel case or with brackets is there twice: `coffeetable` and `coffee table`.
+    """
+    _, words, categories = _read_columns(_VOCABULARIES, _WORDS)
+    pairs = [*zip(words, normalise_names(categories), strict=True)]
+    return {separate(one): meant for word, meant in pairs for one in (word, take_apart(word))}
+
+
+def vocabulary_words(name: str) -> tuple[str, ...]:
+    """Return the words of a vocabulary as they are published, in its order: `coco` has 80.
+
+    Raises:
+        RecipeError: if there is no such vocabulary.
+    """
+    names, words, _ = _read_columns(_VOCABULARIES, _WORDS)
+    known, asked = sorted({*names}), name.casefold()
+    if asked not in known:
+        hint = f"{ask_if_meant(name, known)} there are {', '.join(known)}".lstrip()
+        raise RecipeError(
+            f"no vocabulary {name[:SHOWN]!r}: {hint}", code="vocabulary-unknown", where=name
+        )
+    return tuple(word for word, of in zip(words, names, strict=True) if of == asked)
 
 
 @cache
@@ -102,6 +129,7 @@ def read_real_words() -> frozenset[str]:
     return frozenset(words)
 
 
+@cache
 def _read_columns(file: str, header: tuple[str, ...]) -> list[tuple[str, ...]]:
     rows = read_rows(file, read_published(file), header)
     return [*zip(*(row for _, row in rows), strict=True)]

@@ -53,8 +53,3 @@ def take_apart(name: str) -> str:
 def split_camel(name: str) -> str:
     """Return a name with spaces between the words of its camel case."""
     return _CAMEL.sub(" ", name)
-
-
-def list_readings(name: str) -> list[str]:
-    """Return the readings of a name, normalised: as it is, and taken apart."""
-    return [*dict.fromkeys(normalise_names((name, take_apart(name))))]

@@ -31,7 +31,7 @@ from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_robot.tables.table import read_file
 
-NOUNS = "nouns-v1.safetensors"  # a file of the package `bsg_mappings`
+_NOUNS = "nouns-v1.safetensors"  # a file of the package `bsg_mappings`
 EPSILON = 0.005  # objects, added to an expected count before its logarithm
 HEAD = 0.5  # weight of the head of a compound; the words before it share the rest
 _SHORT = 4  # letters: shorter parts of a word are chance
@@ -286,7 +286,7 @@ def write_nouns(table: NounTable, path: Path) -> None:
 @cache
 def read_nouns() -> NounTable:
     """Read the table that is shipped; a process reads it once."""
-    kept = load(read_file(NOUNS))
+    kept = load(read_file(_NOUNS))
     words, counted = (
         tuple(kept[name].tobytes().decode().split("\n")) for name in ("words", "counted")
     )

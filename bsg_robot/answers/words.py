@@ -29,7 +29,6 @@ from bsg_robot.tables.table import read_table
 from bsg_robot.things.things import Thing, find_keeping, find_thing, list_things
 from bsg_robot.things.uses import find_use
 
-MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
 _OFFERED = 3  # nouns offered in an error
 _REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be forgotten in turn
@@ -297,10 +296,9 @@ def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) 
 
 def require_word(word: object) -> None:
     """Refuse what cannot be the name of a thing."""
-    if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
+    if not isinstance(word, str) or not word.strip() or len(word) > LONGEST:
         raise RecipeError(
-            f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
-            f"{show_value(word)}",
+            f"expected the name of a thing, of 1 to {LONGEST} characters, found {show_value(word)}",
             code="thing-none",
         )
 

@@ -84,7 +84,7 @@ from bsg_data.scene.surroundings import (
     area_of,
     guess_building_kind,
 )
-from bsg_data.scene.vocabularies import vocabulary_words
+from bsg_data.scene.synonyms import vocabulary_words
 from bsg_data.words.nearest import ask_if_meant, nearest_names
 from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share

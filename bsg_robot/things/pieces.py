@@ -35,7 +35,6 @@ from bsg_robot.things.things import (
     Receptacle,
     find_keeping,
     find_receptacle,
-    list_receptacles,
     read_shares,
 )
 
@@ -205,7 +204,7 @@ def _rate(kind: Receptacle, thing: str, room: Labels, tidy: float, hidden: float
     rates, kept = _weigh_pieces(room, tidy)[[*kind.like]], find_keeping(thing)
     if kept is not None:
         own = kept.weigh(kind)
-        names = (list_receptacles()[one] for one in kind.like)
+        names = (read_shares().pieces[one] for one in kind.like)
         weights = np.array([kept.weights.get(name, 0.0) if own is None else own for name in names])
         rates = rates * (weights + (_ELSEWHERE if kind.only else _EVERYWHERE)) ** _KEEPING
     return float(rates.mean()) * (1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden))

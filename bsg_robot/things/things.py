@@ -12,7 +12,7 @@ Five tables of `bsg_robot/tables/` say it, written by hand but for the shares of
     keeping-v1.csv            a kind of thing → the pieces where a person would look
 
 Things are known by their exact names, and the plural of each: nothing is guessed. The pieces that
-people were asked about are the columns of everything here, in the order of `list_receptacles`.
+people were asked about are the columns of everything here, in the order of `Shares.pieces`.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ class Receptacle:
     """A piece of furniture on or in which things lie."""
 
     name: str
-    like: tuple[int, ...]  # the listed pieces that it is like, numbers of `list_receptacles`
+    like: tuple[int, ...]  # the listed pieces that it is like, numbers of `Shares.pieces`
     closed: float  # share of what it holds that is not seen until it is opened
     only: bool  # whether it holds only what the table of keeping names
 
@@ -186,23 +186,15 @@ class Shares:
 
     Attributes:
         rooms: room labels.
+        pieces: of furniture.
         belongs: `[K, P]` to whom things belong there, all things together.
         untidy: `[K, P]` who say that they lie there when the home is untidy.
     """
 
     rooms: tuple[str, ...]
+    pieces: tuple[str, ...]
     belongs: Floats
     untidy: Floats
-
-
-def list_receptacles() -> tuple[str, ...]:
-    """Return the listed pieces, of which people were asked."""
-    return _read_shares()[0]
-
-
-def read_shares() -> Shares:
-    """Return the shares of people."""
-    return _read_shares()[1]
 
 
 @lru_cache(maxsize=4096)  # the objects of a room are asked again and again
@@ -236,18 +228,19 @@ def find_keeping(word: str) -> Keeping | None:
 
 
 @cache
-def _read_shares() -> tuple[tuple[str, ...], Shares]:
+def read_shares() -> Shares:
+    """Return the shares of people."""
     rows = read_table(_SHARES, ("room", "receptacle", "belongs", "untidy", "asked"))
     said = {(room, piece): (float(a), float(b)) for room, piece, a, b, _ in rows}
     rooms, pieces = (tuple(dict.fromkeys(names)) for names in zip(*said, strict=True))
     both = np.array([[said[room, piece] for piece in pieces] for room in rooms])
-    return pieces, Shares(rooms, both[..., 0], both[..., 1])
+    return Shares(rooms, pieces, both[..., 0], both[..., 1])
 
 
 @cache
 def _read_receptacles() -> Mapping[str, Receptacle]:
     header = ("receptacle", "spellings", "like", "opened", "only", "source")
-    number = {piece: index for index, piece in enumerate(list_receptacles())}
+    number = {piece: index for index, piece in enumerate(read_shares().pieces)}
     found: dict[str, Receptacle] = {}
     for name, spellings, like, opened, only, _ in read_table(_PIECES, header):
         alike = tuple(number[one] for one in like.split(_SEPARATOR))
