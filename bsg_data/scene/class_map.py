@@ -34,7 +34,6 @@ from bsg_data.words.normal import (
     LONGEST,
     drop_number,
     normalise_name,
-    normalise_names,
     separate,
     take_apart,
 )
@@ -235,7 +234,7 @@ class OwnMap(Record):
 
 def _list_readings(name: str) -> list[str]:
     """Return the readings of a name, normalised: as it is, and taken apart."""
-    return [*dict.fromkeys(normalise_names((name, take_apart(name))))]
+    return [*dict.fromkeys(map(normalise_name, (name, take_apart(name))))]
 
 
 def is_nameless(name: str) -> bool:
@@ -391,9 +390,8 @@ def _parse_spellings(
     entries: dict[str, Classified] = {}
     normalised: dict[str, Classified] = {}
     rows = read_rows(file, data, ("raw_category", "category", "class"))
-    said = normalise_names([row[0] for _, row in rows])
     nameless = {*filter(is_nameless, {row[1] for _, row in rows})}
-    for (line, (raw, category, name)), spoken in zip(rows, said, strict=True):
+    for line, (raw, category, name) in rows:
         if name and name not in space.classes:
             raise ClassMapError(
                 f"{file}, line {line}: {show_value(name)} is no class of {space.name}"
@@ -404,7 +402,7 @@ def _parse_spellings(
         role: Role = "structure" if category in structure else "left-out"
         role = "nameless" if category in nameless else role
         entries[raw] = Classified(category, index, role if index is None else "classified")
-        if normalised.setdefault(spoken, entries[raw]).class_index != index:
+        if normalised.setdefault(normalise_name(raw), entries[raw]).class_index != index:
             raise ClassMapError(
                 f"{file}, line {line}: {show_value(raw)} differs from an earlier row only in case "
                 "or spaces but has another class"

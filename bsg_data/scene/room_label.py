@@ -38,7 +38,7 @@ from bsg_data.words.typo import index_words, near_words
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 RoomRule = Literal["head noun", "first words", "misspelt"]  # that a reader should know of
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
-NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
+_NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
 _FILE = "room-labels-v1.csv"
 _ANY_SOURCE, _NEAREST, _BUILDING, _KIND = "any", "nearest", "building", "kind"
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
@@ -194,7 +194,7 @@ def read_room(name: str, *, source: str = _ANY_SOURCE) -> ReadRoom:
     for key in ((source, name), (source, spoken), (source, number), (_ANY_SOURCE, spoken)):
         if key in rows:
             return ReadRoom(rows[key], key[1])
-    if spoken in NO_KIND or len(name) > LONGEST:
+    if spoken in _NO_KIND or len(name) > LONGEST:
         return ReadRoom(None)
     word, rule = _find_word(name) or (None, None)
     label = word and rows.get((source, word), rows[_ANY_SOURCE, word])
@@ -335,7 +335,7 @@ def _is_owner(word: str) -> bool:
 
 def is_name(text: str) -> bool:
     """Say whether a room's id or label has words to be understood: R7 and room 5 have none."""
-    if normalise_room(text) in NO_KIND or len(text) > LONGEST:
+    if normalise_room(text) in _NO_KIND or len(text) > LONGEST:
         return False
     words = next(iter(_list_forms(text)))
     return any(
@@ -413,7 +413,7 @@ def read_room_type(
     for word, probability in weigh_labels(checked).items():
         known = read(word)
         if known.label is None:
-            unread += [] if normalise_room(word) in NO_KIND else [word]
+            unread += [] if normalise_room(word) in _NO_KIND else [word]
         elif probability > 0:
             found[known.label] = found.get(known.label, 0.0) + probability
             if known.label != word:

@@ -17,7 +17,7 @@ from typing import Literal
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_space import read_published, read_rows
 from bsg_data.words.nearest import ask_if_meant
-from bsg_data.words.normal import normalise_names, separate, take_apart
+from bsg_data.words.normal import normalise_name, separate, take_apart
 from bsg_data.words.phrase import list_tails
 from bsg_data.words.plural import change_number
 from bsg_data.words.shown import SHOWN
@@ -75,7 +75,7 @@ def _name_meanings(listed: Mapping[str, tuple[str, str]]) -> dict[str, str]:
     synonyms, meanings = _read_synonyms(), zip(*listed.values(), strict=True)
     said = [*chain.from_iterable(meanings), *(synonyms.get(name, "") for name in listed)]
     found: dict[str, str] = {}
-    for one, name in zip(normalise_names(said), [*listed] * 3, strict=True):
+    for one, name in zip(map(normalise_name, said), [*listed] * 3, strict=True):
         if one and one != UNKNOWN and one not in listed:
             found.setdefault(one, name)
     return found
@@ -86,13 +86,13 @@ def _read_classes() -> Mapping[str, str]:
     """Return the class of each of HM3D's names."""
     header = ("raw_category", "category", "class")
     names, _, classes = _read_columns(_HM3D, header)
-    return dict(zip(normalise_names(names), classes, strict=True))
+    return dict(zip(map(normalise_name, names), classes, strict=True))
 
 
 @cache
 def _read_synonyms() -> Mapping[str, str]:
-    columns = _read_columns(_SYNONYMS, ("name", "category"))
-    return dict(zip(*map(normalise_names, columns), strict=True))
+    names, categories = _read_columns(_SYNONYMS, ("name", "category"))
+    return dict(zip(map(normalise_name, names), map(normalise_name, categories), strict=True))
 
 
 @cache
@@ -102,7 +102,7 @@ def _read_vocabulary() -> Mapping[str, str]:
     A word in camel case or with brackets is there twice: `coffeetable` and `coffee table`.
     """
     _, words, categories = _read_columns(_VOCABULARIES, _WORDS)
-    pairs = [*zip(words, normalise_names(categories), strict=True)]
+    pairs = [*zip(words, map(normalise_name, categories), strict=True)]
     return {separate(one): meant for word, meant in pairs for one in (word, take_apart(word))}
 
 

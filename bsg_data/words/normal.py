@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable
 from functools import lru_cache
 
 LONGEST = 100  # characters of a name: a longer one names nothing that we know
@@ -17,13 +16,7 @@ _SEPARATORS = str.maketrans("-_", "  ")
 @lru_cache(maxsize=64)  # every rule normalises a name again
 def normalise_name(name: str) -> str:
     """Return `name` as NFC, casefolded, trimmed, runs of white space as one space."""
-    return normalise_names((name,))[0]
-
-
-def normalise_names(names: Iterable[str]) -> list[str]:
-    """Return what `normalise_name` makes of each name; a table has thousands."""
-    composed = unicodedata.normalize
-    return [" ".join(composed("NFC", name).casefold().split()) for name in names]
+    return " ".join(unicodedata.normalize("NFC", name).casefold().split())
 
 
 def separate(name: str) -> str:

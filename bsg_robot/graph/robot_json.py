@@ -65,7 +65,6 @@ from bsg_data.recipes import SaidRecord
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import (
-    NO_KIND,
     Origin,
     RoomReader,
     check_own_label,
@@ -714,7 +713,7 @@ def understand_rooms(graph: PartialGraph) -> PartialGraph:
     """
     said = say_again(graph.building_kind, graph.origins.get("", ()))
     kind = read_building_kind(said) if isinstance(said, str) else None
-    is_unread = isinstance(said, str) and kind is None and normalise_room(said) not in NO_KIND
+    is_unread = isinstance(said, str) and kind is None and is_name(said)
     graph = _read_rooms(graph, kind)
     origin = Origin(kind, str(said)) if kind and kind != normalise_room(str(said)) else None
     names = (_list_names(room, graph.origins) for room in graph.rooms)
