@@ -75,6 +75,7 @@ basket,basket,basket
 towel,towel,towel
 """
 CLASSES = ["screen", "chair", "table", "shelf", "basket", "towel"]
+CLASS_ROWS = "".join(f"{number},{one},A.\n" for number, one in enumerate(CLASSES))
 
 
 @pytest.mark.parametrize(
@@ -103,8 +104,7 @@ CLASSES = ["screen", "chair", "table", "shelf", "basket", "towel"]
 def test_a_rule_reads_what_is_not_listed(
     tmp_path: Path, name: str, category: str, class_name: str | None, rule: str
 ) -> None:
-    classes = "".join(f"{number},{one},A.\n" for number, one in enumerate(CLASSES))
-    found = load_class_map(own_map(tmp_path, RULED, classes)).classify(name)
+    found = load_class_map(own_map(tmp_path, RULED, CLASS_ROWS)).classify(name)
     index = None if class_name is None else CLASSES.index(class_name)
     assert (found.category, found.class_index, found.rule) == (category, index, rule)
 
@@ -115,8 +115,7 @@ def test_a_rule_reads_what_is_not_listed(
 def test_a_last_word_without_a_class_or_that_misleads_reads_nothing(
     tmp_path: Path, name: str
 ) -> None:
-    classes = "".join(f"{number},{one},A.\n" for number, one in enumerate(CLASSES))
-    assert load_class_map(own_map(tmp_path, RULED, classes)).classify(name).role == "unmapped"
+    assert load_class_map(own_map(tmp_path, RULED, CLASS_ROWS)).classify(name).role == "unmapped"
 
 
 def test_a_typo_is_mended_if_what_it_may_be_is_one_class(tmp_path: Path) -> None:
