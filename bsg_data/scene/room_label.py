@@ -257,11 +257,9 @@ def _mend(key: str) -> str | None:
     rows, listed = _read_labels(), _list_keys()
     near = near_words(key, _index_keys()) if len(key) >= _MENDED else []
     shifted = [one for one in near if len(one) != len(key) or sorted(one) == sorted(key)]
-    for keys in (shifted, near if len(key) >= _REPLACED else []):
-        words = [listed[one] for one in keys]
-        if len({rows[_ANY_SOURCE, word] for word in words}) == 1:
-            return words[0]
-    return None
+    keys = shifted or (near if len(key) >= _REPLACED else [])
+    words = [listed[one] for one in keys]
+    return words[0] if len({rows[_ANY_SOURCE, word] for word in words}) == 1 else None
 
 
 @cache
