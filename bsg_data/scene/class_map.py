@@ -159,10 +159,6 @@ class ClassMap:
             self._resolved[name] = found
         return found
 
-    def classify_whole(self, name: str) -> Classified:
-        """Classify a name without the rules of the head noun and of typos: much faster."""
-        return self.lookup(name) or self._read(_list_readings(name), is_whole=True) or _UNMAPPED
-
     def nearest(self, name: str) -> tuple[str, ...]:
         """Return the known spellings most like `name`, best first."""
         return nearest_names(name, self.normalised)

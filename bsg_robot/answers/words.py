@@ -203,15 +203,13 @@ def find_everyday(word: str) -> Thing | None:
     return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
 
 
-def _find_listed(word: str, *, is_part: bool = False) -> Thing | None:
-    """Return the thing that a name is listed as; `is_part`: the name is the end of another."""
+def _find_listed(word: str) -> Thing | None:
+    """Return the thing that a name is listed as."""
     said = _name_only(word)
     before, head = split_head(said)
     if thing := find_thing(said) or find_thing(" ".join([*before, head])):
         return thing
-    class_map = load_class_map()
-    # What is known of names is kept; of their ends, head nouns and typos count for nothing below.
-    known = class_map.classify_whole(said) if is_part else class_map.classify(said)
+    known = load_class_map().classify(said)
     # Other names may be read as a wider thing: a mattress is a bed to the class map.
     is_renamed = known.role == "left-out" or known.rule not in (None, "head noun", "spelling")
     return find_thing(str(known.category)) if is_renamed else None
@@ -247,7 +245,7 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     before, head = split_head(str(known.category) if is_known and known.rule else said)
     for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
         name, told = " ".join([*before[number:], head]), tuple(before[:number])
-        if thing := _find_listed(name, is_part=True):
+        if thing := _find_listed(name):
             index = known.class_index
             is_kind = index is not None and index == class_map.classify(name).class_index
             if is_known and not (is_kind and any(map(find_use, told))):

@@ -223,14 +223,3 @@ def test_no_rule_reads_a_name_that_is_too_long() -> None:
     assert class_map.classify(just).category == "armchair"
     assert class_map.classify(f"x{'x' * LONGEST} leather armchair").role == "unmapped"
     assert all(len(name) <= LONGEST for name in class_map._resolved)
-
-
-def test_a_whole_name_is_classified_without_head_nouns_and_typos() -> None:
-    class_map = load_class_map()
-    for name in ("sofas", "CoffeeTable", "mattress", "zzqx", "chair"):
-        assert class_map.classify_whole(name) == class_map.classify(name)
-    assert [class_map.classify(one).rule for one in ("toilett", "red toilet")] == [
-        "spelling",
-        "head noun",
-    ]
-    assert all(class_map.classify_whole(one).category is None for one in ("toilett", "red toilet"))
