@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable
 
 from bsg_data.words.shown import SHOWN
+from bsg_data.words.typo import SHORT, is_typo
 
 # difflib's ratio: keeps shoos for shoes and vaze for vase; not mobile for bicycle
 _LEAST_LIKENESS = 0.75
@@ -29,8 +30,10 @@ def nearest_names(name: str, known: Iterable[str], *, most: int = 3) -> tuple[st
     cut_off = [
         words for words in listed if len(said) >= _FEWEST_LETTERS and f" {said}" in f" {words}"
     ]
-    found = [joined[one] for one in near]
-    found += sorted(longer, key=len, reverse=True) + sorted(cut_off, key=len)
+    long = [word for word in said.split() if len(word) > SHORT]
+    mended = [words for words in listed if any(is_typo(word, words) for word in long)]
+    found = [joined[one] for one in near] + sorted(longer, key=len, reverse=True)
+    found += mended + sorted(cut_off, key=len)
     return tuple(listed[words] for words in dict.fromkeys(found))[:most]
 
 

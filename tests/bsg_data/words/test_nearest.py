@@ -16,6 +16,7 @@ KNOWN = ["mobile", "boiler", "microwave", "shoes", "stools", "vase", "mini fridg
         ("vaze", KNOWN, ("vase",)),
         ("fridg", KNOWN, ("mini fridge",)),
         ("univ", ["universal", "universal-gcn"], ("universal", "universal-gcn")),
+        ("chaair thing", ["thin", "chair"], ("chair",)),
         ("uni", ["universal"], ()),  # too short to tell
         ("a.*z", ["abcdefz"], ()),  # no pattern
         ("living room", ["living", "bath"], ("living",)),
