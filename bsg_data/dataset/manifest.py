@@ -35,9 +35,7 @@ from bsg_data.inputs.documents import parse_json
 from bsg_data.recipes import PairsRecipe, Record, SplitRecipe, name_fault
 from bsg_data.results import name_staged
 from bsg_data.scene.class_map import (
-    CLASSES,
-    STRUCTURE,
-    SUFFIX,
+    MAP_FILES,
     ClassMap,
     OwnMap,
     parse_own_map,
@@ -103,7 +101,7 @@ class ClassMapEntry(Record):
     @property
     def paths(self) -> tuple[str, ...]:
         """The paths of the copy below the dataset, first that of `NAME.csv`."""
-        suffixes = (SUFFIX, CLASSES, STRUCTURE)
+        suffixes = MAP_FILES.values()
         return tuple(f"{self.folder}/{self.version}{suffix}" for suffix in suffixes)
 
     def read(self, dataset: Path) -> str | OwnMap:

@@ -45,8 +45,8 @@ from bsg_data.words.typo import index_words, mend
 DEFAULT_CLASS_MAP = "hm3d45-v1"
 _RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map
 _MOST_RESOLVED = 2**16  # names that are not listed and whose class is kept: a robot's graph fits in
-SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
-_FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
+_SUFFIX = ".csv"
+MAP_FILES = {"spellings": _SUFFIX, "classes": ".classes.csv", "structure": ".structure.csv"}
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
 
 
@@ -292,7 +292,7 @@ def _load(name: str) -> ClassMap:
 
 def is_own_map(name: str) -> bool:
     """Say whether the name of a class map is the path of a `NAME.csv`."""
-    return name.casefold().endswith(SUFFIX)
+    return name.casefold().endswith(_SUFFIX)
 
 
 def read_own_map(path: Path) -> OwnMap:
@@ -310,7 +310,7 @@ def read_own_map(path: Path) -> OwnMap:
         )
     found = {
         name: read_bytes(file, CLASS_MAP, error=ClassMapError)
-        for name, suffix in _FILES.items()
+        for name, suffix in MAP_FILES.items()
         if (file := path.with_suffix(suffix)).is_file()
     }
     return OwnMap(name=path.stem, **{"spellings": b"", **found})
@@ -318,10 +318,10 @@ def read_own_map(path: Path) -> OwnMap:
 
 def write_own_map(own: OwnMap, folder: Path) -> Path:
     """Write the files of a class map into a folder, and return the path of its `NAME.csv`."""
-    for name, suffix in _FILES.items():
+    for name, suffix in MAP_FILES.items():
         if (data := getattr(own, name)) is not None:
             write_bytes(folder / f"{own.name}{suffix}", data)
-    return folder / f"{own.name}{SUFFIX}"
+    return folder / f"{own.name}{_SUFFIX}"
 
 
 def parse_own_map(own: OwnMap) -> ClassMap:
