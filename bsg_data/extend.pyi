@@ -7,6 +7,7 @@ from .dataset.statistics import (
 )
 from .exports.catalogue import EncodedScene, ExportRow
 from .files import write_bytes
+from .inputs.bounded_file import hash_file
 from .observation.mask_hash import hash_splits
 from .observation.masks import MASKS, Mask
 from .observation.pairs import sample_pairs
@@ -61,6 +62,7 @@ __all__ = [
     "assemble",
     "count_classes",
     "count_sources",
+    "hash_file",
     "hash_splits",
     "measure_coverage",
     "plot_frequencies",
