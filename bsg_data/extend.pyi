@@ -8,12 +8,11 @@ from .dataset.statistics import (
 from .exports.catalogue import EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.mask_hash import hash_splits
-from .observation.masks import MASKS, Mask
+from .observation.masks import MASKS, Layout, Mask
 from .observation.view import View
 from .places import refuse_file
 from .registry import Registry
 from .scene.class_map import published_maps
-from .scene.connections import Connections
 from .scene.scene_graph import AnnotatedObject, Box, MeshCoverage
 from .sources.assembly import assemble
 from .sources.catalogue import SOURCES
@@ -28,11 +27,11 @@ __all__ = [
     "SOURCES",
     "AnnotatedObject",
     "Box",
-    "Connections",
     "EncodedScene",
     "ExportContract",
     "ExportRow",
     "FoundScenes",
+    "Layout",
     "Manifest",
     "Mask",
     "MaskContract",
