@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
-from bsg_data.errors import RecipeError
 from bsg_data.scene.room_label import (
     Understood,
     known_label,
@@ -109,18 +108,7 @@ class Surroundings:
         )
 
     def without(self, *evidence: str) -> Surroundings:
-        """Return a copy with some evidence, names of `EVIDENCE`, set to unknown.
-
-        Raises:
-            RecipeError: if a name is unknown.
-        """
-        for name in evidence:
-            if name not in EVIDENCE:
-                raise RecipeError(
-                    f"{name!r} is no evidence; expected one of {', '.join(EVIDENCE)}",
-                    code="evidence-unknown",
-                    where=name,
-                )
+        """Return a copy with some evidence, names of `EVIDENCE`, set to unknown."""
         nothing = self.unknown(nodes=len(self), buildings=len(self.sources))
         return replace(self, **{name: getattr(nothing, name) for name in evidence})
 
