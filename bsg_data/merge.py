@@ -133,14 +133,14 @@ def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
 
 def _refuse_shared_buildings(datasets: Sequence[Dataset]) -> None:
     """Refuse a building that two datasets hold: a model could train and be tested on it."""
-    found: dict[str, Dataset] = {}
-    for one in datasets:
+    found: dict[str, int] = {}
+    for number, one in enumerate(datasets):
         for scene, key in zip(one.scene_ids, one.keys, strict=True):
-            for name in (scene, key):
-                if (first := found.setdefault(name, one)) is not one:
-                    raise DatasetError(
-                        f"{one.path}: building {scene} is also in {first.path}; build one of the "
-                        "datasets without it",
-                        code="building-twice",
-                        where=scene,
-                    )
+            first = min(found.setdefault(name, number) for name in (scene, key))
+            if first != number:
+                raise DatasetError(
+                    f"{one.path}: building {scene} is also in {datasets[first].path}; build one of "
+                    "the datasets without it",
+                    code="building-twice",
+                    where=scene,
+                )

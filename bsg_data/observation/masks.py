@@ -1,29 +1,9 @@
 """Masks: choose at random which objects a robot has not seen (paper, section III-B).
 
 A mask samples a `View`: which rooms the robot visited, and the hidden share of each node. It does
-not look at the objects, so the shares are right in the mean. `MASKS` has one row for each mask:
-
-- `uniform`, the paper's mask: every room is partly seen. ⌊fraction · n⌋ of the n classified objects
-  are hidden, uniformly without replacement.
-- `rooms`: the fraction of the rooms is not entered; the other rooms show everything.
-- `frontier`: the robot enters a connected set of rooms. Half of the hidden objects are in rooms
-  that it did not enter, the other half in rooms that it entered.
-- `explore`: a realistic exploration. Some rooms are searched, some partly seen (each with its own
-  share), some glimpsed through a door, and the others not entered. The masks above are special
-  cases: they use the same code with other values of `bsg_data.recipes.Exploration`.
-- `search`: moments of an object search. Every room is partly seen, then none to half of the rooms
-  are searched. The fraction applies to the rooms that are not searched.
-- `tour`: a building that is being found. The robot goes from room to room, and has found some
-  rooms; the others are not in its graph. Those that it found it explored as under `explore`. The
-  fraction is that of the rooms that it found.
-- `mixed`: six draws in ten use `tour`, with any number of rooms, the others one of the five masks
-  above it, with equal probability. The view does not say which. A model trained under it fits any
-  way of exploring.
-
-Each mask can also withhold classes, give the robot a detector that knows few words, and hide parts
-of objects with the objects (`MaskRecipe`).
-
-A mask depends only on (recipe, scene_id, draw): never on order, workers or other scenes.
+not look at the objects, so the shares are right in the mean, and it depends only on (recipe,
+scene_id, draw): never on order, workers or other scenes. `MASKS` has one row for each mask;
+docs/format.md compares them. All but `uniform` and `search` are explorations with other numbers.
 """
 
 from __future__ import annotations
@@ -140,15 +120,10 @@ def _search(layout: Layout, recipe: MaskRecipe, rng: np.random.Generator) -> Vie
     return View.of_rooms(shares, classes=layout.classes, entered=True, alone=recipe.fraction)
 
 
-def _explore(layout: Layout, recipe: MaskRecipe, rng: np.random.Generator) -> View:
-    """Explore as the recipe says, and hide its fraction."""
-    return _explore_by(recipe.exploration, layout, recipe.fraction, rng)
-
-
-def _explore_by(
-    plan: Exploration,
+def _explore(
     layout: Layout,
     fraction: float,
+    plan: Exploration,
     rng: np.random.Generator,
     *,
     closed: float | None = None,
@@ -216,7 +191,7 @@ def _find_rooms(
     hidden = (found - entered + entered * fraction) / max(found, 1)
     closed = (found - entered) / (hidden * found) if hidden else 0.0
     part = Layout((len(nodes), layout.classes), ways)
-    return replace(_explore_by(plan, part, hidden, rng, closed=closed), nodes=nodes)
+    return replace(_explore(part, hidden, plan, rng, closed=closed), nodes=nodes)
 
 
 def _mix(layout: Layout, recipe: MaskRecipe, rng: np.random.Generator) -> View:
@@ -240,16 +215,16 @@ UNIFORM = Mask(
 )
 ROOMS = Mask(
     "whole rooms at random; the others show everything",
-    lambda layout, recipe, rng: _explore_by(_WHOLE, layout, recipe.fraction, rng),
+    lambda layout, recipe, rng: _explore(layout, recipe.fraction, _WHOLE, rng),
 )
 FRONTIER = Mask(
     "rooms beyond a connected set of visited ones, and objects in these",
-    lambda layout, recipe, rng: _explore_by(_BEYOND, layout, recipe.fraction, rng),
+    lambda layout, recipe, rng: _explore(layout, recipe.fraction, _BEYOND, rng),
     reads_connections=True,
 )
 EXPLORE = Mask(
     "what robots really have: rooms searched, half seen, glimpsed or not entered",
-    _explore,
+    lambda layout, recipe, rng: _explore(layout, recipe.fraction, recipe.exploration, rng),
     reads_connections=True,
 )
 SEARCH = Mask("moments of a search: every room is half seen, then up to half are searched", _search)

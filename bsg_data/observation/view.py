@@ -1,8 +1,7 @@
 """A view: how much a robot has seen of each node of a building; and what is hidden under it.
 
-A view says nothing of the objects. Under it are hidden the classified objects, the unclassified
-ones, and parts of things. Unclassified objects are hidden separately, so they do not change the
-mask of the classified ones.
+A view says nothing of the objects. Objects outside the classes, and parts of things, are hidden
+under it by other random numbers, so they do not change the mask of the classified ones.
 """
 
 from __future__ import annotations
@@ -65,7 +64,8 @@ class View:
         Args:
             shares: `[R]` hidden share of each room.
             classes: number C of the classes.
-            entered: `[R]` whether the robot entered each room; None: all with a share below 1.
+            entered: `[R]` or one for all, whether the robot was there; None: where a share is
+                below 1.
             alone: hidden share of a building without rooms.
             exact: see the attribute.
         """
