@@ -7,19 +7,18 @@ workers. The manifest of the dataset is the sum of the reports.
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from uuid import uuid4
 
+import pyarrow as pa
 from pydantic import Field, ValidationError
 
 from bsg_data.dataset.commit import DATASET, publish
@@ -37,6 +36,7 @@ from bsg_data.dataset.manifest import (
     list_unknown_labels,
     read_manifest,
 )
+from bsg_data.dataset.scenes import count_totals, make_tables
 from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import (
     EXTRA_OF,
@@ -56,7 +56,6 @@ from bsg_data.results import write_folder
 from bsg_data.scene.class_map import (
     DEFAULT_CLASS_MAP,
     ClassMap,
-    OwnMap,
     is_own_map,
     load_class_map,
     parse_own_map,
@@ -129,101 +128,89 @@ def build_dataset(
     """
     out = resolve_links(out)  # a linked --out stays a link; its target is replaced
     require_free(out, DATASET, force=force)
-    build = _plan(source, class_map, strict=strict, scenes_per_shard=scenes_per_shard)
-    plan = build.plan.model_dump_json().encode()
-    with write_folder(out, DATASET, plan=plan, force=force) as (folder, done):
+    chosen = _name_class_map(source) if class_map is None else os.fspath(class_map)
+    own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
+    loaded = load_class_map(chosen) if own is None else parse_own_map(own)
+    found = _find_scenes(source, strict=strict)
+    plan = _make_plan(source, found, loaded, scenes_per_shard)
+    entry, every = plan.source.class_map, found.scenes
+    encoded = plan.model_dump_json().encode()
+    with write_folder(out, DATASET, plan=encoded, force=force) as (folder, done):
         if done:
             return read_manifest(out)
-        manifest = build.finish(build.make(folder, executor, progress), folder)
+        if own is not None:
+            write_own_map(own, folder / entry.folder)
+        tasks = [
+            (_Shard(source, every[first : first + scenes_per_shard], entry, folder, n, strict),)
+            for n, first in enumerate(range(0, len(every), scenes_per_shard))
+        ]
+        shards = run_all(_Shard.make, tasks, executor=executor, progress=progress)
+        manifest = _sum_up(plan, shards, loaded)
+        if not manifest.totals.scenes:
+            shutil.rmtree(folder)
+            raise _refuse_nothing(source.path, manifest.skipped)
         publish(folder, manifest)
     return manifest
 
 
-@dataclass(frozen=True, slots=True)
-class _Build:
-    """A planned build."""
-
-    source: Source
-    scenes: tuple[SceneRef, ...]
-    plan: _Plan
-    class_map: ClassMap
-    own_map: OwnMap | None
-    strict: bool
-
-    def make(
-        self, folder: Path, executor: Executor | None, progress: _Progress | None
-    ) -> list[_ShardReport]:
-        """Make the shards, and return their reports."""
-        entry, size = self.plan.source.class_map, self.plan.scenes_per_shard
-        if self.own_map is not None:
-            write_own_map(self.own_map, folder / entry.folder)
-        tasks = [
-            (_Task(self.source, self.scenes[first : first + size], entry, self.strict), folder, n)
-            for n, first in enumerate(range(0, len(self.scenes), size))
-        ]
-        return run_all(_make_shard, tasks, executor=executor, progress=progress)
-
-    def finish(self, shards: Sequence[_ShardReport], folder: Path) -> Manifest:
-        """Return the manifest of the dataset after all its shards are made."""
-        skipped = (*(one for shard in shards for one in shard.skipped), *self.plan.skipped)
-        totals = Totals.sum(shard.totals for shard in shards)
-        if not totals.scenes:
-            where = self.source.path
-            reasons = "; ".join(
-                one.reason if one.location in one.reason else f"{one.location}: {one.reason}"
-                for one in skipped[:_SHOWN]
-            )
-            shutil.rmtree(folder)
-            message = f"{where}: no scene could be read: {reasons}"
-            raise SourceError(message, code="no-scene", where=where)
-        names, labels = Counter[str](), Counter[str]()
-        for shard in shards:
-            names.update(shard.names)
-            labels.update(shard.unknown_labels)
-        fingerprint = add_fingerprints(shard.fingerprint for shard in shards)
-        files = [entry for shard in shards for entry in shard.files]
-        return Manifest(
-            generator=self.plan.generator,
-            class_space=self.class_map.space,
-            sources=(self.plan.source.model_copy(update={"fingerprint": fingerprint}),),
-            scenes_per_shard=self.plan.scenes_per_shard,
-            totals=totals,
-            files=tuple(sorted(files, key=lambda entry: entry.path)),
-            skipped=skipped,
-            left_out=(*(one for shard in shards for one in shard.left_out), *self.plan.left_out),
-            meshes={scene: mesh for shard in shards for scene, mesh in shard.meshes.items()},
-            unmapped=tuple(describe_unmapped(names, self.class_map)),
-            resolved=tuple(list_resolved(names, self.class_map)),
-            unknown_labels=list_unknown_labels(labels),
-        )
-
-
-def _plan(
-    source: Source, class_map: AnyPath | None, *, strict: bool, scenes_per_shard: int
-) -> _Build:
-    """Find the scenes of a source and plan the build; write nothing."""
-    chosen = _name_class_map(source) if class_map is None else os.fspath(class_map)
-    own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
-    loaded = load_class_map(chosen) if own is None else parse_own_map(own)
+def _find_scenes(source: Source, *, strict: bool) -> FoundScenes:
+    """Find the scenes of a source, each id once."""
     found = source.find()
     for skip in (*found.conflicts, *found.unreadable) if strict else ():
         where = source.path / skip.location
         raise SourceError(f"{where}: {skip.reason}", code="scene-unreadable", where=where)
-    ids = Counter(ref.scene_id for ref in found.scenes)
-    for scene, times in ids.most_common(1):
+    for scene, times in Counter(ref.scene_id for ref in found.scenes).most_common(1):
         if times > 1:
             message = f"{source.path}: two scenes have the id {scene!r}; rename one of them"
             raise SourceError(message, code="scene-twice", where=scene)
+    return found
+
+
+def _make_plan(
+    source: Source, found: FoundScenes, class_map: ClassMap, scenes_per_shard: int
+) -> _Plan:
     count_shards(len(found.scenes), scenes_per_shard=scenes_per_shard)
-    plan = _Plan(
-        source=_describe_source(source, found, loaded),
+    return _Plan(
+        source=_describe_source(source, found, class_map),
         generator=name_generator(),
         scenes_per_shard=scenes_per_shard,
         scenes=hashlib.sha256(repr(found.scenes).encode("utf-8", "backslashreplace")).hexdigest(),
         skipped=(*found.duplicates, *found.conflicts, *found.unreadable),
         left_out=tuple(_without_root(skip, Path()) for skip in found.unused),
     )
-    return _Build(source, found.scenes, plan, loaded, own, strict)
+
+
+def _sum_up(plan: _Plan, shards: Sequence[_ShardReport], class_map: ClassMap) -> Manifest:
+    """Return the manifest of the dataset after all its shards are made."""
+    names, labels = Counter[str](), Counter[str]()
+    for shard in shards:
+        names.update(shard.names)
+        labels.update(shard.unknown_labels)
+    fingerprint = add_fingerprints(shard.fingerprint for shard in shards)
+    files = [entry for shard in shards for entry in shard.files]
+    return Manifest(
+        generator=plan.generator,
+        class_space=class_map.space,
+        sources=(plan.source.model_copy(update={"fingerprint": fingerprint}),),
+        scenes_per_shard=plan.scenes_per_shard,
+        totals=Totals.sum(shard.totals for shard in shards),
+        files=tuple(sorted(files, key=lambda entry: entry.path)),
+        skipped=(*(one for shard in shards for one in shard.skipped), *plan.skipped),
+        left_out=(*(one for shard in shards for one in shard.left_out), *plan.left_out),
+        meshes={scene: mesh for shard in shards for scene, mesh in shard.meshes.items()},
+        unmapped=tuple(describe_unmapped(names, class_map)),
+        resolved=tuple(list_resolved(names, class_map)),
+        unknown_labels=list_unknown_labels(labels),
+    )
+
+
+def _refuse_nothing(where: Path, skipped: Sequence[SkippedScene]) -> SourceError:
+    reasons = "; ".join(
+        one.reason if one.location in one.reason else f"{one.location}: {one.reason}"
+        for one in skipped[:_SHOWN]
+    )
+    message = f"{where}: no scene could be read: {reasons}"
+    return SourceError(message, code="no-scene", where=where)
 
 
 def name_generator() -> str:
@@ -251,25 +238,50 @@ def _describe_source(source: Source, found: FoundScenes, class_map: ClassMap) ->
 
 
 @dataclass(frozen=True, slots=True)
-class _Task:
+class _Shard:
     """What a worker makes one shard of."""
 
     source: Source
     scenes: tuple[SceneRef, ...]
     class_map: ClassMapEntry
+    folder: Path  # of the dataset
+    number: int
     strict: bool
 
-    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+    def make(self) -> _ShardReport:
+        """Make the shard, unless an earlier run of the same build did; its report comes last."""
+        class_map = load_class_map(self.class_map.name_in(self.folder))
+        path = self.folder / BUILD / f"part-{self.number:05d}.json"
+        done = _read_report(self.folder, path)
+        if done and not (self.strict and _has_losses(done, class_map)):
+            return done
+        readings: list[Reading] = []
+        skipped: list[SkippedScene] = []
+        for ref in self.scenes:
+            try:
+                readings.append(self._read(ref, class_map))
+            except SourceError as error:
+                if self.strict or isinstance(error, SourceChangedError):
+                    raise
+                skipped.append(SkippedScene(ref.scene_id, ref.location, str(error)))
+        report = self._write(readings, skipped, class_map)
+        partial = path.with_name(f"{path.name}.{uuid4().hex}")  # two machines may make one shard
+        partial.write_text(report.model_dump_json(), "utf-8")
+        partial.replace(path)
+        return report
+
+    def _read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; if the build is strict, refuse one that would lose anything."""
         if not is_scene_id(ref.scene_id):
             raise SourceError(f"{ref.scene_id!r}: is no scene id: it must be usable as a file name")
         reading = _read(self.source, ref, class_map)
-        if self.strict and reading.left_out:
-            first = reading.left_out[0]
-            raise SourceError(f"{first.location}: {first.reason}")
-        names = (obj.raw_category for obj in reading.graph.objects if obj.category is None)
-        name = next(names, None)
-        if self.strict and name is not None:
+        if not self.strict:
+            return reading
+        if reading.left_out:
+            raise SourceError(
+                "; ".join(f"{one.location}: {one.reason}" for one in reading.left_out)
+            )
+        for name in (obj.raw_category for obj in reading.graph.objects if obj.category is None):
             near = ", ".join(repr(one) for one in class_map.nearest(name)) or "none"
             raise ClassMapError(
                 f"{ref.location}: {name!r} is not in class map {class_map.version} (nearest: "
@@ -280,68 +292,27 @@ class _Task:
             )
         return reading
 
-
-def _make_shard(task: _Task, folder: Path, number: int) -> _ShardReport:
-    """Make one shard, unless an earlier run of the same build did; its report comes last."""
-    class_map = load_class_map(task.class_map.name_in(folder))
-    done = _read_report(folder, number)
-    if done and not (task.strict and _has_losses(done, class_map)):
-        return done
-    readings: list[Reading] = []
-    skipped: list[SkippedScene] = []
-    are_texts = all(ref.geometry is None for ref in task.scenes)  # what reads meshes has cycles
-    with _pausing_collection() if are_texts else nullcontext():
-        for ref in task.scenes:
-            try:
-                readings.append(task.read(ref, class_map))
-            except SourceError as error:
-                if task.strict or isinstance(error, SourceChangedError):
-                    raise
-                skipped.append(SkippedScene(ref.scene_id, ref.location, str(error)))
-        report = _report(readings, skipped, class_map, task.source, folder, number)
-    path = _name_report(folder, number)
-    partial = path.with_name(f"{path.name}.{uuid4().hex}")  # two machines may make one shard
-    partial.write_text(report.model_dump_json(), "utf-8")
-    partial.replace(path)
-    return report
-
-
-@contextmanager
-def _pausing_collection() -> Iterator[None]:
-    """Do not look for cycles among records, which have none: it takes a quarter of the time."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
-
-
-def _report(
-    readings: Sequence[Reading],
-    skipped: Sequence[SkippedScene],
-    class_map: ClassMap,
-    source: Source,
-    folder: Path,
-    number: int,
-) -> _ShardReport:
-    """Write the files of a shard, and say what is in them."""
-    graphs = [reading.graph for reading in readings]
-    root = source.path if source.path.is_dir() else source.path.parent
-    return _ShardReport(
-        files=write_shards(graphs, folder, number=number, class_space=class_map.space),
-        totals=count_totals(graphs),
-        fingerprint=add_fingerprints(
-            hashlib.sha256(f"{one.scene_id}\t{one.annotation_sha256}".encode()).hexdigest()
-            for one in graphs
-        ),
-        skipped=tuple(_without_root(skip, root) for skip in skipped),
-        left_out=tuple(_without_root(skip, root) for one in readings for skip in one.left_out),
-        meshes={one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
-        names=_count_unlisted(graphs, class_map),
-        unknown_labels=_count_unknown_labels(graphs, source),
-    )
+    def _write(
+        self, readings: Sequence[Reading], skipped: Sequence[SkippedScene], class_map: ClassMap
+    ) -> _ShardReport:
+        """Write the files of the shard, and say what is in them."""
+        graphs, space = [one.graph for one in readings], class_map.space
+        path = self.source.path
+        root = path if path.is_dir() else path.parent
+        tables = make_tables(graphs, space.classes)
+        return _ShardReport(
+            files=write_shards(tables, self.folder, number=self.number, class_space=space),
+            totals=count_totals(tables),
+            fingerprint=add_fingerprints(
+                hashlib.sha256(f"{one.scene_id}\t{one.annotation_sha256}".encode()).hexdigest()
+                for one in graphs
+            ),
+            skipped=tuple(_without_root(skip, root) for skip in skipped),
+            left_out=tuple(_without_root(skip, root) for one in readings for skip in one.left_out),
+            meshes={one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
+            names=_count_unlisted(tables["objects"], class_map),
+            unknown_labels=_count_unknown_labels(graphs, self.source),
+        )
 
 
 def _has_losses(shard: _ShardReport, class_map: ClassMap) -> bool:
@@ -349,10 +320,10 @@ def _has_losses(shard: _ShardReport, class_map: ClassMap) -> bool:
     return bool(shard.skipped or shard.left_out or None in names)
 
 
-def _count_unlisted(graphs: Sequence[SceneGraph], class_map: ClassMap) -> Mapping[str, int]:
+def _count_unlisted(objects: pa.Table, class_map: ClassMap) -> Mapping[str, int]:
     """Return the names that a class map does not list, and their objects."""
-    names = Counter(obj.raw_category for graph in graphs for obj in graph.objects)
-    return {name: times for name, times in names.items() if class_map.lookup(name) is None}
+    times = dict(row.values() for row in objects["raw_category"].value_counts().to_pylist())
+    return {name: times[name] for name in times if class_map.lookup(name) is None}
 
 
 def _count_unknown_labels(graphs: Sequence[SceneGraph], source: Source) -> Mapping[str, int]:
@@ -404,30 +375,10 @@ def _without_root(skip: SkippedScene, root: Path) -> SkippedScene:
     return replace(skip, reason=reason.replace(f"{root}/", ""))
 
 
-def count_totals(graphs: Sequence[SceneGraph]) -> Totals:
-    """Return the sums over some scene graphs."""
-    objects = [obj for graph in graphs for obj in graph.objects]
-    return Totals(
-        scenes=len(graphs),
-        rooms=sum(len(graph.rooms) for graph in graphs),
-        labelled=sum(room.label is not None for graph in graphs for room in graph.rooms),
-        objects=len(objects),
-        classified=sum(obj.class_index is not None for obj in objects),
-        unmapped=sum(obj.category is None for obj in objects),
-        placed=sum(graph.has_geometry for graph in graphs),
-        adjacent=sum(len(graph.adjacency) for graph in graphs),
-    )
-
-
-def _name_report(folder: Path, number: int) -> Path:
-    """Return the path of the report of a shard."""
-    return folder / BUILD / f"part-{number:05d}.json"
-
-
-def _read_report(folder: Path, number: int) -> _ShardReport | None:
+def _read_report(folder: Path, path: Path) -> _ShardReport | None:
     """Return the report of a finished shard; None if its files changed or it has none."""
     try:
-        shard = _ShardReport.model_validate_json(_name_report(folder, number).read_bytes())
+        shard = _ShardReport.model_validate_json(path.read_bytes())
         sound = all(hash_file(folder / entry.path) == entry.sha256 for entry in shard.files)
     except (OSError, ValidationError):
         return None

@@ -9,23 +9,33 @@ from .exports.catalogue import EncodedScene, ExportRow
 from .files import write_bytes
 from .observation.mask_hash import hash_splits
 from .observation.masks import MASKS, Layout, Mask
+from .observation.pairs import sample_pairs
 from .observation.view import View
 from .places import refuse_file
 from .registry import Registry
 from .scene.class_map import published_maps
-from .scene.scene_graph import AnnotatedObject, Box, MeshCoverage
+from .scene.scene_graph import Box, MeshCoverage
 from .sources.assembly import assemble
 from .sources.catalogue import SOURCES
 from .sources.room_layouts import WithLayouts
 from .sources.room_words import WithRoomLabels
-from .sources.source import FoundScenes, Reading, SceneRef, Source, SourceRow
+from .sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    Source,
+    SourceRow,
+)
 from .terms import Terms
 from .testing import ExportContract, MaskContract, SourceContract
 
 __all__ = [
     "MASKS",
     "SOURCES",
-    "AnnotatedObject",
+    "AnnotatedRoom",
+    "Annotation",
     "Box",
     "EncodedScene",
     "ExportContract",
@@ -55,5 +65,6 @@ __all__ = [
     "plot_frequencies",
     "published_maps",
     "refuse_file",
+    "sample_pairs",
     "write_bytes",
 ]

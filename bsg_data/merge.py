@@ -23,6 +23,7 @@ from bsg_data.dataset.manifest import (
     read_manifest,
     require_class_space,
 )
+from bsg_data.dataset.scenes import make_tables
 from bsg_data.dataset.shards import write_shards
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
@@ -82,7 +83,9 @@ def merge_datasets(
         files: list[FileEntry] = []
         for number, first in enumerate(range(0, scenes, size)):
             batch = list(islice(graphs, size))
-            files += write_shards(batch, folder, number=number, class_space=merged.class_space)
+            space = merged.class_space
+            tables = make_tables(batch, space.classes)
+            files += write_shards(tables, folder, number=number, class_space=space)
             if progress is not None:
                 progress(first + len(batch), scenes)
         in_order = tuple(sorted(files, key=lambda entry: entry.path))

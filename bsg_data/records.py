@@ -78,7 +78,7 @@ class SaidRecord(Record):
         return keep_one_unknown(said, known)
 
 
-MAX_METRES = 10_000.0  # from the origin of a building
+MAX_METRES = 1_000_000.0  # from the origin: a map may be in the metres of a country's grid
 Metres = Annotated[float, Field(ge=-MAX_METRES, le=MAX_METRES)]
 
 

@@ -1,4 +1,6 @@
+# What people ask first is found here, too; nothing in this package imports bsg_robot.
 from bsg_robot.answers.seen_building import open_graph
+from bsg_robot.graph.formats import write_belief
 
 from .belief.belief_graph import BeliefGraph, believe
 from .belief.count_distribution import CountDistribution
@@ -76,4 +78,5 @@ __all__ = [
     "study_search",
     "to_pyg",
     "train_run",
+    "write_belief",
 ]

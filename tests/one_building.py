@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from bsg_data.observation.pairs import stream_pairs
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType
 from bsg_data.scene.surroundings import EVIDENCE, Surroundings
-from bsg_models.belief.partial_graph import KnownRoom
 from bsg_models.zoo.catalogue import ZOO
 from bsg_models.zoo.model import ModelInputs
 
@@ -30,12 +28,7 @@ def surround_rooms(
     source: str | None = None,
 ) -> Surroundings:
     """Return the surroundings of a building, from what a robot says of its rooms."""
-    rooms = [
-        KnownRoom(f"r{number}", 0.5, floor_area=area, room_type=room_type)
-        for number, (area, room_type) in enumerate(zip(areas, room_types, strict=True))
-    ]
-    graph = SimpleNamespace(building_kind=building_kind, source=source)
-    return Surroundings.of_graph(graph, rooms)
+    return Surroundings.of_rooms(areas, room_types, building_kind=building_kind, source=source)
 
 
 def read_pairs(dataset: Path | Dataset, split: str) -> pa.Table:

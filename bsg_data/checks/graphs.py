@@ -1,167 +1,169 @@
-"""Rules that every scene graph keeps, whatever its source."""
+"""Rules that the tables of every shard keep, whatever the source."""
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import (
-    ADJACENCY_METHODS,
-    Box,
-    Edge,
-    Point,
-    Room,
-    SceneGraph,
-    SceneObject,
-)
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
-_COLOUR = re.compile("[0-9A-F]{6}")
+from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.dataset.scenes import take_adjacent
+from bsg_data.scene.scene_graph import ADJACENCY_METHODS
+
 _AXES = ("x", "y", "z", "-x", "-y", "-z")
 _ROUNDING = 2e-4  # metres: coordinates are rounded, and so are values derived from them
 _Fault = tuple[str, str, str]
-_Reading = tuple[str, str | None, int | None, str]  # name, category, class and role of an object
 
 
-def find_faults(graph: SceneGraph, class_map: ClassMap | None = None) -> Iterator[_Fault]:
-    """Yield the faults of a scene graph: table, what is at fault in the scene, and the rule.
-
-    Args:
-        graph: the scene graph.
-        class_map: that it was read with; None: names and classes are not compared.
-    """
-    if graph.up_axis is not None and graph.up_axis not in _AXES:
-        yield "scenes", "", f"up_axis is none of {', '.join(_AXES)}"
-    before, sound = -1, True
-    for number, room in enumerate(graph.rooms, start=1):
-        for rule in _find_room_faults(room, number, before):
-            sound = False
-            yield "rooms", f"room {room.room_index}", rule
-        before = room.region_id
-    instance: int | None = None
-    misread = frozenset[_Reading]() if class_map is None else _find_misread(graph, class_map)
-    for number, obj in enumerate(graph.objects, start=1):
-        for rule in _find_object_faults(obj, number, instance, rooms=len(graph.rooms)):
-            yield "objects", f"object {obj.object_index}", rule
-        if misread and class_map is not None and _reading_of(obj) in misread:
-            rule = f"category, class or role is not what {class_map.version} says"
-            yield "objects", f"object {obj.object_index}", rule
-        instance = obj.instance_id
-    last = (0, 0)
-    for edge in graph.adjacency if sound else ():
-        for rule in _find_edge_faults(edge, last, graph.rooms):
-            yield "edges", f"rooms {edge.source} and {edge.target}", rule
-        last = edge.source, edge.target
-
-
-def _find_room_faults(room: Room, number: int, before: int) -> Iterator[str]:
-    """Yield the faults of the room with a number, after one with the region id `before`."""
-    if room.room_index != number:
-        yield "room_index does not run 1, 2, 3, …"
-    if room.region_id <= before:
-        yield "region_id does not rise from 0 or more"
-    centre, box, footprint = room.centroid, room.box, room.footprint
-    heights = [] if room.floor_z is None else [room.floor_z]
-    if not (
-        _are_finite(centre, heights, *(footprint or ()))
-        and (room.floor_index is None or room.floor_index >= 0)
-        and _is_area(room.floor_area)
-        and (box is None or (_is_box(box) and _is_near(centre, box.centre)))
-        and (footprint is None or _fills(footprint, box))
-    ):
-        yield "its geometry is impossible"
-
-
-def _find_object_faults(
-    obj: SceneObject, number: int, before: int | None, *, rooms: int
-) -> Iterator[str]:
-    """Yield the faults of the object with a number, after one with the instance id `before`."""
-    if obj.object_index != number:
-        yield "object_index does not run 1, 2, 3, …"
-    if before is not None and obj.instance_id <= before:
-        yield "instance_id does not rise"
-    if not 0 <= obj.room_index <= rooms:
-        yield "room_index is not 0..R"
-    if obj.colour is not None and not _COLOUR.fullmatch(obj.colour):
-        yield "colour is not RRGGBB"
-    if not _is_area(obj.area):
-        yield "area is not above 0"
-    box, part = obj.box, obj.part_box
-    is_placed = not (obj.centroid is None and box is None and part is None)
-    if is_placed and not (
-        _are_finite(obj.centroid)
-        and (box is None or (_is_box(box) and _is_inside(obj.centroid, box)))
-        and (part is None or (_is_box(part) and _is_inside(part.minimum, box)))
-        and (part is None or _is_inside(part.maximum, box))
-    ):
-        yield "its centroid, its box or its largest part is impossible"
-
-
-def _find_edge_faults(edge: Edge, last: tuple[int, int], rooms: tuple[Room, ...]) -> Iterator[str]:
-    """Yield the faults of an adjacent edge after another one."""
-    if not (1 <= edge.source < edge.target <= len(rooms)) or (edge.source, edge.target) <= last:
-        yield "an adjacent edge must join two rooms, lower index first, once, in order"
-        return
-    ends = rooms[edge.source - 1].centroid, rooms[edge.target - 1].centroid
-    known = None if ends[0] is None or ends[1] is None else math.dist(ends[0], ends[1])
-    found = edge.distance_m
-    if edge.method not in ADJACENCY_METHODS or not (
-        known == found
-        if known is None or found is None
-        else math.isclose(known, found, rel_tol=1e-5)
-    ):
-        yield "an adjacent edge has an unknown method or distance"
-
-
-def _find_misread(graph: SceneGraph, class_map: ClassMap) -> frozenset[_Reading]:
-    """Return how names are read whose category, class or role is not what a map says."""
-    read = {*map(_reading_of, graph.objects)}
-    return frozenset(one for one in read if _classify(one[0], class_map) != one)
-
-
-def _reading_of(obj: SceneObject) -> _Reading:
-    return obj.raw_category, obj.category, obj.class_index, obj.role
-
-
-def _classify(name: str, class_map: ClassMap) -> _Reading:
-    known = class_map.classify(name)
-    return name, known.category, known.class_index, known.role
-
-
-def _are_finite(*points: Point | tuple[float, float] | list[float] | None) -> bool:
-    """Say whether all coordinates are there, and finite; no point is fine."""
-    values = (value for point in points if point is not None for value in point)
-    return all(value is not None and math.isfinite(value) for value in values)
-
-
-def _is_area(area: float | None) -> bool:
-    return area is None or 0 < area < math.inf
-
-
-def _is_box(box: Box) -> bool:
-    corners = box.minimum, box.maximum
-    return _are_finite(*corners) and all(a <= b for a, b in zip(*corners, strict=True))
-
-
-def _is_near(point: Point | None, other: Point) -> bool:
-    return point is not None and all(
-        abs(a - b) <= _ROUNDING for a, b in zip(point, other, strict=True)
+def find_faults(tables: Mapping[str, pa.Table]) -> Iterator[_Fault]:
+    """Yield the faults of the scenes of a shard: table, what is at fault, and the rule."""
+    scenes, edges = tables["scenes"], take_adjacent(tables["edges"])
+    rows = {name: _Rows(name, tables[name], scenes) for name in ("scenes", "rooms", "objects")}
+    rows["edges"] = _Rows("edges", edges, scenes)
+    foreign = [fault for some in rows.values() for fault in some.find_foreign()]
+    yield from foreign
+    yield from rows["scenes"].report(
+        ~_is_in(scenes["up_axis"], [*_AXES, None]), f"up_axis is none of {', '.join(_AXES)}"
     )
+    contained = len(tables["edges"]) - len(edges)
+    if contained != len(tables["rooms"]) + len(tables["objects"]):
+        yield "edges", "the shard", "expected an edge to each room and to each object"
+    if not foreign:
+        for name in ("rooms", "objects"):
+            counted = np.bincount(rows[name].scene, minlength=len(scenes))
+            wrong = counted != scenes[f"num_{name}"].to_numpy()
+            yield from rows["scenes"].report(wrong, f"num_{name} is not their number")
+        yield from _find_room_faults(rows["rooms"])
+        yield from _find_object_faults(rows["objects"], scenes["num_rooms"].to_numpy())
+        yield from _find_edge_faults(rows["edges"], rows["rooms"])
 
 
-def _is_inside(point: Point | None, box: Box | None) -> bool:
-    if point is None or box is None:
-        return False
-    sides = zip(box.minimum, point, box.maximum, strict=True)
-    return all(low - _ROUNDING <= value <= high + _ROUNDING for low, value, high in sides)
+class _Rows:
+    """The rows of a table, which belong to scenes."""
+
+    def __init__(self, name: str, table: pa.Table, scenes: pa.Table) -> None:
+        self.name, self.table = name, table
+        found = pc.index_in(table["scene_id"], value_set=scenes["scene_id"].combine_chunks())
+        self.scene: Ints = found.fill_null(-1).to_numpy().astype(np.int64)
+        self.is_first = np.diff(self.scene, prepend=-1) != 0
+
+    def find_foreign(self) -> Iterator[_Fault]:
+        """Yield rows that are of no scene, or not beside the others of theirs."""
+        wrong = (self.scene < 0) | (np.diff(self.scene, prepend=-1) < 0)
+        yield from self.report(wrong, "is of no scene, or not in their order")
+
+    def report(self, wrong: Bools | pa.ChunkedArray, rule: str) -> Iterator[_Fault]:
+        """Yield a fault for each row that is marked."""
+        for row in np.flatnonzero(np.asarray(wrong)).tolist():
+            yield self.name, f"{self.table['scene_id'][row].as_py()}{self._name(row)}", rule
+
+    def _name(self, row: int) -> str:
+        if self.name == "edges":
+            ends = (self.table[f"{end}_index"][row].as_py() for end in ("source", "target"))
+            return ", rooms {} and {}".format(*ends)
+        one = self.name.removesuffix("s")
+        return "" if one == "scene" else f", {one} {self.table[f'{one}_index'][row].as_py()}"
+
+    def find_misnumbered(self, index: str, rising: str) -> Iterator[_Fault]:
+        """Yield rows whose index does not run, or whose id does not rise."""
+        places = np.arange(len(self.scene))
+        first = np.maximum.accumulate(np.where(self.is_first, places, 0))
+        wrong = self.array(index) != places - first + 1
+        yield from self.report(wrong, f"{index} does not run 1, 2, 3, …")
+        falls = (np.diff(self.array(rising), prepend=0) <= 0) & ~self.is_first
+        yield from self.report(falls, f"{rising} does not rise")
+
+    def array(self, column: str) -> np.ndarray[Any, Any]:
+        """Return a column of numbers, NaN for null."""
+        return np.asarray(self.table[column].to_numpy())
+
+    def points(self, name: str) -> Floats:
+        """Return points `[n, 3]`, NaN for null."""
+        return np.stack([self.array(f"{name}_{axis}") for axis in "xyz"], axis=1)
+
+    def boxes(self, name: str) -> tuple[Floats, Bools, Bools]:
+        """Return boxes `[n, 2, 3]`; which are there; and which are there and possible."""
+        boxes = np.stack([self.points(f"{name}_min"), self.points(f"{name}_max")], axis=1)
+        is_finite = np.isfinite(boxes).all(axis=(1, 2))
+        is_box = is_finite & (boxes[:, 0] <= boxes[:, 1]).all(axis=1)
+        return boxes, np.asarray(~np.isnan(boxes).all(axis=(1, 2))), np.asarray(is_box)
+
+    def is_area(self, column: str) -> Bools:
+        """Say which areas are not known, or above 0."""
+        areas = self.array(column)
+        is_null = self.table[column].is_null().to_numpy()
+        return np.asarray(is_null | ((areas > 0) & (areas < np.inf)))
 
 
-def _fills(footprint: tuple[tuple[float, float], ...], box: Box | None) -> bool:
-    """Say whether a footprint is a polygon that fills a box, if there is one, from above."""
-    if len(footprint) < 3:
-        return False
-    xs, ys = zip(*footprint, strict=True)
-    ends = min(xs), min(ys), max(xs), max(ys)
-    sides = ends if box is None else (*box.minimum[:2], *box.maximum[:2])
-    return all(abs(a - b) <= 10 * _ROUNDING for a, b in zip(ends, sides, strict=True))
+def _find_room_faults(rooms: _Rows) -> Iterator[_Fault]:
+    yield from rooms.find_misnumbered("room_index", "region_id")
+    yield from rooms.report(rooms.array("region_id") < 0, "region_id is below 0")
+    (boxes, is_boxed, is_box), centroids = rooms.boxes("box"), rooms.points("centroid")
+    is_near = (np.abs(centroids - boxes.mean(axis=1)) <= _ROUNDING).all(axis=1)
+    heights = rooms.table["floor_z"].is_null().to_numpy() | np.isfinite(rooms.array("floor_z"))
+    sound = (
+        _are_points(centroids)
+        & heights
+        & (np.nan_to_num(rooms.array("floor_index")) >= 0)
+        & rooms.is_area("floor_area")
+        & (~is_boxed | (is_box & is_near))
+    )
+    outlines = rooms.table["footprint"].to_pylist()
+    sound &= [one is None or (len(one) >= 6 and len(one) % 2 == 0) for one in outlines]
+    sound &= [one is None or bool(np.isfinite(one).all()) for one in outlines]
+    yield from rooms.report(~sound, "its geometry is impossible")
+
+
+def _find_object_faults(objects: _Rows, rooms: Ints) -> Iterator[_Fault]:
+    yield from objects.find_misnumbered("object_index", "instance_id")
+    room = objects.array("room_index")
+    yield from objects.report((room < 0) | (room > rooms[objects.scene]), "room_index is not 0..R")
+    is_colour = pc.match_substring_regex(objects.table["colour"], "^[0-9A-F]{6}$").fill_null(True)
+    yield from objects.report(pc.invert(is_colour), "colour is not RRGGBB")
+    yield from objects.report(~objects.is_area("area"), "area is not above 0")
+    boxes, is_boxed, is_box = objects.boxes("box")
+    parts, is_parted, is_part = objects.boxes("part")
+    centroids = objects.points("centroid")
+    is_placed = is_boxed | is_parted | ~np.isnan(centroids).all(axis=1)
+    is_inside = [_are_inside(points, boxes) for points in (centroids, parts[:, 0], parts[:, 1])]
+    sound = (
+        np.isfinite(centroids).all(axis=1)
+        & (~is_boxed | (is_box & is_inside[0]))
+        & (~is_parted | (is_part & is_inside[1] & is_inside[2]))
+    )
+    rule = "its centroid, its box or its largest part is impossible"
+    yield from objects.report(is_placed & ~sound, rule)
+
+
+def _find_edge_faults(edges: _Rows, rooms: _Rows) -> Iterator[_Fault]:
+    """Yield the faults of edges between rooms."""
+    source, target = edges.array("source_index"), edges.array("target_index")
+    first = np.searchsorted(rooms.scene, edges.scene)
+    number = np.searchsorted(rooms.scene, edges.scene, side="right") - first
+    is_pair = (source >= 1) & (source < target) & (target <= number)
+    order = edges.scene * 2**40 + source.astype(np.int64) * 2**20 + target
+    rule = "an adjacent edge must join two rooms, lower index first, once, in order"
+    yield from edges.report(~is_pair | (np.diff(order, prepend=-1) <= 0), rule)
+    ends = [first + np.where(is_pair, end, 1) - 1 for end in (source, target)]
+    centroids = rooms.points("centroid")
+    known = np.linalg.norm(centroids[ends[0]] - centroids[ends[1]], axis=1)
+    is_known = np.isclose(known, edges.array("distance_m"), rtol=1e-5, atol=0, equal_nan=True)
+    wrong = is_pair & ~(is_known & _is_in(edges.table["method"], ADJACENCY_METHODS))
+    yield from edges.report(wrong, "an adjacent edge has an unknown method or distance")
+
+
+def _is_in(column: pa.ChunkedArray, words: Sequence[str | None]) -> Bools:
+    return np.asarray(pc.is_in(column, value_set=pa.array(words, pa.string())))
+
+
+def _are_points(points: Floats) -> Bools:
+    """Say which points are finite, or not there."""
+    return np.asarray(np.isfinite(points).all(axis=1) | np.isnan(points).all(axis=1))
+
+
+def _are_inside(points: Floats, boxes: Floats) -> Bools:
+    low, high = boxes[:, 0] - _ROUNDING, boxes[:, 1] + _ROUNDING
+    return np.asarray(((low <= points) & (points <= high)).all(axis=1))

@@ -25,8 +25,9 @@ from bsg_data.dataset.manifest import (
     read_hashed_manifest,
     read_manifest,
 )
+from bsg_data.dataset.scenes import take_adjacent
 from bsg_data.dataset.schema import TABLES
-from bsg_data.dataset.shards import DatasetFiles, hold_files, refuse_replaced, take_adjacent
+from bsg_data.dataset.shards import DatasetFiles, hold_files, refuse_replaced
 from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath
 from bsg_data.scene.class_map import is_nameless

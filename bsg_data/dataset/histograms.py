@@ -92,8 +92,8 @@ class Unclassified:
 
     @property
     def cells(self) -> Counts:
-        """The counts of all `names` as cells, `[N, K]`."""
-        return self.count(self.names)
+        """The counts of these categories as cells, `[N, K]`."""
+        return self.count(self.categories)
 
     def cut(self, nodes: Ints) -> Unclassified:
         """Return the objects of some nodes, whose numbers rise from 0.

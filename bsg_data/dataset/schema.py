@@ -176,6 +176,7 @@ def pairs_schema(num_classes: int) -> pa.Schema:
     return pa.schema(
         [
             _SCENE_ID,
+            _field("split", pa.string(), "split or fold of the building"),
             _field("draw", pa.int32(), "number of the mask, from 0"),
             _field("node_index", pa.int32(), "node of interest: 0 building, 1..R rooms"),
             _field("visited", pa.bool_(), "whether the mask lets the robot enter the room"),

@@ -10,22 +10,16 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
-from itertools import chain
-from operator import attrgetter
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias, TypeVar, cast
+from typing import NoReturn, TypeAlias
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from bsg_data.dataset.manifest import FORMAT_VERSION, FileEntry, Manifest, read_manifest
+from bsg_data.dataset.scenes import assemble_graphs
 from bsg_data.dataset.schema import (
-    EDGES,
-    OBJECTS,
-    ROOMS,
-    SCENES,
     SPLITS,
     TABLES,
     pairs_schema,
@@ -34,25 +28,18 @@ from bsg_data.errors import DatasetError
 from bsg_data.files import AnyPath, encode_json
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.scene_graph import (
-    Box,
-    Edge,
-    Point,
-    Room,
     SceneGraph,
-    SceneObject,
     is_scene_id,
 )
 
 HELD_FILES = 64 * 2**20  # bytes of the files of a dataset that an open one keeps
 Held: TypeAlias = Mapping[str, bytes]  # path of a file below its dataset → its bytes
-_Columns = dict[str, list[Any]]
-_Record = TypeVar("_Record")
 
 
 def write_shards(
-    graphs: Sequence[SceneGraph], folder: AnyPath, *, number: int, class_space: ClassSpace
+    tables: Mapping[str, pa.Table], folder: AnyPath, *, number: int, class_space: ClassSpace
 ) -> tuple[FileEntry, ...]:
-    """Write the shard with a number, of some scenes in the order given."""
+    """Write the tables of the shard with a number."""
     return tuple(
         write_parquet(
             Path(folder),
@@ -61,14 +48,8 @@ def write_shards(
             table=name,
             class_space=class_space,
         )
-        for name, table in make_tables(graphs, class_space.classes).items()
+        for name, table in tables.items()
     )
-
-
-def make_tables(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, pa.Table]:
-    """Return the tables of one shard, of some scenes in the order given."""
-    columns = collect_columns(graphs, classes)
-    return {name: pa.table(columns[name], schema=schema) for name, schema in TABLES.items()}
 
 
 def read_scene_graphs(dataset: AnyPath) -> Iterator[SceneGraph]:
@@ -77,183 +58,6 @@ def read_scene_graphs(dataset: AnyPath) -> Iterator[SceneGraph]:
     manifest = read_manifest(dataset)
     entries = [entry for name in TABLES for entry in manifest.files_of(name)]
     return DatasetFiles(dataset, manifest, hold_files(dataset, entries)).read_graphs()
-
-
-def _own_columns(schema: pa.Schema, names: Iterable[str]) -> list[str]:
-    """Return the columns that are fields of a record with the same name."""
-    return [name for name in names if name in schema.names]
-
-
-_SCENE = _own_columns(SCENES, [one.name for one in fields(SceneGraph)])
-_ROOM = _own_columns(ROOMS, [one.name for one in fields(Room)])
-_OBJECT = _own_columns(OBJECTS, SceneObject._fields)
-_EDGE = _own_columns(EDGES, [one.name for one in fields(Edge)])
-
-
-def collect_columns(graphs: Sequence[SceneGraph], classes: tuple[str, ...]) -> dict[str, _Columns]:
-    """Return table → column → values, scenes in the order given."""
-    rooms = [room for graph in graphs for room in graph.rooms]
-    held = _turn([obj for graph in graphs for obj in graph.objects])
-    return {
-        "scenes": {
-            **_take(_SCENE, graphs),
-            "num_rooms": [len(graph.rooms) for graph in graphs],
-            "num_objects": [len(graph.objects) for graph in graphs],
-            "num_classified": [
-                sum(obj.class_index is not None for obj in graph.objects) for graph in graphs
-            ],
-            "has_geometry": [graph.has_geometry for graph in graphs],
-        },
-        "rooms": {
-            **_take(_ROOM, rooms),
-            "scene_id": [graph.scene_id for graph in graphs for _ in graph.rooms],
-            "footprint": [room.footprint and [*chain(*room.footprint)] for room in rooms],
-            **_spread_points("centroid", [room.centroid for room in rooms]),
-            **_spread_boxes("box", [room.box for room in rooms]),
-        },
-        "objects": {
-            **{name: held[name] for name in _OBJECT},
-            "scene_id": [graph.scene_id for graph in graphs for _ in graph.objects],
-            "class": [None if at is None else classes[at] for at in held["class_index"]],
-            "has_geometry": [box is not None for box in held["box"]],
-            **_spread_points("centroid", held["centroid"]),
-            **_spread_boxes("box", held["box"]),
-            **_spread_boxes("part", held["part_box"]),
-        },
-        "edges": _collect_edges(graphs),
-    }
-
-
-def _turn(objects: Sequence[SceneObject]) -> _Columns:
-    """Return the fields of objects as columns."""
-    columns = zip(*objects, strict=True) if objects else (() for _ in SceneObject._fields)
-    return dict(zip(SceneObject._fields, map(list, columns), strict=True))
-
-
-def _collect_edges(graphs: Sequence[SceneGraph]) -> _Columns:
-    """Return the columns of the edges: building → rooms, rooms → objects, then adjacency."""
-    columns: _Columns = {name: [] for name in EDGES.names}
-    for graph in graphs:
-        rooms, edges = [room.room_index for room in graph.rooms], graph.adjacency
-        above = [obj.room_index for obj in graph.objects]
-        contained, joined = len(rooms) + len(above), len(edges)
-        rows: _Columns = {
-            "scene_id": [graph.scene_id] * (contained + joined),
-            "kind": ["contains"] * contained + ["adjacent"] * joined,
-            "source_kind": [
-                *("building" for _ in rooms),
-                *("room" if room else "building" for room in above),
-                *("room" for _ in edges),
-            ],
-            "source_index": [0] * len(rooms) + above + [edge.source for edge in edges],
-            "target_kind": ["room"] * len(rooms) + ["object"] * len(above) + ["room"] * joined,
-            "target_index": [
-                *rooms,
-                *(obj.object_index for obj in graph.objects),
-                *(edge.target for edge in edges),
-            ],
-            "method": ["annotation"] * contained + [edge.method for edge in edges],
-            "distance_m": [None] * contained + [edge.distance_m for edge in edges],
-        }
-        for name, values in rows.items():
-            columns[name] += values
-    return columns
-
-
-def _take(names: Iterable[str], records: Sequence[object]) -> _Columns:
-    return {name: list(map(attrgetter(name), records)) for name in names}
-
-
-def _spread_points(name: str, points: Sequence[Point | None]) -> _Columns:
-    axes = [f"{name}_{axis}" for axis in "xyz"]
-    if not any(points):  # as in a text without a mesh
-        return dict.fromkeys(axes, [None] * len(points))
-    return {axis: [point and point[number] for point in points] for number, axis in enumerate(axes)}
-
-
-def _spread_boxes(name: str, boxes: Sequence[Box | None]) -> _Columns:
-    low = [box.minimum if box else None for box in boxes]
-    high = [box.maximum if box else None for box in boxes]
-    return {**_spread_points(f"{name}_min", low), **_spread_points(f"{name}_max", high)}
-
-
-def assemble_graphs(*tables: pa.Table) -> Iterator[SceneGraph]:
-    """Assemble scene graphs from the tables of one shard: the inverse of `make_tables`."""
-    scenes, rooms, objects, edges = tables
-    room_of, object_of = _group(rooms, _read_rooms(rooms)), _group(objects, _read_objects(objects))
-    edges = take_adjacent(edges)
-    edge_of = _group(edges, _read_edges(edges))
-    for row in scenes.to_pylist():
-        scene = row["scene_id"]
-        yield SceneGraph(
-            **{name: row[name] for name in _SCENE},
-            rooms=tuple(room_of.get(scene, ())),
-            objects=tuple(object_of.get(scene, ())),
-            adjacency=tuple(edge_of.get(scene, ())),
-        )
-
-
-def take_adjacent(edges: pa.Table) -> pa.Table:
-    """Return the edges between rooms."""
-    # Not `pc.equal`: a scalar imports pandas, if it is there, which takes as long as all the rest.
-    kinds = edges["kind"].cast(pa.string())
-    return edges.filter(pc.match_substring_regex(kinds, "^adjacent$"))
-
-
-def _group(table: pa.Table, records: Iterable[_Record]) -> dict[str, list[_Record]]:
-    """Return scene id → the records of its rows."""
-    found: dict[str, list[_Record]] = {}
-    for scene, record in zip(table["scene_id"].to_pylist(), records, strict=True):
-        found.setdefault(scene, []).append(record)
-    return found
-
-
-def _read_rooms(table: pa.Table) -> Iterator[Room]:
-    columns = _read_columns(table, _ROOM)
-    columns["footprint"] = [
-        corners and tuple(zip(corners[::2], corners[1::2], strict=True))
-        for corners in columns["footprint"]
-    ]
-    columns["centroid"], columns["box"] = _read_points(table, "centroid"), _read_boxes(table, "box")
-    return _make(Room, columns)
-
-
-def _read_objects(table: pa.Table) -> Iterator[SceneObject]:
-    columns = _read_columns(table, _OBJECT)
-    columns["centroid"] = _read_points(table, "centroid")
-    columns["box"], columns["part_box"] = _read_boxes(table, "box"), _read_boxes(table, "part")
-    return map(
-        SceneObject._make, zip(*(columns[name] for name in SceneObject._fields), strict=True)
-    )
-
-
-def _read_edges(table: pa.Table) -> Iterator[Edge]:
-    ends = {end: table[f"{end}_index"].to_pylist() for end in ("source", "target")}
-    return _make(Edge, ends | _read_columns(table, _EDGE))
-
-
-def _make(record: type[_Record], columns: _Columns) -> Iterator[_Record]:
-    """Make records of columns with the names of their fields."""
-    return map(record, *(columns[one.name] for one in fields(cast(Any, record))))
-
-
-def _read_columns(table: pa.Table, names: Iterable[str]) -> _Columns:
-    return {name: read_column(table[name]) for name in names}
-
-
-def read_column(column: pa.ChunkedArray) -> list[Any]:
-    """Return the values of a column."""
-    return [None] * len(column) if column.null_count == len(column) else column.to_pylist()
-
-
-def _read_points(table: pa.Table, name: str) -> list[Point | None]:
-    axes = (read_column(table[f"{name}_{axis}"]) for axis in "xyz")
-    return [None if point[0] is None else point for point in zip(*axes, strict=True)]
-
-
-def _read_boxes(table: pa.Table, name: str) -> list[Box | None]:
-    corners = (_read_points(table, f"{name}_{end}") for end in ("min", "max"))
-    return [a and b and Box(a, b) for a, b in zip(*corners, strict=True)]
 
 
 def write_parquet(

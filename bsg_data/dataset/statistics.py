@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from bsg_data.dataset.dataset import Dataset
-from bsg_data.dataset.shards import take_adjacent
+from bsg_data.dataset.scenes import take_adjacent
 from bsg_data.errors import BSGError, ask_to_install
 from bsg_data.files import PLAIN_TEXT, AnyPath, write_figure
 from bsg_data.scene.class_map import ClassMap, Role

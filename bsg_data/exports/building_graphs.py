@@ -15,7 +15,7 @@ from typing import Any
 
 import networkx as nx
 
-from bsg_data.dataset.shards import make_tables
+from bsg_data.dataset.scenes import make_tables
 from bsg_data.exports.catalogue import EncodedScene, ExportRow
 from bsg_data.files import encode_json
 from bsg_data.scene.scene_graph import SceneGraph

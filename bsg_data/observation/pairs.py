@@ -29,6 +29,7 @@ from bsg_data.recipes import MaskRecipe, PairsRecipe
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 
 SCENES_PER_FILE = 64
+SCENES_PER_GROUP = 8  # what several readers of one file divide among them
 ROWS_PER_GROUP = 65_536
 _MOST = np.iinfo(np.uint16).max
 
@@ -146,15 +147,18 @@ def stream_pairs(data: Dataset, split: str) -> Iterator[pa.Table]:
 
 
 def _read_groups(data: Dataset, entry: FileEntry) -> Iterator[pa.Table]:
-    """Yield the row groups of a file, each with what of its first building the last one held."""
+    """Yield row groups of a file, with what of their first building was left before."""
     with data.open_file(entry) as file:
+        sizes = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
+        turns = (np.cumsum([0, *sizes])[:-1] // ROWS_PER_GROUP).tolist()
         rest: pa.Table | None = None
-        for number in range(file.num_row_groups):
-            table = file.read_row_group(number, use_threads=False)
+        for turn in dict.fromkeys(turns):
+            groups = [k for k, one in enumerate(turns) if one == turn]
+            table = file.read_row_groups(groups, use_threads=False)
             table = table if rest is None else pa.concat_tables([rest, table])
             starts = np.flatnonzero(table["node_index"].to_numpy() == 0)
             last = int(starts[-1]) if len(starts) else 0
-            if number == file.num_row_groups - 1:
+            if turn == turns[-1]:
                 last = len(table)
             if last:
                 yield table.slice(0, last)
@@ -189,14 +193,14 @@ def _write_file(
     schema = pairs_schema(len(space.classes))
     left_out = tuple(scene for scene in scenes if not fits_pairs(data.cells(scene)))
     batches = (
-        _scene_batches(data, scene, recipe=recipe, schema=schema)
+        _scene_batches(data, scene, split=split_of_file(name), recipe=recipe, schema=schema)
         for scene in scenes
         if scene not in left_out
     )
     entry = write_parquet(
         dataset,
         f"{STAGED}/{name}",
-        _row_groups(chain.from_iterable(batches)),
+        _row_groups(batches),
         table="pairs",
         class_space=space,
         pairs=recipe.model_dump_json(),
@@ -204,12 +208,16 @@ def _write_file(
     return entry, left_out
 
 
-def _row_groups(batches: Iterable[pa.RecordBatch]) -> Iterator[pa.Table]:
-    """Yield tables of `ROWS_PER_GROUP` rows or somewhat more."""
+def _row_groups(scenes: Iterable[Iterable[pa.RecordBatch]]) -> Iterator[pa.Table]:
+    """Yield tables of `SCENES_PER_GROUP` scenes, or of `ROWS_PER_GROUP` rows or somewhat more."""
     waiting: list[pa.RecordBatch] = []
-    for batch in batches:
-        waiting.append(batch)
-        if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
+    for number, batches in enumerate(scenes, 1):
+        for batch in batches:
+            waiting.append(batch)
+            if sum(batch.num_rows for batch in waiting) >= ROWS_PER_GROUP:
+                yield pa.Table.from_batches(waiting)
+                waiting.clear()
+        if waiting and number % SCENES_PER_GROUP == 0:
             yield pa.Table.from_batches(waiting)
             waiting.clear()
     if waiting:
@@ -217,7 +225,7 @@ def _row_groups(batches: Iterable[pa.RecordBatch]) -> Iterator[pa.Table]:
 
 
 def _scene_batches(
-    data: Dataset, scene: str, *, recipe: PairsRecipe, schema: pa.Schema
+    data: Dataset, scene: str, *, split: str, recipe: PairsRecipe, schema: pa.Schema
 ) -> Iterator[pa.RecordBatch]:
     """Yield the pairs of a scene, as many draws at a time as `ROWS_PER_GROUP` rows hold."""
     cells, connections = data.cells(scene), data.connections(scene)
@@ -235,7 +243,8 @@ def _scene_batches(
         )
         sizes = [len(view.nodes) for view in views]
         columns = [
-            pa.array([scene]).take(pa.array(np.zeros(len(inputs), dtype=np.int32))),
+            pa.repeat(scene, len(inputs)),
+            pa.repeat(split, len(inputs)),
             pa.array(np.repeat(np.array(draws, dtype=np.int32), sizes)),
             pa.array(np.concatenate([view.nodes for view in views]).astype(np.int32)),
             pa.array(np.concatenate([view.visited for view in views])),

@@ -8,7 +8,7 @@ first 1+R. Everything is metres, Z up, right-handed.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
@@ -64,20 +64,7 @@ class Box:
         return (a, b), (c, b), (c, d), (a, d)
 
 
-class AnnotatedObject(NamedTuple):
-    """One object as a source reads it; `bsg_data.sources.assembly.assemble` numbers it; metres."""
-
-    instance_id: int  # the id that the annotation gives it
-    region_id: int  # its region; below 0 the null region
-    name: str  # exactly as annotated
-    colour: str | None = None  # as those of `SceneObject`, as the next ones
-    centroid: Point | None = None
-    box: Box | None = None
-    area: float | None = None
-    part_box: Box | None = None
-
-
-class SceneObject(NamedTuple):  # a frozen record is made three times as slowly
+class SceneObject(NamedTuple):
     """One object of a scene graph; metres."""
 
     object_index: int  # 1..O in the order of the instance ids
@@ -115,6 +102,11 @@ class Room:
     floor_area: float | None = None  # square metres; None if unknown
 
 
+def is_placed(node: Room | SceneObject) -> bool:
+    """Say whether it is known where a room or an object is."""
+    return bool(node.centroid or node.box or getattr(node, "footprint", None))
+
+
 @dataclass(frozen=True, slots=True)
 class Edge:
     """One edge between two nodes; an `adjacent` one is undirected and stored once."""
@@ -129,7 +121,7 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class SceneGraph:
-    """One building as a 3D scene graph 𝒢."""
+    """One building as a 3D scene graph 𝒢; its objects may be columns (`dataset.scenes`)."""
 
     scene_id: str  # e.g. `00006-HkseAnWCgqk`
     source: str  # the kind of source, e.g. `hm3d`
@@ -137,7 +129,7 @@ class SceneGraph:
     source_split: str | None  # the source's own split of the building; None if it has none
     annotation_sha256: str
     rooms: tuple[Room, ...]  # in the order of `room_index`
-    objects: tuple[SceneObject, ...]  # in the order of `object_index`
+    objects: Sequence[SceneObject]  # in the order of `object_index`
     adjacency: tuple[Edge, ...] = ()  # sorted; containment follows from the objects
     up_axis: str | None = None  # that points up in the mesh, `y` or `-z`; None without a mesh
     class_map: str = field(kw_only=True)  # the version of the class map of its names
@@ -152,8 +144,7 @@ class SceneGraph:
     @property
     def has_geometry(self) -> bool:
         """Say whether any room or object has a centroid, a box or a footprint."""
-        rooms = any(room.centroid or room.box or room.footprint for room in self.rooms)
-        return rooms or any(obj.centroid or obj.box for obj in self.objects)
+        return any(map(is_placed, self.rooms)) or any(map(is_placed, self.objects))
 
     def edges(self) -> Iterator[Edge]:
         """Yield building → rooms, rooms → objects, then adjacency."""

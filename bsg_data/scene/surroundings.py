@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.scene.room_label import (
+    RoomType,
     Understood,
     known_label,
     list_room_labels,
@@ -67,19 +68,25 @@ class Surroundings:
         )
 
     @classmethod
-    def of_graph(cls, graph: Any, rooms: Sequence[Any]) -> Surroundings:
-        """Return the surroundings of a `PartialGraph` and its rooms; the building's node is first.
+    def of_rooms(
+        cls,
+        areas: Sequence[float | None],
+        room_types: Sequence[RoomType | None],
+        *,
+        building_kind: str | None = None,
+        source: str | None = None,
+    ) -> Surroundings:
+        """Return the surroundings of what a robot says of rooms; the building's node is first.
 
         Raises:
             RecipeError: if the type of a room is impossible.
         """
-        found = cls.unknown(nodes=1 + len(rooms))
-        for row, room in enumerate(rooms, start=1):
-            area = area_of(room)
+        found = cls.unknown(nodes=1 + len(areas))
+        for row, (area, room_type) in enumerate(zip(areas, room_types, strict=True), start=1):
             found.floor_area[row] = np.nan if area is None else area
-            found.labels[row] = spread_labels(room.room_type)
-        found.building_kinds[:] = _find(graph.building_kind, BUILDING_KINDS)
-        found.sources[:] = _find(graph.source, KNOWN_SOURCES)
+            found.labels[row] = spread_labels(room_type)
+        found.building_kinds[:] = _find(building_kind, BUILDING_KINDS)
+        found.sources[:] = _find(source, KNOWN_SOURCES)
         return found
 
     @classmethod
@@ -145,7 +152,23 @@ def _find_floor_area(
     return area if is_floor_area(area) else None
 
 
-def area_of(room: Any) -> float | None:
+class Shaped(Protocol):
+    """A room whose floor area may be said, or follow from its shape."""
+
+    @property
+    def floor_area(self) -> float | None:
+        """Return the area, square metres."""
+
+    @property
+    def footprint(self) -> Sequence[tuple[float, float]] | None:
+        """Return the corners from above, metres."""
+
+    @property
+    def box(self) -> Box | None:
+        """Return the box, metres."""
+
+
+def area_of(room: Shaped) -> float | None:
     """Return the floor area of a `KnownRoom`, square metres; see `_find_floor_area`."""
     return _find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
 

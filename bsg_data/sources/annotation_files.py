@@ -221,11 +221,15 @@ def _changed(where: Path | str, why: str) -> SourceChangedError:
 
 def malformed(path: Path, number: int, line: str, *, expected: str) -> AnnotationError:
     """Return an error that names a line of a file, and what it should have held."""
-    shown = line if len(line) <= _SHOWN else line[: _SHOWN - 3] + "..."
     where = f"{path}, line {number}"
-    return AnnotationError(
-        f"{where}: expected {expected}, found {shown!r}", code="line-malformed", where=where
-    )
+    message = f"{where}: expected {expected}, found {show_line(line)}"
+    return AnnotationError(message, code="line-malformed", where=where)
+
+
+def show_line(line: str) -> str:
+    """Return the beginning of a line in quotes, with the bytes that are no UTF-8 escaped."""
+    shown = line if len(line) <= _SHOWN else line[: _SHOWN - 3] + "..."
+    return repr(shown.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace"))
 
 
 def validate(

@@ -2,76 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
-from operator import attrgetter
+from typing import Any
 
+import numpy as np
+import pyarrow as pa
+
+from bsg_data.arrays import Ints
+from bsg_data.dataset.scenes import OBJECT_COLUMNS, Objects, spread_boxes, spread_places
 from bsg_data.geometry.adjacency import measure_distance
-from bsg_data.scene.class_map import Classified, ClassMap
+from bsg_data.geometry.placement import find_storeys
+from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import (
-    BUILDING,
-    AnnotatedObject,
-    Box,
-    Edge,
-    Room,
-    SceneGraph,
-    SceneObject,
-)
+from bsg_data.scene.scene_graph import Edge, Room, SceneGraph
 from bsg_data.scene.surroundings import measure_area
-from bsg_data.sources.source import SceneRef
+from bsg_data.sources.source import AnnotatedRoom, Annotation, SceneRef
 
 
 def assemble(
-    objects: Iterable[AnnotatedObject],
-    *,
-    ref: SceneRef,
-    kind: str,
-    class_map: ClassMap,
-    sha256: str | None = None,
-    rooms: Iterable[Room] = (),
-    doors: Iterable[tuple[int, int]] = (),
-    method: str = "given",
-    building_kind: str | None = None,
+    annotation: Annotation, *, ref: SceneRef, kind: str, class_map: ClassMap
 ) -> SceneGraph:
     """Make the scene graph of one building.
 
     A region with an id of 0 or more is a room if it holds an object, or if the source lists it.
     Objects of a negative region belong to the building. Objects that are nameless or outside the
-    classes stay, without a class.
+    classes stay, without a class. Rooms are numbered in the order of their regions, objects in that
+    of their ids.
 
     Args:
-        objects: as annotated; they are numbered and classified here.
+        annotation: what the source tells of the building.
         ref: the scene.
         kind: of the source.
         class_map: of the source's words.
-        sha256: hash of the annotation; None if that is the fingerprint.
-        rooms: what the source tells of some of its rooms, each by its region id; they are numbered
-            here, and get the common label of their source label.
-        doors: region ids of rooms that connect, in any order; a pair may be there twice.
-        method: how the source knows of these, e.g. `door`.
-        building_kind: what the source says of the building, e.g. `office`.
     """
-    listed = sorted(objects, key=attrgetter("instance_id"))
-    told = {room.region_id: room for room in rooms}
-    regions = sorted({o.region_id for o in listed if o.region_id >= 0} | set(told))
-    room_of = {region: index for index, region in enumerate(regions, start=1)}
+    told = {room.region: room for room in annotation.rooms}
+    regions = np.array(annotation.regions, dtype=np.int64)
+    rooms = np.union1d(regions[regions >= 0], np.array([*told], dtype=np.int64))
+    room_of = {region: index for index, region in enumerate(rooms.tolist(), start=1)}
     graph = SceneGraph(
         scene_id=ref.scene_id,
         source=kind,
         source_version=ref.source_version,
         source_split=ref.source_split,
-        annotation_sha256=sha256 or ref.fingerprint,
-        rooms=tuple(
-            _number_room(told.get(region, Room(index, region)), index, kind)
+        annotation_sha256=annotation.sha256 or ref.fingerprint,
+        rooms=set_levels(
+            _make_room(told.get(region) or AnnotatedRoom(region=region), index, kind)
             for region, index in room_of.items()
         ),
-        objects=tuple(_number_objects(listed, room_of, class_map)),
+        objects=_number_objects(
+            annotation, np.where(regions < 0, 0, rooms.searchsorted(regions) + 1), class_map
+        ),
         class_map=class_map.version,
-        building_kind=building_kind,
+        building_kind=annotation.building_kind,
         building=ref.building,
     )
-    return connect(graph, [(room_of[a], room_of[b]) for a, b in doors], method=method)
+    doors = [(room_of[a], room_of[b]) for a, b in annotation.doors]
+    return connect(graph, doors, method=annotation.method) if doors else graph
+
+
+def set_levels(rooms: Iterable[Room]) -> tuple[Room, ...]:
+    """Return the rooms with the levels that the heights of their floors show, if none has any."""
+    listed = tuple(rooms)
+    is_told = any(room.floor_index is not None for room in listed)
+    is_placed = any(room.floor_z is not None for room in listed)
+    return find_storeys(listed) if is_placed and not is_told else listed
 
 
 def connect(graph: SceneGraph, pairs: Iterable[tuple[int, int]], *, method: str) -> SceneGraph:
@@ -89,43 +84,54 @@ def connect(graph: SceneGraph, pairs: Iterable[tuple[int, int]], *, method: str)
     return replace(graph, adjacency=tuple(edges[pair] for pair in sorted(edges)))
 
 
-def place_room(room: Room, box: Box) -> Room:
-    """Return a room with a box, and what follows from it: centroid, floor, footprint and area.
-
-    An area that the source tells stays.
-    """
+def place_room(room: Room, told: AnnotatedRoom) -> Room:
+    """Return a room with the box that is told of it, and what follows from that."""
+    box, area = told.box, told.floor_area
+    if box is None:
+        return replace(room, centroid=told.centroid, footprint=told.footprint, floor_area=area)
     return replace(
         room,
         box=box,
-        centroid=box.centre,
+        centroid=told.centroid or box.centre,
         floor_z=box.minimum[2],
-        footprint=box.footprint,
-        floor_area=room.floor_area or measure_area(box.footprint),
+        footprint=told.footprint or box.footprint,
+        floor_area=area if area or told.footprint else measure_area(box.footprint),
     )
 
 
-def _number_room(room: Room, index: int, kind: str) -> Room:
-    return replace(room, room_index=index, label=room.label or label_of(kind, room.source_label))
+def _make_room(told: AnnotatedRoom, index: int, kind: str) -> Room:
+    label = told.label or label_of(kind, told.source_label)
+    room = Room(index, told.region, told.source_label, label=label, floor_index=told.floor_index)
+    return place_room(room, told)
 
 
-def _number_objects(
-    listed: Iterable[AnnotatedObject], room_of: Mapping[int, int], class_map: ClassMap
-) -> Iterator[SceneObject]:
-    classified: dict[str, Classified] = {}
-    for index, obj in enumerate(listed, start=1):
-        instance, region, name, colour, centroid, box, area, part_box = obj
-        known = classified.get(name) or classified.setdefault(name, class_map.classify(name))
-        yield SceneObject(
-            index,
-            instance,
-            room_of.get(region, BUILDING),
-            name,
-            known.category,
-            known.class_index,
-            known.role,
-            colour,
-            centroid,
-            box,
-            area,
-            part_box,
-        )
+def _number_objects(annotation: Annotation, rooms: Ints, class_map: ClassMap) -> Objects:
+    """Return the objects, whose rooms `[O]` are known, in the order of their ids."""
+    count = len(rooms)
+    ids = np.arange(1, count + 1) if annotation.ids is None else np.array(annotation.ids, np.int64)
+    order = np.argsort(ids, kind="stable")
+    names = pa.array(annotation.names, pa.string()).dictionary_encode()
+    known = [class_map.classify(name) for name in names.dictionary.to_pylist()]
+    columns = {
+        "object_index": 1 + np.argsort(order),
+        "instance_id": ids,
+        "room_index": rooms,
+        "raw_category": names.dictionary.take(names.indices),
+        "category": pa.array([one.category for one in known], pa.string()).take(names.indices),
+        "role": pa.array([one.role for one in known], pa.string()).take(names.indices),
+        "class_index": pa.array([one.class_index for one in known], pa.uint8()).take(names.indices),
+        "area": pa.nulls(count, pa.float64()),
+        "colour": [None] * count if annotation.colours is None else annotation.colours,
+        **_spread_places(annotation, count),
+    }
+    table = pa.table([columns[name] for name in OBJECT_COLUMNS.names], schema=OBJECT_COLUMNS)
+    return Objects(table if (order == np.arange(count)).all() else table.take(order))
+
+
+def _spread_places(annotation: Annotation, count: int) -> dict[str, Any]:
+    """Return the columns of places."""
+    nowhere = [None] * count
+    boxes, parts = annotation.boxes or nowhere, annotation.parts or nowhere
+    told = zip(annotation.centroids or nowhere, boxes, strict=True)
+    centroids = [point or (box.centre if box else None) for point, box in told]
+    return {**spread_places(centroids, boxes), **spread_boxes("part", parts)}

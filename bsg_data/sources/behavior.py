@@ -26,10 +26,17 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import ForeignRecord, Keyed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import AnnotatedObject, Room, is_scene_id
+from bsg_data.scene.scene_graph import is_scene_id
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+)
 from bsg_data.spelling import show_value
 from bsg_data.terms import Terms
 
@@ -125,23 +132,21 @@ class _BehaviorRooms:
         floors = fetch_listed(
             ref, self.path, lambda: self._floors(self._houses()[ref.scene_id]), _digest
         )
-        rooms: list[Room] = []
-        objects: list[AnnotatedObject] = []
+        rooms: list[AnnotatedRoom] = []
+        regions: list[int] = []
+        names: list[str] = []
         for number, listed in floors.items():
             for name, content in sorted(listed.items(), key=lambda one: _split_room(one[0])):
-                region = len(rooms)
-                rooms.append(Room(0, region, _split_room(name)[0], floor_index=number))
-                for category in _list_objects(content, f"{self.path}: {ref.location}, {name}"):
-                    objects.append(AnnotatedObject(len(objects) + 1, region, category))
-        graph = assemble(
-            objects,
-            ref=ref,
-            kind=self.kind,
-            class_map=class_map,
-            rooms=rooms,
-            building_kind=_find_building_kind(ref.scene_id),
-        )
-        return Reading(graph)
+                held = [*_list_objects(content, f"{self.path}: {ref.location}, {name}")]
+                regions += [len(rooms)] * len(held)
+                names += held
+                word = _split_room(name)[0]
+                rooms.append(
+                    AnnotatedRoom(region=len(rooms), source_label=word, floor_index=number)
+                )
+        kind = _find_building_kind(ref.scene_id)
+        annotation = Annotation(regions, names, rooms=rooms, building_kind=kind)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
     def _floors(self, floors: Mapping[int, list[str]]) -> dict[int, _RoomLists]:
         return {number: self._rooms(scenes) for number, scenes in floors.items()}

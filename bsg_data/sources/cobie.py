@@ -22,11 +22,17 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.spreadsheet import read_sheets
 from bsg_data.scene.class_map import UNKNOWN, ClassMap
 from bsg_data.scene.room_label import is_understood, label_of
-from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+)
 
 _Row = Mapping[str, str]  # column, in small letters → text; without columns that say nothing
 _Sheets = Mapping[str, list[_Row]]
@@ -101,17 +107,16 @@ class _CobieSheets:
         notes: Counter[str] = Counter()
         rooms = _list_rooms(spaces, sheets, notes)
         objects, doors = _list_components(sheets, _number_spaces(spaces), class_map, notes)
-        graph = assemble(
-            objects,
-            ref=ref,
-            kind=self.kind,
-            sha256=hashlib.sha256(data).hexdigest(),
-            class_map=class_map,
+        annotation = Annotation(
+            [region for region, _ in objects],
+            [name for _, name in objects],
             rooms=rooms,
             doors=doors,
             method="door",
             building_kind=_find_facility_kind(sheets["facility"]),
+            sha256=hashlib.sha256(data).hexdigest(),
         )
+        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         return Reading(graph, left_out=tuple(_report(notes, ref)))
 
 
@@ -184,7 +189,9 @@ def _number_spaces(spaces: Sequence[_Row]) -> dict[str, int]:
     return regions
 
 
-def _list_rooms(spaces: Sequence[_Row], sheets: _Sheets, notes: Counter[str]) -> list[Room]:
+def _list_rooms(
+    spaces: Sequence[_Row], sheets: _Sheets, notes: Counter[str]
+) -> list[AnnotatedRoom]:
     lost = len(sheets["space"]) - len(spaces)
     notes["spaces have no name or that of an earlier one of their floor: they are left out"] += lost
     levels, unit = _rank_floors(sheets, spaces), _find_unit(sheets["facility"])
@@ -204,7 +211,15 @@ def _list_rooms(spaces: Sequence[_Row], sheets: _Sheets, notes: Counter[str]) ->
             notes["spaces have an area that is no possible number: it is left out"] += 1
         elif area and not is_unit_said:
             notes["spaces have an area without a unit: it is read as m²"] += 1
-        rooms.append(Room(0, number, label, floor_index=floor, label=common, floor_area=area))
+        rooms.append(
+            AnnotatedRoom(
+                region=number,
+                source_label=label,
+                label=common,
+                floor_index=floor,
+                floor_area=area,
+            )
+        )
     return rooms
 
 
@@ -273,12 +288,12 @@ def _list_components(
     regions: Mapping[str, int],
     class_map: ClassMap,
     notes: Counter[str],
-) -> tuple[list[AnnotatedObject], list[tuple[int, int]]]:
-    """Return the objects in their rooms, and the pairs of rooms that doors are in."""
+) -> tuple[list[tuple[int, str]], list[tuple[int, int]]]:
+    """Return room and name of the objects, and the pairs of rooms that doors are in."""
     types = _index(sheets["type"])
     words = {name: _name_type(row, class_map) for name, row in types.items()}
     objects, doors = [], []
-    for number, row in enumerate(sheets["component"], start=1):
+    for row in sheets["component"]:
         word = words.get(_key(row.get("typename", "")))
         if word is None:
             notes["components have no type in the sheet Type: their own words name them"] += 1
@@ -286,7 +301,7 @@ def _list_components(
         rooms = _find_rooms(row.get("space", ""), regions, notes)
         if class_map.classify(word).category == "door" and len(rooms) == 2:
             doors.append((rooms[0], rooms[1]))
-        objects.append(AnnotatedObject(number, rooms[0] if rooms else -1, word))
+        objects.append((rooms[0] if rooms else -1, word))
     return objects, doors
 
 

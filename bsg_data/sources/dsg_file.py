@@ -22,11 +22,10 @@ from pydantic import Field
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.bounds import MAX_GRAPH_EDGES, MAX_GRAPH_LABELS, MAX_GRAPH_NODES
-from bsg_data.records import ForeignRecord, Keyed, Listed
+from bsg_data.records import ForeignRecord, Keyed, Listed, Metres
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import validate
 
-_FURTHEST = 1_000_000.0  # a map may be in the metres of a country's grid
 _LAYERS = {"OBJECTS": 2, "ROOMS": 4}
 _AGENT = "AgentNodeAttributes"
 _SYMBOL = re.compile(r"[A-Za-z]\([0-9]+\)")  # the name of a node that nobody named
@@ -36,8 +35,7 @@ _INDEX = 2**56 - 1
 
 Number = Annotated[int, Field(ge=0, lt=2**64, strict=True)]
 Small = Annotated[int, Field(ge=-(2**31), lt=2**32, strict=True)]
-_Metres = Annotated[float, Field(ge=-_FURTHEST, le=_FURTHEST)]
-Triple = tuple[_Metres | None, _Metres | None, _Metres | None]  # null stands for what is not finite
+Triple = tuple[Metres | None, Metres | None, Metres | None]  # null stands for what is not finite
 
 
 class _Quaternion(ForeignRecord):

@@ -10,13 +10,17 @@ class.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.compute as pc
+
 from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.errors import SourceError
+from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.geometry.adjacency import connect_rooms
 from bsg_data.geometry.gltf import MeshError
@@ -25,10 +29,8 @@ from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.places import BUILD
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.sources.annotation_files import (
     SPLITS,
-    decode,
     fingerprint,
     keep_one_copy,
     list_files,
@@ -36,9 +38,10 @@ from bsg_data.sources.annotation_files import (
     read_listed,
     require_fingerprint,
     require_lasting,
+    show_line,
 )
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.source import Annotation, FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.terms import Terms
 
 HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
@@ -61,8 +64,12 @@ HEADER = "HM3D Semantic Annotations"
 _ROWS = re.compile(  # id, colour or what stands there instead, name, region
     r'^([0-9]{1,9}),(?:([0-9A-Fa-f]{1,6})|([^,"\n]*)),"(.*)",(-?[0-9]{1,9})[^\S\n]*$', re.MULTILINE
 )
+_NO_TEXT = re.compile("[\udc80-\udcff]")  # a surrogate stands for a byte that is no UTF-8
+# ids, colours, names and regions
+_Columns = tuple[Sequence[int], pa.Array, Sequence[str], Sequence[int]]
 _EXPECTED = 'id,HEXRGB,"name",region (for example 12,0F3A9C,"chair",4)'
-_VERSION = re.compile(r"v[0-9]+\.[0-9]+")
+_VERSION = re.compile(r"v([0-9]+\.[0-9]+)|^hm3d[-_]([0-9]+\.[0-9]+)$")
+_OF_HM3D = re.compile(r"hm3d.*|v[0-9]+\.[0-9]+", re.IGNORECASE)  # not every v1.0 above a root
 # Six and seven digits are of our own synthetic buildings, which have a hash as HM3D's have;
 # 240101-office is a name.
 _NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
@@ -70,43 +77,29 @@ _NUMBERED = re.compile(r"([0-9]{5}|[0-9]{6,7}(?=-[A-Za-z0-9]{11}$))-(.+)")
 _FIRST_OF_NEXT = {800: "train", 900: "val", 1000: "test"}
 
 
-@dataclass(frozen=True)
 class HM3DFolder:
     """A folder with HM3D's annotation texts at any depth below it.
 
     `bsg-data synth` writes a `synthetic.json` above its buildings, so they are never read as real
     ones.
+
+    Attributes:
+        path: the folder.
+        meshes: whether to read the mesh beside an annotation, if there is one.
+        snap_colours: largest distance per channel between a texel of a JPEG texture and an
+            instance's colour; None leaves out meshes with such textures.
+        kind: `synthetic` for buildings of `bsg-data synth`, otherwise `hm3d`.
     """
 
-    path: Path  # the folder
-    meshes: bool = True  # whether to read the mesh beside an annotation, if there is one
-    # largest distance per channel between a texel of a JPEG texture and an instance's colour; None
-    # leaves out meshes with such textures
-    snap_colours: int | None = None
-
     def __init__(self, path: AnyPath, meshes: bool = True, snap_colours: int | None = None) -> None:
-        object.__setattr__(self, "path", Path(path))
-        object.__setattr__(self, "meshes", meshes)
-        object.__setattr__(self, "snap_colours", snap_colours)
+        self.path, self.meshes, self.snap_colours = Path(path), meshes, snap_colours
+        self.kind = "synthetic" if _find_marks(self.path) else "hm3d"
 
     @property
     def options(self) -> dict[str, int | str]:
         """The options about meshes."""
         snap = {} if self.snap_colours is None else {"snap_colours": self.snap_colours}
         return {"meshes": int(self.meshes), **snap}
-
-    @property
-    def kind(self) -> str:
-        """`synthetic` for buildings of `bsg-data synth`, otherwise `hm3d`."""
-        return "synthetic" if self._marks_above() else "hm3d"
-
-    def _marks_above(self) -> list[Path]:
-        links = sorted(path for path in self.path.glob("*") if path.is_symlink())[:1]
-        real = (resolve_links(path) for path in (self.path, *links))  # buildings may be linked
-        above = dict.fromkeys(
-            (self.path, *(folder for path in real for folder in path.parents[:2]))
-        )
-        return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
     def find(self) -> FoundScenes:
         """Find every `*.semantic.txt` and `*_semantic.txt` below the folder."""
@@ -117,16 +110,17 @@ class HM3DFolder:
             what = "is a file, not a folder" if self.path.is_file() else "no such folder"
             message = f"{self.path}: {what}{zipped}"
             raise SourceError(message, code="source-missing", where=self.path)
-        self._refuse_unfinished_or_mixed()
         expected = (
             "no scene found; looked in every folder below it for <hash>.semantic.txt or "
             "<hash>_semantic.txt, as in hm3d/train/00006-HkseAnWCgqk/HkseAnWCgqk.semantic.txt. The "
             "annotations come in HM3D's `semantic-annots` archives, which are downloaded beside "
             "the meshes"
         )
-        files, unreadable = list_files(self.path, _SUFFIXES, expected=expected)
+        listed, unreadable = list_files(self.path, (*_SUFFIXES, SYNTHETIC_MARK), expected=expected)
+        self._refuse_unfinished_or_mixed([one for one in listed if one.name == SYNTHETIC_MARK])
+        root = self.path.resolve().name
         found = keep_one_copy(
-            [*map(self._refer, files)],
+            [self._refer(file, root) for file in listed if file.name.endswith(_SUFFIXES)],
             path=self.path,
             expected=expected,
             digest=lambda ref: hash_file(self.path / ref.location),
@@ -137,19 +131,13 @@ class HM3DFolder:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
         path = self.path / ref.location
         data = read_listed(path, expected=ref.fingerprint)
-        objects, faults = parse_annotation(data, path=path)
-        colourless = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
-        graph = assemble(
-            objects,
-            ref=ref,
-            kind=self.kind,
-            class_map=class_map,
-            sha256=hashlib.sha256(data).hexdigest(),
-        )
+        annotation, faults = parse_annotation(data, path=path)
+        left_out = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
+        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         mesh = self._find_mesh(path)
         require_fingerprint(path.with_suffix(".glb"), str(_state_of(mesh)), str(ref.geometry))
         if mesh is None:
-            return Reading(graph, left_out=colourless)
+            return Reading(graph, left_out=left_out)
         try:
             if not mesh.is_file():
                 raise MeshError(f"{mesh}: not a file, or a link that leads nowhere")
@@ -159,17 +147,17 @@ class HM3DFolder:
             require_lasting(error, mesh)
             where = mesh.relative_to(self.path).as_posix()
             skip = SkippedScene(scene_id=ref.scene_id, location=where, reason=str(error))
-            return Reading(graph, left_out=(*colourless, skip))
+            return Reading(graph, left_out=(*left_out, skip))
         placed = connect_rooms(place_scene(graph, survey))
-        return Reading(placed, survey.coverage, left_out=colourless)
+        return Reading(placed, survey.coverage, left_out=left_out)
 
     def _find_mesh(self, annotation: Path) -> Path | None:
         mesh = annotation.with_suffix(".glb")
         return mesh if self.meshes and (mesh.exists() or mesh.is_symlink()) else None
 
-    def _refuse_unfinished_or_mixed(self) -> None:
-        above = self._marks_above()
-        for mark in (*above, *sorted(self.path.rglob(SYNTHETIC_MARK))):
+    def _refuse_unfinished_or_mixed(self, below: list[Path]) -> None:
+        above = _find_marks(self.path)
+        for mark in (*above, *below):
             if not above:
                 raise SourceError(
                     f"{self.path}: holds synthetic buildings in {mark.parent}; point --hm3d at "
@@ -184,63 +172,109 @@ class HM3DFolder:
                     where=mark.parent,
                 )
 
-    def _refer(self, path: Path) -> SceneRef:
+    def _refer(self, path: Path, root: str) -> SceneRef:
         relative = path.relative_to(self.path)
         suffix = next(suffix for suffix in _SUFFIXES if path.name.endswith(suffix))
         building = path.name.removesuffix(suffix)
         parent = path.parent.resolve().name
         scene_id = parent if split_scene_id(parent)[1] == building else building
-        folders = (self.path.resolve().name, *relative.parts[:-1])
+        folders = (root, *relative.parts[:-1])
         return SceneRef(
             scene_id=scene_id,
             location=relative.as_posix(),
             fingerprint=fingerprint(path),
             source_split=_last(map(_split_of_folder, folders)) or split_by_number(scene_id),
-            source_version=_last(map(version_of, folders)),
+            source_version=_last(map(version_of, (root, *_names_above(path), *folders[1:]))),
             geometry=_state_of(self._find_mesh(path)),
             building=split_scene_id(building)[1],
         )
+
+
+def _find_marks(path: Path) -> list[Path]:
+    """Return the marks of synthetic buildings in a folder and above it."""
+    try:
+        links = [entry.path for entry in os.scandir(path) if entry.is_symlink()]
+    except OSError:  # `find` says why
+        links = []
+    real = map(resolve_links, [path, *map(Path, sorted(links)[:1])])  # buildings may be linked
+    above = dict.fromkeys((path, *(folder for one in real for folder in one.parents[:2])))
+    return [mark for folder in above if (mark := folder / SYNTHETIC_MARK).is_file()]
 
 
 def _state_of(mesh: Path | None) -> str | None:
     return None if mesh is None else fingerprint(mesh)
 
 
-def parse_annotation(
-    data: bytes, *, path: Path
-) -> tuple[tuple[AnnotatedObject, ...], tuple[str, ...]]:
+def parse_annotation(data: bytes, *, path: Path) -> tuple[Annotation, tuple[str, ...]]:
     """Parse the bytes of one `semantic.txt`.
 
+    A line that is malformed, or has the id of an earlier one, is left out. An object whose colour
+    no mesh can have, or an earlier one has, is kept without a colour.
+
     Returns:
-        The objects, sorted by id; what is wrong with colours. An object whose colour no mesh can
-        have, or an earlier one has, is kept without a colour.
+        The annotation; what is wrong with lines.
+
+    Raises:
+        AnnotationError: if the first line is none of HM3D's, or no line is well-formed.
     """
-    first, _, below = decode(data, path=path).partition("\n")
+    first, _, below = data.decode("utf-8-sig", "surrogateescape").partition("\n")
     if HEADER not in first:
         raise malformed(path, 1, first, expected=repr(HEADER))
-    rows = _ROWS.findall(below)
-    # Not splitlines(): a name may hold a U+2028.
-    lines = [(n, line) for n, line in enumerate(below.split("\n"), start=2) if line.strip()]
-    if len(rows) < len(lines):
-        number, line = next(one for one in lines if not _ROWS.fullmatch(one[1]))
-        raise malformed(path, number, line, expected=_EXPECTED)
-    if not rows:
+    columns, faults = _read_whole(below), list[str]()
+    if columns is None:
+        columns, faults = _sift(below)
+    if columns is None and faults:
+        raise AnnotationError(f"{path}, {faults[0]}", code="line-malformed", where=path)
+    if columns is None:
         raise malformed(path, 1, first, expected="at least one annotated instance below")
-    objects: dict[int, AnnotatedObject] = {}
-    colours: set[str | None] = {None}
+    ids, colours, names, regions = columns
+    sha256 = hashlib.sha256(data).hexdigest()
+    return Annotation(regions, names, ids=ids, colours=colours, sha256=sha256), tuple(faults)
+
+
+def _read_whole(below: str) -> _Columns | None:
+    """Return the columns of lines without a fault; None if any line has one."""
+    rows = _ROWS.findall(below)
+    if len(rows) <= below.rstrip("\n").count("\n") or _NO_TEXT.search(below):
+        return None
+    digits, said, _, names, regions = zip(*rows, strict=True)
+    ids, colours = list(map(int, digits)), _pad(said)
+    is_whole = len(set(ids)) == len(colours.unique()) == len(rows) and "" not in said
+    return (ids, colours, names, list(map(int, regions))) if is_whole else None
+
+
+def _pad(colours: Sequence[str | None]) -> pa.Array:
+    """Return colours with all six digits."""
+    return pc.utf8_lpad(pc.utf8_upper(pa.array(colours, pa.string())), width=6, padding="0")
+
+
+def _sift(below: str) -> tuple[_Columns | None, list[str]]:
+    """Return the columns of well-formed lines, None without any, and what is wrong with lines."""
+    rows: dict[int, tuple[str | None, str, int]] = {}
     faults: list[str] = []
-    for (number, line), (digits, said, other, name, region) in zip(lines, rows, strict=True):
-        instance, colour = int(digits), said.upper().zfill(6) if said else None
+    colours = {""}
+    for number, line in enumerate(below.split("\n"), start=2):  # a name may hold a U+2028
+        match, expected = _ROWS.fullmatch(line), ""
+        if match is None or _NO_TEXT.search(line):
+            expected = _EXPECTED if match is None else "UTF-8 text"
+        elif int(match[1]) in rows:
+            expected = "an id of no earlier line"
+        if match is None or expected:
+            if line.strip():
+                faults.append(f"line {number}: expected {expected}, found {show_line(line)}")
+            continue
+        digits, said, other, name, region = match.groups(default="")
+        colour = said.upper().zfill(6) if said else ""
         if colour in colours:
             why = "expected a colour HEXRGB of no earlier line"
             shown = (said or other)[:20]
             faults.append(f"line {number}: {why}, found {shown!r}: kept without a colour")
-            colour = None
+        rows[int(digits)] = (None if colour in colours else colour, name, int(region))
         colours.add(colour)
-        if instance in objects:
-            raise malformed(path, number, line, expected="an id of no earlier line")
-        objects[instance] = AnnotatedObject(instance, int(region), name, colour)
-    return tuple(objects[key] for key in sorted(objects)), tuple(faults)
+    if not rows:
+        return None, faults
+    found, names, regions = zip(*rows.values(), strict=True)
+    return (list(rows), _pad(found), names, regions), faults
 
 
 def split_scene_id(scene_id: str) -> tuple[int | None, str]:
@@ -279,11 +313,17 @@ def split_by_number(scene_id: str) -> str | None:
 def version_of(name: str) -> str | None:
     """Read the version from the name of a folder or file.
 
-    >>> version_of("HM3DSem-v0.2.zip")
-    'v0.2'
+    >>> version_of("HM3DSem-v0.2.zip"), version_of("hm3d-0.2")
+    ('v0.2', 'v0.2')
     """
     match = _VERSION.search(name)
-    return match[0] if match else None
+    return f"v{match[1] or match[2]}" if match else None
+
+
+def _names_above(file: Path) -> tuple[str, ...]:
+    """Return HM3D's own names of folders above a file: as they are said, then behind links."""
+    ways = (file.absolute(), file.parent.resolve(), file.resolve())
+    return tuple(name for way in ways for name in way.parent.parts if _OF_HM3D.fullmatch(name))
 
 
 def _last(values: Iterator[str | None]) -> str | None:

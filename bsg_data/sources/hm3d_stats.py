@@ -19,7 +19,6 @@ from bsg_data.errors import AnnotationError
 from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.text_table import parse_csv
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import AnnotatedObject
 from bsg_data.sources.annotation_files import (
     decode,
     fetch_listed,
@@ -29,7 +28,7 @@ from bsg_data.sources.annotation_files import (
 )
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d import MATTERPORT, split_by_number, split_scene_id, version_of
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.source import Annotation, FoundScenes, Reading, SceneRef, SourceRow
 
 MEMBER = "Per_Scene_Region_Neighborhoods.csv"
 HEADER = (
@@ -70,13 +69,13 @@ class HM3DStatistics:
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
         lines = fetch_listed(ref, self.path, lambda: self._lines[ref.location], _digest)
-        graph = assemble(
-            _parse_scene(lines, path=self.path),
-            ref=ref,
-            kind=self.kind,
-            class_map=class_map,
+        listed = [*_parse_scene(lines, path=self.path)]
+        annotation = Annotation(
+            [region for _, region, _ in listed],
+            [name for _, _, name in listed],
+            ids=[number for number, _, _ in listed],
         )
-        return Reading(graph)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
     @property
     def _lines(self) -> dict[str, list[tuple[int, str]]]:
@@ -104,8 +103,8 @@ def _digest(lines: list[tuple[int, str]]) -> str:
     return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
 
 
-def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[AnnotatedObject]:
-    """Yield the objects of one scene, with their region ids."""
+def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[tuple[int, int, str]]:
+    """Yield id, region and name of the objects of one scene."""
     regions: set[int] = set()
     seen: set[int] = set()
     for number, line in lines:
@@ -127,7 +126,7 @@ def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[Annota
             if (instance_id := int(match[2])) in seen:
                 raise fault(token, "an instance id that no earlier region of the scene has")
             seen.add(instance_id)
-            yield AnnotatedObject(instance_id, region, match[1])
+            yield instance_id, region, match[1]
 
 
 def _split_row(line: str, fault: Callable[[str, str], AnnotationError]) -> list[str]:

@@ -16,7 +16,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -25,15 +25,22 @@ import numpy as np
 from bsg_data.arrays import Floats
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.geometry.adjacency import connect_rooms
-from bsg_data.geometry.placement import find_storeys, surround
+from bsg_data.geometry.placement import surround
 from bsg_data.records import MAX_METRES
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
-from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
+from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import find_files, malformed, read_listed
-from bsg_data.sources.assembly import assemble, connect, place_room
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.assembly import assemble, connect
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+)
 from bsg_data.spelling import SHOWN
 from bsg_data.terms import Terms
 
@@ -111,15 +118,17 @@ class _MatterportHouses:
         path = self.path if self.path.is_file() else self.path / ref.location
         data = read_listed(path, expected=ref.fingerprint)
         house = _parse_house(data, path=path)
-        rooms = [_room(r, n) for n, r in enumerate(house.regions) if r.label != _JUNK]
-        graph = assemble(
-            _list_objects(house),
-            ref=ref,
-            kind=self.kind,
+        boxes = [box for _, _, box in house.objects]
+        annotation = Annotation(
+            [_NOWHERE if house.is_junk(region) else region for region, _, _ in house.objects],
+            [house.name_of(category) for _, category, _ in house.objects],
+            ids=range(len(house.objects)),
+            boxes=boxes,
+            parts=boxes,
+            rooms=_describe_rooms(house),
             sha256=hashlib.sha256(data).hexdigest(),
-            class_map=class_map,
-            rooms=_set_levels(find_storeys(rooms), house),
         )
+        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         index = {room.region_id: room.room_index for room in graph.rooms}
         doors = [(index[a], index[b]) for a, b in house.portals if a in index and b in index]
         return Reading(
@@ -150,6 +159,15 @@ class House:
     # region, category and axis-aligned box; `_NOWHERE` without the first two, None without a box
     objects: list[tuple[int, int, Box | None]] = field(default_factory=list)
     lacking: list[str] = field(default_factory=list)  # sentences: lines that H counts otherwise
+
+    def is_junk(self, region: int) -> bool:
+        """Say whether an object of a region is in no room."""
+        return region == _NOWHERE or self.regions[region].label == _JUNK
+
+    def name_of(self, category: int) -> str:
+        """Return the name of a category; empty without one."""
+        name = "" if category == _NOWHERE else self.categories[category]
+        return "" if name == _UNNAMED else name
 
     def add(self, kind: str, line: Sequence[str]) -> None:
         """Take up the fields of one line, which may refer to earlier ones alone.
@@ -289,49 +307,33 @@ def _enclose(oriented: Floats) -> Box | None:
     return Box.around(np.array([centre - reach, centre + reach]))
 
 
-def _list_objects(house: House) -> Iterator[AnnotatedObject]:
-    for number, (region, category, box) in enumerate(house.objects):
-        name = "" if category == _NOWHERE else house.categories[category]
-        is_placed = region != _NOWHERE and house.regions[region].label != _JUNK
-        yield AnnotatedObject(
-            instance_id=number,
-            region_id=region if is_placed else _NOWHERE,
-            name="" if name == _UNNAMED else name,
-            centroid=None if box is None else box.centre,
-            box=box,
-            part_box=box,
-        )
+def _describe_rooms(house: House) -> Iterator[AnnotatedRoom]:
+    """Yield the rooms, with the box and the footprint of their regions, if these have any.
 
-
-def _room(held: _Region, region: int) -> Room:
-    """Return a room with the box and the footprint of its region, if that has any."""
-    polygons = [polygon for polygon in held.polygons if len(polygon) > 2]
-    area = sum(measure_area(polygon) or 0.0 for polygon in polygons) or None
-    word, label = REGION_LABELS.get(held.label), label_of("mp3d", held.label)
-    room = Room(0, region, word, label=label, floor_area=area)
-    if held.box is None:
-        return room
-    corners = [corner for polygon in polygons for corner in polygon]
-    footprint = surround(np.array(corners or held.box.footprint))
-    heights = (held.box.minimum[2], held.box.maximum[2])
-    box = Box.around(np.array([(x, y, z) for x, y in footprint for z in heights]))
-    return replace(place_room(room, box), footprint=footprint, floor_area=area)
-
-
-def _set_levels(rooms: Sequence[Room], house: House) -> Sequence[Room]:
-    """Return the rooms with the levels of the file, from 0 at the bottom.
-
-    Where the file gives some room no level, the levels that the heights of floors show stay.
+    Levels count from 0 at the bottom. Where the file gives some room none, heights tell them.
     """
+    regions = {n: one for n, one in enumerate(house.regions) if one.label != _JUNK}
     known = sorted((z, level) for level, z in enumerate(house.levels) if z is not None)
     rank = {level: number for number, (_, level) in enumerate(known)}
-    levels = [house.regions[room.region_id].level for room in rooms]
-    if not all(level in rank for level in levels):
-        return rooms
-    return [
-        room if room.floor_z is None else replace(room, floor_index=rank[level])
-        for room, level in zip(rooms, levels, strict=True)
-    ]
+    is_levelled = all(one.level in rank for one in regions.values())
+    for region, held in regions.items():
+        polygons = [polygon for polygon in held.polygons if len(polygon) > 2]
+        area = sum(measure_area(polygon) or 0.0 for polygon in polygons) or None
+        corners = [corner for polygon in polygons for corner in polygon]
+        box = footprint = None
+        if held.box is not None:
+            footprint = surround(np.array(corners or held.box.footprint))
+            heights = (held.box.minimum[2], held.box.maximum[2])
+            box = Box.around(np.array([(x, y, z) for x, y in footprint for z in heights]))
+        yield AnnotatedRoom(
+            region=region,
+            source_label=REGION_LABELS.get(held.label),
+            label=label_of("mp3d", held.label),
+            box=box,
+            footprint=footprint,
+            floor_area=area,
+            floor_index=rank[held.level] if is_levelled and box else None,
+        )
 
 
 ROW = SourceRow(

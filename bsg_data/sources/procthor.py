@@ -19,7 +19,7 @@ import re
 import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, ClassVar
 
@@ -27,16 +27,23 @@ import numpy as np
 from pydantic import Field, field_validator
 
 from bsg_data.errors import SourceError
-from bsg_data.geometry.placement import find_storeys, surround
+from bsg_data.geometry.placement import surround
 from bsg_data.inputs.bounded_file import open_stream
 from bsg_data.inputs.documents import require_json
 from bsg_data.records import ForeignRecord, Listed, Position
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import AnnotatedObject, Box, Room
+from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of, validate
-from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+)
 from bsg_data.spelling import show_value
 from bsg_data.terms import Terms
 
@@ -146,17 +153,17 @@ class _ProcTHORHouses:
         file = self.path / name if self.path.is_dir() else self.path
         text = fetch_listed(ref, self.path, lambda: _fetch(file, int(number)), _digest)
         house = _parse(text, ref.location)
-        graph = assemble(
-            _list_objects(house),
-            ref=ref,
-            kind=self.kind,
-            class_map=class_map,
-            rooms=find_storeys([*_describe_rooms(house, ref.location)]),
+        things = [*_unpack(house.objects)]
+        annotation = Annotation(
+            _find_regions(things, house.rooms),
+            [name_asset(thing.asset) for thing in things],
+            centroids=[_upright(thing.position) for thing in things],
+            rooms=_describe_rooms(house, ref.location),
             doors=_list_doors(house),
             method="door",
             building_kind="home",
         )
-        return Reading(graph)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
     def _files(self) -> list[Path]:
         if not self.path.is_dir():
@@ -272,19 +279,16 @@ def _parse(text: bytes, where: str) -> _House:
     return validate(_House, document, where=where, expected=expected, code="house-malformed")
 
 
-def _list_objects(house: _House) -> Iterator[AnnotatedObject]:
-    """Yield the objects, each before its children; one of no room is the building's."""
-    things = [*_unpack(house.objects)]
+def _find_regions(things: Sequence[_Thing], rooms: Sequence[_Room]) -> list[int]:
+    """Return the room of every thing; one of no room is the building's."""
     matches = [_OF_ROOM.search(thing.id) for thing in things]
     regions = [int(match[1]) if match else -1 for match in matches]
-    numbers = {room.number for room in house.rooms}
+    numbers = {room.number for room in rooms}
     astray = [at for at, region in enumerate(regions) if region not in numbers]
-    found = _find_rooms([things[at].position for at in astray], house.rooms)
+    found = _find_rooms([things[at].position for at in astray], rooms)
     for at, region in zip(astray, found, strict=True):
         regions[at] = region
-    for number, (thing, region) in enumerate(zip(things, regions, strict=True), start=1):
-        name, position = name_asset(thing.asset), _upright(thing.position)
-        yield AnnotatedObject(number, region, name, centroid=position)
+    return regions
 
 
 def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[int]:
@@ -303,7 +307,7 @@ def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[i
     return numbers
 
 
-def _describe_rooms(house: _House, where: str) -> Iterator[Room]:
+def _describe_rooms(house: _House, where: str) -> Iterator[AnnotatedRoom]:
     tops: dict[str | None, float] = {}
     for wall in house.walls:
         highest = max((corner.y for corner in wall.polygon), default=-np.inf)
@@ -312,7 +316,7 @@ def _describe_rooms(house: _House, where: str) -> Iterator[Room]:
         yield _describe(room, tops.get(room.id, -np.inf), where)
 
 
-def _describe(room: _Room, top: float, where: str) -> Room:
+def _describe(room: _Room, top: float, where: str) -> AnnotatedRoom:
     """Return a room with its floor: its area is the polygon's, its footprint the hull of that."""
     corners = np.array([_upright(corner) for corner in room.corners])
     area = measure_area([(x, y) for x, y, _ in corners])
@@ -324,9 +328,13 @@ def _describe(room: _Room, top: float, where: str) -> Room:
         )
     floor = corners[:, 2].min()
     ends = np.vstack([corners[:, :2].min(axis=0), corners[:, :2].max(axis=0)])
-    box = Box.around(np.column_stack([ends, [floor, max(floor, top)]]))
-    found = Room(0, room.number, room.room_type, floor_area=area)
-    return replace(place_room(found, box), footprint=surround(corners[:, :2]))
+    return AnnotatedRoom(
+        region=room.number,
+        source_label=room.room_type,
+        box=Box.around(np.column_stack([ends, [floor, max(floor, top)]])),
+        footprint=surround(corners[:, :2]),
+        floor_area=area,
+    )
 
 
 def _list_doors(house: _House) -> Iterator[tuple[int, int]]:

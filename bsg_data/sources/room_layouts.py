@@ -15,6 +15,7 @@ from bsg_data.inputs import text_table
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
 from bsg_data.scene.scene_graph import Room, SceneGraph
+from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import (
     fingerprint,
     list_files,
@@ -33,7 +34,14 @@ from bsg_data.sources.layout_files import (
     read_layout,
     read_layout_table,
 )
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source, Wrapper
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    Source,
+    Wrapper,
+)
 
 _SHOWN = 10  # region ids, or columns, in a message
 _Named = tuple[str, Path]  # how a layout names its scene, and the file where it is
@@ -100,8 +108,13 @@ def _label(room: Room, laid: LaidRoom) -> Room:
 def _place(room: Room, laid: LaidRoom) -> Room:
     if laid.box is None:
         return room
-    placed = place_room(replace(room, floor_area=laid.floor_area), laid.box)
-    return replace(placed, footprint=laid.footprint or placed.footprint)
+    told = AnnotatedRoom(
+        region=room.region_id,
+        box=laid.box,
+        footprint=laid.footprint,
+        floor_area=laid.floor_area or measure_area(laid.box.footprint),
+    )
+    return place_room(room, told)
 
 
 @dataclass(frozen=True, slots=True)

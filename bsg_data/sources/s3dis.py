@@ -19,10 +19,16 @@ from pydantic import AfterValidator, RootModel
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import Listed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
 from bsg_data.sources.assembly import assemble
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+)
 from bsg_data.terms import Terms
 
 _INSTANCE = re.compile(r"([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)")
@@ -64,16 +70,16 @@ class _S3DISAreas:
             _digest,
         )
         regions = {room: region for region, room in enumerate(sorted({room for room, _ in area}))}
-        graph = assemble(
-            [AnnotatedObject(n, regions[room], name) for n, (room, name) in enumerate(area, 1)],
-            ref=ref,
-            kind=self.kind,
-            sha256=ref.fingerprint,
-            class_map=class_map,
-            rooms=[Room(0, n, room.rpartition("_")[0]) for room, n in regions.items()],
+        annotation = Annotation(
+            [regions[room] for room, _ in area],
+            [name for _, name in area],
+            rooms=[
+                AnnotatedRoom(region=region, source_label=room.rpartition("_")[0])
+                for room, region in regions.items()
+            ],
             building_kind="office",
         )
-        return Reading(graph)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
 
 @lru_cache(maxsize=2)

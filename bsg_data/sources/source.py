@@ -1,21 +1,26 @@
 """The protocol of a source of scene graphs, its records and its terms.
 
-A source first finds its scenes, which is cheap, then reads them one by one. Every source returns
-`SceneGraph`s. To add one, write a file with a `Source` and a `SourceRow`. Then add a row to
-`bsg_data.sources.catalogue` or an entry point to the group `bsg_data.sources`.
+A source first finds its scenes, which is cheap, then reads them one by one. It reads an
+`Annotation`, of which `bsg_data.sources.assembly.assemble` makes a `SceneGraph`. To add a source,
+write a file with a `Source` and a `SourceRow`. Then add a row to `bsg_data.sources.catalogue` or an
+entry point to the group `bsg_data.sources`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+from bsg_data.arrays import Ints
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap
-from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph
+from bsg_data.scene.scene_graph import Box, MeshCoverage, Point, SceneGraph
 from bsg_data.terms import Terms
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +41,40 @@ class SceneRef:
     def key(self) -> str:
         """The key of its building: two scenes of one key are the same building."""
         return self.building or self.scene_id
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnnotatedRoom:
+    """What a source tells of one room; metres, Z up. What is None is not known."""
+
+    region: int  # its id, 0 or more
+    source_label: str | None = None  # what the source calls it
+    label: str | None = None  # its common label; None: that of `source_label`
+    box: Box | None = None
+    centroid: Point | None = None  # None: the centre of the box
+    footprint: tuple[tuple[float, float], ...] | None = None  # None: the floor of the box
+    floor_area: float | None = None  # square metres; None, without a footprint: of the box
+    # its level, from 0 at the bottom; where no room has one, the heights of the boxes tell it
+    floor_index: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Annotation:
+    """What a source tells of one building of O objects, as columns; metres, Z up."""
+
+    regions: Sequence[int] | Ints  # [O] below 0 the null region: such objects are the building's
+    names: Sequence[str]  # [O] exactly as annotated
+    _: KW_ONLY
+    ids: Sequence[int] | Ints | None = None  # [O] the annotation's own; None: 1, 2, 3, …
+    colours: Sequence[str | None] | pa.Array | None = None  # [O] in the semantic mesh, RRGGBB
+    centroids: Sequence[Point | None] | None = None  # [O]; without one, the centre of the box
+    boxes: Sequence[Box | None] | None = None  # [O]
+    parts: Sequence[Box | None] | None = None  # [O] boxes of the largest connected parts
+    rooms: Iterable[AnnotatedRoom] = ()  # those of which something is told, each once
+    doors: Iterable[tuple[int, int]] = ()  # regions that connect, in any order, also twice
+    method: str = "given"  # how the source knows of these, e.g. `door`
+    building_kind: str | None = None  # e.g. `office`
+    sha256: str | None = None  # hash of the annotation; None: the fingerprint of the scene is it
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,139 +1,28 @@
-"""Read scene graphs that Hydra recorded, as Spark-DSG JSON, and name their labels.
-
-A label space says what the numbers and the names of a robot's labels stand for. A published one
-translates the names of a public data set into categories of HM3D (`mappings/labels-<name>.csv`:
-`number,label,category`). Its numbers are those of Hydra's label space of that data set, and count
-where a file names no label itself. One of your own says which name a number stands for: Hydra's
-YAML, with a list `label_names` of `{label: 5, name: chair}`, or a CSV with the columns `label,name`
-and, if names are to be translated too, `category`.
-"""
+"""Read scene graphs that Hydra recorded, as Spark-DSG JSON."""
 
 from __future__ import annotations
 
 import hashlib
-import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache
-from importlib.resources import files
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import Field, ValidationError
 
 from bsg_data.dataset.manifest import SkippedScene
-from bsg_data.errors import ClassMapError, SourceError
-from bsg_data.files import AnyPath
-from bsg_data.geometry.placement import find_storeys
-from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.documents import parse_yaml, require_json
-from bsg_data.inputs.text_table import parse_csv
-from bsg_data.records import ForeignRecord, Listed, name_fault
+from bsg_data.inputs.documents import require_json
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.scene.scene_graph import AnnotatedObject, Room
 from bsg_data.sources.annotation_files import find_files, read_listed
-from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.dsg_file import DSGFile, DSGNode, parse_dsg
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.dsg_file import DSGNode, parse_dsg
+from bsg_data.sources.label_space import LabelSpace, load_label_space, name_object
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+)
 
-_PREFIX, _SUFFIX = "labels-", ".csv"
 _WITH_MESH = "_with_mesh"  # Hydra writes dsg.json and, with the mesh, dsg_with_mesh.json
-
-
-class _Label(ForeignRecord):
-    label: Annotated[int, Field(ge=0, lt=2**32)]
-    name: Annotated[str, Field(max_length=200)]
-    category: Annotated[str, Field(max_length=200)] = ""
-
-
-class _HydraFile(ForeignRecord):
-    label_names: Annotated[Listed[_Label], Field(min_length=1)]
-
-
-@dataclass(frozen=True, slots=True)
-class LabelSpace:
-    """What the labels of a robot stand for."""
-
-    name: str  # of the space, or of its file
-    sha256: str  # of its bytes
-    # the names of numbers, whatever a file says of them; empty in a published space
-    names: Mapping[int, str]
-    categories: Mapping[str, str]  # the categories of names, where they are translated
-    # in a published space the names of numbers, where a file says nothing of them
-    usual: Mapping[int, str] = field(default_factory=dict)
-
-    def translate(self, name: str) -> str:
-        """Return the category that a name stands for; the name itself where none is given."""
-        return self.categories.get(name, name)
-
-
-def _list_label_spaces() -> tuple[str, ...]:
-    """Return the names of the published label spaces, sorted."""
-    names = sorted(item.name for item in files("bsg_mappings").iterdir())
-    return tuple(n[len(_PREFIX) : -len(_SUFFIX)] for n in names if n.startswith(_PREFIX))
-
-
-@cache
-def _read_published(name: str) -> LabelSpace:
-    if name not in _list_label_spaces():
-        raise ClassMapError(
-            f"no label space {name!r}: there are {', '.join(_list_label_spaces())}, and yours as "
-            "the path of a .yaml, .yml or .csv",
-            code="label-space-unknown",
-            where=name,
-        )
-    data = read_published(f"{_PREFIX}{name}{_SUFFIX}")
-    rows = read_rows(name, data, ("number", "label", "category"))
-    return LabelSpace(
-        name=name,
-        sha256=hashlib.sha256(data).hexdigest(),
-        names={},
-        categories={label: category for _, (_, label, category) in rows},
-        usual={int(number): label for _, (number, label, _) in rows},
-    )
-
-
-def load_label_space(name: AnyPath) -> LabelSpace:
-    """Load a published label space by its name, or one of your own by its path.
-
-    Args:
-        name: `ade20k`, `mpcat40`, or the path of a `.yaml`, `.yml` or `.csv`.
-    """
-    path = Path(name)
-    if path.suffix.casefold() not in (".yaml", ".yml", _SUFFIX):
-        return _read_published(os.fspath(name))
-    data = read_bytes(path)
-    try:
-        is_csv = path.suffix.casefold() == _SUFFIX
-        document = {"label_names": _parse_csv(data)} if is_csv else parse_yaml(data)
-        labels = _HydraFile.model_validate(document).label_names
-        names: dict[int, str] = {}
-        for label in labels:
-            if names.setdefault(label.label, label.name) != label.name:
-                raise ValueError(f"label {label.label} has two names")
-    except ValueError as error:
-        said = name_fault(error) if isinstance(error, ValidationError) else error
-        raise SourceError(
-            f"{path}: {said}; expected Hydra's label_names, a list of {{label: 5, name: chair}}, "
-            "or a CSV with the columns label,name",
-            code="label-space-malformed",
-            where=path,
-        ) from error
-    categories = {label.name: label.category for label in labels if label.category}
-    return LabelSpace(path.stem, hashlib.sha256(data).hexdigest(), names, categories)
-
-
-def _parse_csv(data: bytes) -> list[dict[str, Any]]:
-    header: list[str] = []
-    found = []
-    for _, row in parse_csv(data):
-        if header and row:
-            found.append(
-                {key: cell for key, cell in zip(header, row, strict=False) if key and cell}
-            )
-        header = header or row
-    return found
 
 
 @dataclass(frozen=True)
@@ -177,18 +66,21 @@ class _RobotGraphs:
         data = read_listed(path, expected=ref.fingerprint)
         document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
-        graph = assemble(
-            _list_objects(file, self._space()),
-            ref=ref,
-            kind=self.kind,
-            sha256=hashlib.sha256(data).hexdigest(),
-            class_map=class_map,
-            rooms=find_storeys([_room(node) for node in file.rooms]),
+        space = self._space()
+        annotation = Annotation(
+            [-1 if node.room is None else file.rooms[node.room].index for node in file.objects],
+            [name_object(node, space) for node in file.objects],
+            ids=[node.index for node in file.objects],
+            centroids=[None if node.box else node.position for node in file.objects],
+            boxes=[node.box for node in file.objects],
+            rooms=map(_describe_room, file.rooms),
             doors=[(file.rooms[a].index, file.rooms[b].index) for a, b in file.adjacency],
             method="robot",
+            sha256=hashlib.sha256(data).hexdigest(),
         )
         said = f"{file.lost:,} edges to nodes that are not there: they are left out"
         lost = [SkippedScene(ref.scene_id, ref.location, said)] if file.lost else []
+        graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
         return Reading(graph, left_out=tuple(lost))
 
     def _space(self) -> LabelSpace | None:
@@ -200,40 +92,13 @@ def _is_second(name: str, names: set[str]) -> bool:
     return name.endswith(_WITH_MESH) and name.removesuffix(_WITH_MESH) in names
 
 
-def _room(node: DSGNode) -> Room:
-    room = Room(0, node.index, source_label=node.label_name or node.name, centroid=node.position)
-    return room if node.box is None else place_room(room, node.box)
-
-
-def _list_objects(file: DSGFile, space: LabelSpace | None) -> list[AnnotatedObject]:
-    return [
-        AnnotatedObject(
-            instance_id=node.index,
-            region_id=-1 if node.room is None else file.rooms[node.room].index,
-            name=name_object(node, space),
-            centroid=node.position if node.box is None else node.box.centre,
-            box=node.box,
-        )
-        for node in file.objects
-    ]
-
-
-def name_object(node: DSGNode, space: LabelSpace | None) -> str:
-    """Return the name of an object: of its label by the space, by the file, else its own.
-
-    A published space names a label's number where neither the file nor the object has a name. An
-    own name loses its number, `chair_3` for example. A label that nobody names is `label 5`, so
-    that a build reports it; an object without either has no name.
-    """
-    own = (node.name or "").rstrip("0123456789").rstrip("_ #-")
-    if node.label is None:
-        name = own
-    elif space is None:
-        name = node.label_name or own or f"label {node.label}"
-    else:
-        given = space.names.get(node.label) or node.label_name or own
-        name = given or space.usual.get(node.label) or f"label {node.label}"
-    return name if space is None else space.translate(name)
+def _describe_room(node: DSGNode) -> AnnotatedRoom:
+    return AnnotatedRoom(
+        region=node.index,
+        source_label=node.label_name or node.name,
+        centroid=None if node.box else node.position,
+        box=node.box,
+    )
 
 
 ROW = SourceRow(

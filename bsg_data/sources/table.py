@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,18 @@ import numpy as np
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
-from bsg_data.geometry.placement import find_storeys
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import AnnotatedObject, Box, Point, Room
+from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
-from bsg_data.sources.assembly import assemble, place_room
-from bsg_data.sources.source import FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.sources.assembly import assemble
+from bsg_data.sources.source import (
+    AnnotatedRoom,
+    Annotation,
+    FoundScenes,
+    Reading,
+    SceneRef,
+    SourceRow,
+)
 from bsg_data.sources.table_rows import FIELDS, Facts, Row, Scene, read_scenes
 from bsg_data.terms import LICENCE_REF, Terms
 
@@ -105,20 +111,16 @@ class _ObjectTable:
         regions = _number_rooms(facts)
         listed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         listed.sort(key=lambda pair: (pair[0], pair[1].key))
-        each = (pair for pair in listed for _ in range(pair[1].times))
-        objects = [
-            AnnotatedObject(number, region, row.category, centroid=row.place, box=row.box)
-            for number, (region, row) in enumerate(each, start=1)
-        ]
-        graph = assemble(
-            objects,
-            ref=ref,
-            kind=self.kind,
-            class_map=class_map,
+        each = [pair for pair in listed for _ in range(pair[1].times)]
+        annotation = Annotation(
+            [region for region, _ in each],
+            [row.category for _, row in each],
+            centroids=[row.place for _, row in each],
+            boxes=[row.box for _, row in each],
             rooms=_describe_rooms(rows, facts, regions),
             doors=[(regions[row.room], regions[other]) for row in rows for other in row.connected],
         )
-        return Reading(graph)
+        return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
     def _read(self) -> tuple[Mapping[str, Scene], Sequence[str]]:
         return read_scenes(self.path, *state_of(self.path), tuple(self.options.items()))
@@ -144,31 +146,29 @@ def _by_digits(name: str) -> tuple[list[Any], str]:
     return [int(piece) if turn % 2 else piece for turn, piece in enumerate(pieces)], name
 
 
-def _describe_rooms(rows: Sequence[Row], facts: Facts, regions: Mapping[str, int]) -> list[Room]:
-    """Return what the rows tell of the rooms; their levels, or those that their floors show."""
+def _describe_rooms(
+    rows: Sequence[Row], facts: Facts, regions: Mapping[str, int]
+) -> Iterator[AnnotatedRoom]:
+    """Yield what the rows tell of the rooms; their levels, or those that their floors show."""
     points: dict[str, list[Point]] = {name: [] for name in facts}
     boxed = {row.room for row in rows if row.box}
     for row in rows:
         if row.room and row.place:
             ends = (row.box.minimum, row.box.maximum) if row.box else ()
             points[row.room] += [row.place, *ends]
-    rooms = []
+    levels = sorted({said["floor"] for said in facts.values() if said.get("floor") is not None})
     for name, said in facts.items():
-        label = said.get("room_label") or (None if _NUMBER.fullmatch(name) else name)
-        room = Room(0, regions[name], label, floor_area=said.get("floor_area"))
-        if points[name]:
-            around = Box.around(np.array(points[name]))
-            is_boxed = name in boxed  # else its objects are points, and it has a middle alone
-            room = place_room(room, around) if is_boxed else replace(room, centroid=around.centre)
-        rooms.append(room)
-    floors = [said.get("floor") for said in facts.values()]
-    levels = sorted({floor for floor in floors if floor is not None})
-    if not levels:
-        return list(find_storeys(rooms))
-    return [
-        replace(room, floor_index=None if floor is None else levels.index(floor))
-        for room, floor in zip(rooms, floors, strict=True)
-    ]
+        around = Box.around(np.array(points[name])) if points[name] else None
+        is_boxed = name in boxed  # else its objects are points, and it has a middle alone
+        floor = said.get("floor")
+        yield AnnotatedRoom(
+            region=regions[name],
+            source_label=said.get("room_label") or (None if _NUMBER.fullmatch(name) else name),
+            box=around if is_boxed else None,
+            centroid=around.centre if around else None,
+            floor_area=said.get("floor_area"),
+            floor_index=None if floor is None else levels.index(floor),
+        )
 
 
 def _digest(scene: Scene) -> str:

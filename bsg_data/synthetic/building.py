@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bsg_data.arrays import Counts, Floats
-from bsg_data.scene.scene_graph import AnnotatedObject
 
 _ROOMS = (4, 34)  # least and most, as in HM3D
 _IN_EVERY_HOME = ("bathroom", "bedroom", "kitchen", "living room")
@@ -51,6 +50,15 @@ def read_rooms() -> _RoomTable:
     )
 
 
+class SyntheticObject(NamedTuple):
+    """One line of an annotation; a region below 0 is the null region."""
+
+    instance_id: int
+    region_id: int
+    name: str
+    colour: str  # hexadecimal
+
+
 @dataclass(frozen=True, slots=True)
 class SyntheticBuilding:
     """One synthetic building."""
@@ -59,7 +67,7 @@ class SyntheticBuilding:
     hash: str
     split: str
     rooms: tuple[str, ...]  # kinds of its rooms, by ascending region id
-    rows: tuple[AnnotatedObject, ...]
+    rows: tuple[SyntheticObject, ...]
 
 
 def synthesise(*, seed: int, number: int) -> SyntheticBuilding:
@@ -107,7 +115,7 @@ def _draw_counts(table: _RoomTable, kinds: list[int], rng: np.random.Generator) 
 
 def _list_rows(
     table: _RoomTable, counts: Counts, rng: np.random.Generator
-) -> tuple[AnnotatedObject, ...]:
+) -> tuple[SyntheticObject, ...]:
     """List the instances room by room, with ids and colours; regions count from 0 or from 1."""
     first = int(rng.random() < 0.3)
     rooms, names = (np.repeat(places, counts[counts > 0]) for places in np.nonzero(counts))
@@ -116,6 +124,6 @@ def _list_rows(
         listed += [(name, -1) for name, _ in listed[:3]]
     colours = rng.choice(0xFFFFFF, size=len(listed), replace=False) + 1  # black is no instance
     return tuple(
-        AnnotatedObject(index, region, table.names[name], colour=f"{colour:X}")
+        SyntheticObject(index, region, table.names[name], colour=f"{colour:X}")
         for index, ((name, region), colour) in enumerate(zip(listed, colours, strict=True), 1)
     )

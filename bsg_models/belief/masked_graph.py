@@ -88,7 +88,7 @@ def _mask(
         hidden=hidden,
         classes=class_space.classes,
     )
-    seen, view = shown.cells, views[0]
+    seen, view = shown.count(unclassified.names), views[0]
     rows = {node: row for row, node in enumerate(view.nodes.tolist())}
     rooms = [room for room in graph.rooms if room.room_index in rows]
     partial = PartialGraph(

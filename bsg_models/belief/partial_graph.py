@@ -7,7 +7,7 @@ Node indices are those of `bsg_data.scene.scene_graph`. `bsg_robot` reads and up
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, lru_cache
 from numbers import Real
@@ -32,13 +32,13 @@ from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_CORNERS, MAX_UNREAD
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import View
-from bsg_data.records import name_fault
+from bsg_data.records import MAX_METRES, name_fault
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import RoomType, check_room_type
 from bsg_data.scene.scene_graph import Box
-from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings
+from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, area_of
 from bsg_data.spelling import show_value
 from bsg_models.belief.hidden_share import ShareBelief
 
@@ -77,26 +77,51 @@ def check_more_rooms(said: object) -> int | None:
 
 def spell_id(said: Any) -> Any:
     """Return an id as text: a number is one, too."""
+    said = said.item() if isinstance(said, np.generic) else said
     is_number = isinstance(said, int) and not isinstance(said, bool) and abs(said) < _MOST_ID
     return str(said) if is_number else said
+
+
+def _read_point(said: object) -> object:
+    """Return a point as a list: of NumPy, or with names of its axes."""
+    if isinstance(said, Mapping) and said.keys() in ({"x", "y"}, {"x", "y", "z"}):
+        return [said[axis] for axis in sorted(said)]
+    return said.tolist() if isinstance(said, np.ndarray) else said
+
+
+def _read_position(said: object) -> object:
+    said = _read_point(said)
+    if isinstance(said, list | tuple) and len(said) != 3:
+        raise ValueError(f"expected [x, y, z] in metres, found {show_value(said)}")
+    return said
+
+
+def _read_flag(said: object) -> object:
+    """Return true or false: also of NumPy, and as 1 or 0."""
+    said = said.item() if isinstance(said, np.generic) else said
+    if not isinstance(said, bool | int) or said not in (0, 1):
+        raise ValueError(f"expected true or false, found {show_value(said)}")
+    return bool(said)
 
 
 # What a robot's JSON may hold; `KnownRoom` in Python is trusted.
 Id = Annotated[str, Field(min_length=1, max_length=500), BeforeValidator(spell_id)]
 Text = Annotated[str, Field(max_length=500)]
 Number = BeforeValidator(_read_number)
-Metres = Annotated[float, Number, Field(ge=-1e6, le=1e6)]
+Metres = Annotated[float, Number, Field(ge=-MAX_METRES, le=MAX_METRES)]
 Footprint = Annotated[
-    tuple[tuple[Metres, Metres], ...], Field(min_length=3, max_length=MAX_CORNERS)
+    tuple[Annotated[tuple[Metres, Metres], BeforeValidator(_read_point)], ...],
+    Field(min_length=3, max_length=MAX_CORNERS),
+    BeforeValidator(lambda said: said.tolist() if isinstance(said, np.ndarray) else said),
 ]
-Position = tuple[Metres, Metres, Metres]
+Position = Annotated[tuple[Metres, Metres, Metres], BeforeValidator(_read_position)]
 _Corners = Annotated[
     tuple[Position, Position],
     BeforeValidator(lambda said: (said.minimum, said.maximum) if isinstance(said, Box) else said),
     AfterValidator(lambda ends: Box(*ends)),
 ]
 _AS_CORNERS = GetPydanticSchema(lambda _, handler: handler.generate_schema(_Corners | None))
-StrictFraction = Annotated[float, Field(ge=0, le=1, strict=True)]
+StrictFraction = Annotated[float, Number, Field(ge=0, le=1)]
 Score = Annotated[float, Number, Field(ge=0, le=1)]
 Hours = Annotated[float, Number, Field(ge=0, le=1e6)]
 Stay = Annotated[float, Number, Field(gt=0, le=1e9)]
@@ -169,7 +194,7 @@ class KnownRoom:
 
     name: Annotated[Id, Field(alias="id")]
     hidden_share: StrictFraction
-    visited: Annotated[bool, Field(strict=True)] = True
+    visited: Annotated[bool, BeforeValidator(_read_flag)] = True
     label: Text | None = None
     position: Position | None = None
     box: Annotated[Box | None, _AS_CORNERS] = None
@@ -322,7 +347,12 @@ class PartialGraph:
             self._count_unclassified(vocabulary),
             vocabulary=vocabulary,
             connections=Connections.of_pairs(self.adjacency),
-            surroundings=Surroundings.of_graph(self, self.rooms),
+            surroundings=Surroundings.of_rooms(
+                [area_of(room) for room in self.rooms],
+                [room.room_type for room in self.rooms],
+                building_kind=self.building_kind,
+                source=self.source,
+            ),
         )
 
     def _cells(self) -> Counts:

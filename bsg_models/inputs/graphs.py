@@ -14,7 +14,7 @@ from torch_geometric.data import HeteroData
 from bsg_data.arrays import Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import count_cells, to_histograms
-from bsg_data.dataset.shards import make_tables
+from bsg_data.dataset.scenes import make_tables
 from bsg_data.errors import DatasetError
 from bsg_data.observation.masked_buildings import (
     MaskedBuildings,

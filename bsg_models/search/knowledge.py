@@ -159,8 +159,9 @@ def _find_by_all(edges: Floats) -> Floats:
     """Return what `find_costs` does, by the method of Floyd and Warshall."""
     if len(edges) > MOST_JOINED:
         raise RecipeError(
-            f"expected at most {MOST_JOINED:,} rooms to measure ways between where most connect, "
-            f"found {len(edges):,}; ask without the robot's room, or about a part of the building",
+            f"expected at most {MOST_JOINED:,} rooms to measure ways between where each connects "
+            f"with many, found {len(edges) - 1:,}; ask without the robot's room, or about a part "
+            "of the building",
             code="rooms-too-many",
         )
     costs = edges.astype(np.float64)

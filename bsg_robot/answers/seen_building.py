@@ -58,6 +58,7 @@ from bsg_robot.answers.ways import (
     Costs,
     Ways,
     add_places,
+    check_costs,
     cost_looks,
     list_lost,
     measure_ways,
@@ -173,6 +174,7 @@ class SeenBuilding(ToldBuilding):
     ) -> tuple[Place, ...]:
         sought, rooms = self._now.seek(thing), self.graph.rooms
         belief = sought.belief
+        check_costs(self.graph, costs)  # what is said must be right, though it does not count
         known_costs = {} if here is None else self._known_costs(here, costs)
         anywhere = max(float(belief.probability[0]), _LEAST)
         likely, unseen, expected = (
@@ -478,7 +480,7 @@ class SeenBuilding(ToldBuilding):
 
     @alone
     def ways(self, costs: Costs | None = None) -> Ways:
-        """Return the costs of going from room to room, at most 2,000, or 1,400 if most connect.
+        """Return the costs of going from room to room, at most 2,000, or 1,400 in a dense graph.
 
         Raises:
             RecipeError: also if there are more rooms, or a cost is not 0 or more.

@@ -28,6 +28,7 @@ from bsg_models.belief.partial_graph import (
     SeenObject,
     check_more_rooms,
     check_report,
+    spell_id,
 )
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
@@ -165,6 +166,7 @@ class ToldBuilding:
             RecipeError: for a room, a word or a number that cannot be.
         """
         require_word(thing)
+        object_id = spell_id(object_id)
         index = 0 if room is None else find_room(self.graph, room)
         within = read_number("saw: within", within, most=math.inf)
         where = f"saw {thing[:SHOWN]!r}"
@@ -178,7 +180,8 @@ class ToldBuilding:
         seen = check_report(SeenObject(object_id or self._name_object(), *facts, on=piece))
         near = None
         if object_id is None:
-            near = reports.find_near(self.graph, seen, within=within, besides=besides)
+            others = [*map(spell_id, besides)]
+            near = reports.find_near(self.graph, seen, within=within, besides=others)
         if near is not None:
             likelier = max(seen.probability, near.probability)
             score = None if score is None or near.score is None else likelier
@@ -235,6 +238,7 @@ class ToldBuilding:
             RecipeError: if there is no such object.
         """
         known = [obj.name for obj in self.graph.objects]
+        object_id = spell_id(object_id)
         if object_id not in known:
             hint = ask_if_meant(str(object_id), known) or "`graph.objects` has the ids"
             raise RecipeError(
@@ -280,6 +284,7 @@ class ToldBuilding:
     def _find_piece(self, said: str, index: int) -> SeenObject:
         """Return an object of a room, by its id, its word, or that of its kind of furniture."""
         known = [obj for obj in self.graph.objects if obj.room_index == index]
+        said = spell_id(said)
         spoken, kind = normalise_name(str(said)), find_receptacle(str(said))
         same = (
             [obj for obj in known if obj.name == said]
@@ -370,7 +375,7 @@ class ToldBuilding:
 
     def _find_again(self, said: str, known: Sequence[SeenObject], room: str) -> list[str]:
         """Return the ids of the known objects that an id or a word names."""
-        names = [obj.name for obj in known]
+        names, said = [obj.name for obj in known], spell_id(said)
         if said in names:
             return [said]
         spoken = normalise_name(str(said))

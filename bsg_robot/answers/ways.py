@@ -14,7 +14,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
 from bsg_data.scene.surroundings import area_of
-from bsg_data.spelling import SHOWN
+from bsg_data.spelling import SHOWN, show_value
 from bsg_models.belief.partial_graph import KnownRoom, Number, PartialGraph
 from bsg_models.search.knowledge import find_costs
 from bsg_models.search.looks import USUAL_WAY, metres_of_look
@@ -68,10 +68,8 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     edges[a, b] = edges[b, a] = np.where(np.isfinite(lines[a, b]), lines[a, b], usual)
     if graph.adjacency:
         _join_parts(edges, lines, usual)
-    for ends, cost in (costs or {}).items():
-        one, other = (find_room(graph, end) for end in ends)
-        what = f"costs: {ends[0]!r} to {ends[1]!r}"
-        edges[one, other] = edges[other, one] = read_number(what, cost, most=math.inf)
+    for (one, other), cost in check_costs(graph, costs).items():
+        edges[one, other] = edges[other, one] = cost
     unit: Unit = "given" if costs else "m" if len(known) else "rooms"
     open_ = edges[np.isfinite(edges)]
     usual = float(np.median(open_)) if costs and len(open_) else usual
@@ -84,6 +82,31 @@ def measure_ways(graph: PartialGraph, costs: Costs | None = None) -> Ways:
     straight = np.where(nowhere & (edges > 2 * usual) & np.isfinite(edges), 2 * usual, edges)
     np.fill_diagonal(straight, 0.0)
     return Ways(edges, straight, unit, usual, metre)
+
+
+def check_costs(graph: PartialGraph, costs: Costs | None) -> dict[tuple[int, int], float]:
+    """Return the costs of ways that a robot says, by the indices of two rooms.
+
+    Raises:
+        RecipeError: for what is no cost of 0 or more between two rooms of the graph.
+    """
+    form = 'such as {("hall", "kitchen"): 3.5}'
+    if not isinstance(costs, Mapping | None):
+        raise RecipeError(
+            f"costs: expected two rooms → cost, {form}, found {show_value(costs)}",
+            code="costs-malformed",
+        )
+    found = {}
+    for ends, cost in (costs or {}).items():
+        if not isinstance(ends, tuple) or len(ends) != 2:
+            raise RecipeError(
+                f"costs: expected two rooms, {form}, found {show_value(ends)}",
+                code="costs-malformed",
+            )
+        what = f"costs: {show_value(ends[0])} to {show_value(ends[1])}"
+        one, other = (find_room(graph, end) for end in ends)
+        found[one, other] = read_number(what, cost, most=math.inf)
+    return found
 
 
 def add_places(ways: Ways, number: int) -> Ways:

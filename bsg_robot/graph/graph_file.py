@@ -13,10 +13,11 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.bounds import ROBOT, SPARK_DSG
 from bsg_data.inputs.documents import require_json
 from bsg_data.sources.dsg_file import is_dsg, parse_dsg
+from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.room_words import RoomWords, read_room_words
-from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_robot.graph.hydra import BINARY, convert, describe_hydra, find_document, note_hydra
+from bsg_robot.graph.map_forms import FORM
 from bsg_robot.graph.robot_json import RobotGraphError, parse_robot_graph
 
 
@@ -75,6 +76,7 @@ def parse_graph(
     """Read a robot's graph in a document of JSON; errors name the path."""
     own = () if room_labels is None else read_room_words(room_labels)
     if is_dsg(document):
+        _refuse_other_nodes(document["nodes"], path)
         space = None if labels is None else load_label_space(labels)
         dsg = parse_dsg(document, path=path)
         said = {"scene_id": _name_scene(document, path), **describe_hydra(dsg, space, path)}
@@ -87,6 +89,18 @@ def parse_graph(
             where=path,
         )
     return GraphFile(path, parse_robot_graph(document, path=path, room_labels=own))
+
+
+def _refuse_other_nodes(nodes: Any, path: Path) -> None:
+    """Refuse a graph of nodes and links that is not Spark-DSG's, whose ids are numbers."""
+    first = nodes[0] if isinstance(nodes, list) and nodes else None
+    if isinstance(first, dict) and isinstance(first.get("id"), str):
+        raise RobotGraphError(
+            f"{path}: nodes of no Spark-DSG graph, as networkx writes them; write the rooms with "
+            f"what was seen there: {FORM} (docs/belief.md)",
+            code="graph-malformed",
+            where=path,
+        )
 
 
 def _read_document(path: Path, named: Path) -> Any:

@@ -22,9 +22,7 @@ gives its class. By default the hidden share is 1 for a room that was not visite
 `floor_in_view` and `walls_in_view` can replace a hidden share, which is then estimated.
 docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 
-The simplest map is read, too: room → the things that were seen there.
-
-    {"kitchen": ["sink", "stove"], "hall": [], "more_rooms": true}
+`bsg_robot.graph.map_forms` has the other forms that are read, as room → the things seen there.
 """
 
 from __future__ import annotations
@@ -40,7 +38,6 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
-    TypeAdapter,
     ValidationError,
 )
 
@@ -71,7 +68,6 @@ from bsg_data.scene.room_label import (
     drop_origin,
     explain_rules,
     is_name,
-    label_of,
     list_labels,
     name_nearest,
     normalise_room,
@@ -86,7 +82,7 @@ from bsg_data.scene.surroundings import (
     guess_building_kind,
 )
 from bsg_data.scene.vocabularies import vocabulary_words
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.spelling import SHOWN, ask_if_meant
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
@@ -104,8 +100,8 @@ from bsg_models.belief.partial_graph import (
     StrictFraction,
     Text,
     Unread,
-    spell_id,
 )
+from bsg_robot.graph.map_forms import FORM, open_belief, require_few, spell_out
 from bsg_robot.graph.reports import say_score
 from bsg_robot.things.things import classify_seen
 
@@ -124,21 +120,8 @@ _WORDS = {  # of JSON, where pydantic's are of Python's types
     "dataclass_type": 'expected a JSON object, such as {"id": "kitchen"} (docs/belief.md)',
     "tuple_type": "expected a JSON list",
     "dict_type": "expected a JSON list of words",
+    "missing": f"is missing (docs/belief.md); the simplest map is {FORM}",
 }
-# Keys of other formats, and which of ours is meant.
-_MEANT = {
-    "rooms": {"name": "id", "room_id": "id", "type": "room_type", "kind": "room_type"},
-    "objects": {
-        "name": "id",
-        "object_id": "id",
-        "class_name": "category",
-        "type": "category",
-        **dict.fromkeys(("parent", "parentreceptacles", "receptacle", "in", "at"), "on"),
-    },
-    "looks": {"object": "thing", "category": "thing", "on": "at"},
-    "": {"name": "scene_id", "kind": "building_kind"},
-}
-_MAP_HINT = 'a map of rooms is written without the key `rooms`: {"kitchen": ["sink"], "hall": []}'
 _ROOM_FIELDS = tuple(one.name for one in fields(KnownRoom))
 _SHARE_WORDS = ("visited", "hidden_share", "hidden_share_sd")
 _FACTS = tuple(name for name in _ROOM_FIELDS if name not in ("name", *_SHARE_WORDS))
@@ -148,7 +131,6 @@ ROOM_WORDS = (*_SHARE_WORDS, *_LOOKS, "id", *_FACTS)
 OBJECT_WORDS = ("id", "category", "position", "score", "age", "stays", "on")
 _GRAPH_FACTS = ("scene_id", "hidden_share", "building_kind", "source", "more_rooms", "stays")
 GRAPH_WORDS = (*_GRAPH_FACTS, "detector", "looks")
-_FACTS_OF_MAPS = ("more_rooms", "building_kind")
 
 
 class RobotGraphError(SourceError):
@@ -160,7 +142,7 @@ class _Room(KnownRoom):
     """A room as a robot says it: its hidden share, or how it looked at the room."""
 
     hidden_share: StrictFraction | None = None  # type: ignore[assignment]
-    seconds_inside: Annotated[float, Field(ge=0, le=1e9, strict=True)] | None = None
+    seconds_inside: Annotated[float, Number, Field(ge=0, le=1e9)] | None = None
     floor_in_view: StrictFraction | None = None
     walls_in_view: StrictFraction | None = None
 
@@ -224,15 +206,15 @@ def _count_parts(rooms: Any) -> Any:
     """Refuse rooms that have too much in all, before any of it is read."""
     listed = [room for room in rooms if isinstance(room, dict)] if _is_list(rooms) else []
     corners = sum(len(one) for room in listed if _is_list(one := room.get("footprint")))
-    _require_few(corners, MAX_ALL_CORNERS, "corners of all footprints together")
+    require_few(corners, MAX_ALL_CORNERS, "corners of all footprints together")
     types = [room.get(key) for room in listed for key in ("room_type", "unread")]
     labels = sum(len(one) for one in types if isinstance(one, dict | list))
-    _require_few(labels, MAX_ROBOT_TYPES, "labels of all room types together")
+    require_few(labels, MAX_ROBOT_TYPES, "labels of all room types together")
     kinds: set[str] = set()
     for one in types:
         words = [one] if isinstance(one, str) else one if isinstance(one, dict | list) else ()
         kinds.update(word for word in words if isinstance(word, str))
-    _require_few(len(kinds), MAX_ROBOT_KINDS, "different labels of room types")
+    require_few(len(kinds), MAX_ROBOT_KINDS, "different labels of room types")
     return rooms
 
 
@@ -245,7 +227,7 @@ def _count_letters(objects: Any) -> Any:
         if isinstance(one, dict) and isinstance(one.get("category"), str)
     }
     what = "letters of different words for objects"
-    _require_few(sum(map(len, words)), MAX_ROBOT_LETTERS, what)
+    require_few(sum(map(len, words)), MAX_ROBOT_LETTERS, what)
     return objects
 
 
@@ -258,14 +240,14 @@ def _count_things(looks: Any) -> Any:
         if isinstance(one, dict) and isinstance(one.get("thing"), str)
     }
     what = "different things to look for"
-    _require_few(len(things), MAX_ROBOT_SOUGHT, what, "; leave out old looks")
+    require_few(len(things), MAX_ROBOT_SOUGHT, what, "; leave out old looks")
     return looks
 
 
 def _count_own(said: Any) -> Any:
     """Refuse a table of too many words for rooms."""
     if isinstance(said, dict):
-        _require_few(len(said), MAX_ROBOT_WORDS, "words for rooms")
+        require_few(len(said), MAX_ROBOT_WORDS, "words for rooms")
     return said
 
 
@@ -275,11 +257,6 @@ def _check_own(said: Mapping[str, str | None]) -> Mapping[str, str | None]:
 
 def _is_list(said: Any) -> TypeGuard[list[Any] | tuple[Any, ...]]:
     return isinstance(said, list | tuple)
-
-
-def _require_few(found: int, most: int, what: str, hint: str = "") -> None:
-    if found > most:
-        raise ValueError(f"expected at most {most:,} {what}, found {found:,}{hint}")
 
 
 class _Graph(SaidRecord):
@@ -311,9 +288,6 @@ class _Graph(SaidRecord):
     unread: Unread = ()
 
 
-_ID_KEYS = {"rooms": ("id",), "objects": ("id", "room", "on"), "looks": ("room", "at")}
-_SIMPLEST = TypeAdapter(Keyed[Id, Listed[Text]])
-_LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
 _KEYS = {
     "": tuple(_Graph.model_fields),
     "rooms": ROOM_WORDS,
@@ -362,127 +336,19 @@ def parse_robot_graph(
     by = class_map if isinstance(class_map, ClassSpace) else load_class_map(class_map)
     document: Any = {}
     try:
-        document = _find_partial(said, path)
         if isinstance(by, ClassSpace):  # as it was understood before
+            document = open_belief(said)
             return _assemble(_Graph.model_validate(document), by)
-        told = _tidy(document, path)
-        own = told.get("room_labels", {})
+        document = spell_out(said, path, keys=frozenset(_KEYS[""]))
+        own = document.get("room_labels", {})
         if room_labels and isinstance(own, dict):  # as if the document said them
-            told["room_labels"] = own | dict(room_labels)
-        return understand_rooms(_assemble(_Graph.model_validate(told), by))
+            document["room_labels"] = own | dict(room_labels)
+        return understand_rooms(_assemble(_Graph.model_validate(document), by))
     except ValidationError as error:
         why = _explain(error, document)
         raise RobotGraphError(f"{path}: {why}", code="graph-malformed", where=path) from error
     except RecipeError as error:
         raise RobotGraphError(f"{path}: {error}", code="graph-malformed", where=path) from error
-
-
-def _find_partial(said: Any, path: Path) -> Any:
-    """Return the document of a robot's graph: this one, what a belief graph holds, or spelt out."""
-    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
-        said = said.get("partial")
-        if said is None:
-            raise RecipeError(
-                "a belief graph without `partial`, the graph that the robot has seen; expected it "
-                "there (docs/belief.md)"
-            )
-    if not isinstance(said, dict):
-        raise RecipeError(
-            "expected a JSON object with `scene_id`, `rooms` and `objects` (docs/belief.md), "
-            f"found {show_value(said)}"
-        )
-    # Beside its rooms, the simplest map may state these; a list is a room of this name.
-    facts = {k: said[k] for k in _FACTS_OF_MAPS if k in said and not isinstance(said[k], list)}
-    ours = said.keys() & (set(_KEYS[""]) - facts.keys())
-    if (found := len(said) - len(facts)) > MAX_ROBOT_ROOMS:
-        if ours:
-            return keep_one_unknown(said, _KEYS[""])
-        raise RecipeError(f"expected at most {MAX_ROBOT_ROOMS:,} rooms, found {found:,}")
-    things = {key: value for key, value in said.items() if key not in facts}
-    is_spelt = not things.keys() <= _LISTS and all(
-        _lists_words(value) and (value or key not in _LISTS) for key, value in things.items()
-    )
-    if is_spelt or not ours:
-        return _spell_out(_SIMPLEST.validate_python(things), path) | facts
-    return said
-
-
-def _lists_words(said: Any) -> bool:
-    """Say whether a value is a list as of the things in a room, of any name: `source`, `rooms`."""
-    return isinstance(said, list) and all(isinstance(one, str) for one in said)
-
-
-def _spell_out(things: Mapping[str, Sequence[str]], path: Path) -> dict[str, Any]:
-    """Return the simplest map as a document.
-
-    A room's name is also its kind, if it is a room label. A room without things was not entered.
-    """
-    if (found := sum(map(len, things.values()))) > MAX_ROBOT_OBJECTS:
-        raise RecipeError(f"expected at most {MAX_ROBOT_OBJECTS:,} things, found {found:,}")
-    objects, times = [], Counter[str]()
-    for room, seen in things.items():
-        for thing in seen:
-            times[thing] += 1
-            objects.append({"id": f"{thing} {times[thing]}", "room": room, "category": thing})
-    rooms = [
-        {"id": room, "visited": bool(seen), "room_type": room if label_of("any", room) else None}
-        for room, seen in things.items()
-    ]
-    return {"scene_id": _name_scene(path), "rooms": rooms, "objects": objects}
-
-
-def _name_scene(path: Path) -> str:
-    return path.name.partition(".")[0] or path.name
-
-
-def _tidy(said: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Return a document with its ids as text, an id for all that needs one, and nothing empty."""
-    found = {"scene_id": _name_scene(path)} | drop_empty(said)
-    found["scene_id"] = spell_id(found["scene_id"])
-    for key, ids in _ID_KEYS.items():
-        entries = found.get(key)
-        if isinstance(entries, list) and len(entries) <= MAX_ROBOT_OBJECTS:
-            found[key] = [_tidy_entry(entry, ids, _KEYS[key]) for entry in entries]
-    if isinstance(found.get("objects"), list):
-        found["objects"] = _number_objects(found["objects"])
-    pairs = found.get("adjacency")
-    if isinstance(pairs, list) and len(pairs) <= MAX_ROBOT_PAIRS:
-        found["adjacency"] = [
-            [*map(spell_id, pair)] if isinstance(pair, list | tuple) else pair for pair in pairs
-        ]
-    return found
-
-
-def drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is said: null and "" say nothing, but a thing may have an empty name."""
-    empty = {
-        key
-        for key, value in said.items()
-        if value is None or (isinstance(value, str) and not value)
-    }
-    return {key: said[key] for key in said if key not in empty or key == "category"}
-
-
-def _tidy_entry(entry: Any, ids: Sequence[str], known: Sequence[str]) -> Any:
-    if not isinstance(entry, dict):
-        return entry
-    kept = drop_empty(keep_one_unknown(entry, known))
-    return kept | {key: spell_id(kept[key]) for key in ids if key in kept}
-
-
-def _number_objects(objects: list[Any]) -> list[Any]:
-    """Return the objects with an id each, as the simplest map has them: `sink 1`, `sink 2`."""
-    taken = {str(obj.get("id")) for obj in objects if isinstance(obj, dict)}
-    times, found = Counter[str](), []
-    for obj in objects:
-        if isinstance(obj, dict) and "id" not in obj and isinstance(obj.get("category"), str):
-            word = obj["category"][:SHOWN] or "object"
-            while (name := f"{word} {times[word] + 1}") in taken:
-                times[word] += 1
-            times[word] += 1
-            obj = {"id": name} | obj
-        found.append(obj)
-    return found
 
 
 def _assemble(document: _Graph, by: ClassMap | ClassSpace) -> PartialGraph:
@@ -614,26 +480,18 @@ def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
     what = _WORDS.get(fault["type"]) or str(fault["msg"]).removeprefix("Value error, ")
     if fault["type"] == "too_long":
         what = f"expected at most {fault['ctx']['max_length']:,} entries, found more"
-    first, *path = fault["loc"] or ("",)  # of the simplest map as a whole
+    first, *path = fault["loc"]
     entry = ""
-    if first in _ENTRIES and first in document and path:
+    if first in _ENTRIES and path:
         entry = _name_entry(document[first], str(first), int(path.pop(0)))
     else:
         path = [first, *path]
     if fault["type"] in _UNKNOWN_KEY:
-        wrong, of = str(path.pop()), str(first) if entry else ""
-        meant, known = _MEANT.get(of, {}).get(wrong.casefold()), _KEYS[of]
-        asked = f"did you mean {meant}?" if meant else ask_if_meant(wrong, known)
-        hint = asked or f"known are {', '.join(known)}"
-        if not (of or asked or "rooms" in document) and isinstance(document.get(wrong), list):
-            more = sorted(document.keys() & (set(known) - {"scene_id", *_FACTS_OF_MAPS}))
-            hint = (
-                f"beside its rooms, the simplest map takes only {' and '.join(_FACTS_OF_MAPS)}; "
-                f"for {', '.join(more) or 'more'}, list the rooms under `rooms` (docs/belief.md)"
-            )
+        wrong, known = str(path.pop()), _KEYS[str(first) if entry else ""]
+        hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
-    elif path == ["rooms"] and fault["type"] == "tuple_type":
-        what = f"{what}, found {show_value(document.get('rooms'))}; {_MAP_HINT}"
+        if not entry and isinstance(document.get(wrong), list):
+            what += f'; beside other keys, list the rooms under `rooms`: {{"rooms": {FORM}}}'
     keys = ".".join(str(one)[:SHOWN] for one in path)
     return ": ".join(filter(None, (entry, keys, what)))
 

@@ -34,7 +34,8 @@ from bsg_robot.answers.description import describe_place, describe_things
 from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.ways import SaidCost, SaidLook
 from bsg_robot.answers.words import find_room
-from bsg_robot.graph.robot_json import drop_empty, note_building, note_rooms
+from bsg_robot.graph.map_forms import drop_empty
+from bsg_robot.graph.robot_json import note_building, note_rooms
 
 MOST_CHARACTERS = 65_536  # of a text
 # That are kept: a broken detector may never stop. A file holds as many, whatever their names.

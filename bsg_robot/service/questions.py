@@ -13,6 +13,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.documents import parse_json
 from bsg_data.records import Keyed, Listed, Record, SaidRecord
+from bsg_data.spelling import SHOWN, show_value
 from bsg_models.belief.partial_graph import LOOK_CHANCE, Id, Score, Text
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
@@ -22,6 +23,7 @@ from bsg_robot.answers.place import ExpectedClass, Place, RoomKind, Step
 from bsg_robot.answers.seen_building import SeenBuilding
 from bsg_robot.answers.ways import SaidCost, SaidLook
 from bsg_robot.graph.graph_file import parse_graph
+from bsg_robot.graph.map_forms import FORM
 from bsg_robot.graph.reports import reclassify
 
 MOST_ROOMS = 500  # of a map
@@ -31,20 +33,38 @@ MOST_CLASSES = 10  # of a room, if the question does not say
 _THING = re.compile(r"(?:[^,(\[]|[(\[][^)\]]*[)\]]?)+")  # up to a comma: `mug (red, old)` is one
 
 
+def _read_text(said: Any) -> Any:
+    """Return what a text says: models of agents write JSON as text, and "" for what is left out."""
+    if not isinstance(said, str):
+        return said
+    try:
+        return parse_json(said) if said.strip() else None
+    except ValueError as fault:
+        raise ValueError(
+            f"expected a value, or the text of its JSON, found {said[:SHOWN]!r} ({fault})"
+        ) from None
+
+
+def _read_map(said: Any) -> Any:
+    said = _read_text(said)
+    if not isinstance(said, dict):
+        raise ValueError(f"expected a JSON object such as {FORM}, found {show_value(said)}")
+    return said
+
+
 def _list_things(said: Any) -> Any:
     """Return the things of a text: models of agents write `["cup"]` or `cup, towel` for a list."""
     if not isinstance(said, str):
         return said
     if said.lstrip().startswith("[") and '"' in said:
-        return parse_json(said)
+        return _read_text(said)
     parts = islice(_THING.finditer(said), MOST_THINGS + 1)
     return [*filter(None, (part.group().strip() for part in parts))] or [said]
 
 
 Map = Annotated[
     dict[str, Any],
-    # Models of agents write a map as a text at times.
-    BeforeValidator(lambda said: parse_json(said) if isinstance(said, str) else said),
+    BeforeValidator(_read_map),
     Field(
         description="What was seen of the building. Simplest: room -> list of things seen there, "
         "[] for a room not entered; and `more_rooms`, true or a number, if there are rooms that "
@@ -76,12 +96,12 @@ At = Annotated[
 ]
 Robots = Annotated[
     Annotated[Keyed[Id, Id], Field(max_length=MOST_ROBOTS)] | None,
-    BeforeValidator(lambda said: said or None),
+    BeforeValidator(lambda said: _read_text(said) or None),
     Field(description="Several robots that search together: name of each -> its room."),
 ]
 Look = Annotated[
     SaidLook,
-    _Blank,
+    BeforeValidator(_read_text),
     Field(
         description="Cost of looking into a room, in the unit of the ways: of every room, or room "
         "-> cost; null: estimated from its size and what is left of it."
@@ -89,14 +109,14 @@ Look = Annotated[
 ]
 LookAt = Annotated[
     SaidCost | None,
-    _Blank,
+    BeforeValidator(_read_text),
     Field(
         description="Cost of a look at a piece of furniture, in the unit of the ways; null: 2.5 m."
     ),
 ]
 Chance = Annotated[
     Score | None,
-    _Blank,
+    BeforeValidator(_read_text),
     Field(
         description="P(a look finds a thing that is there), of the robot's detector; null: "
         f"{LOOK_CHANCE}."
@@ -111,8 +131,8 @@ Room = Annotated[
     Id | None, _Blank, Field(description="One room, by id or label; null for all rooms.")
 ]
 Most = Annotated[
-    Annotated[int, Field(ge=1, le=1000)] | None,
-    _Blank,
+    Annotated[int, Field(ge=1, le=1000, strict=True)] | None,
+    BeforeValidator(_read_text),
     Field(description=f"Classes of a room, the likeliest first; null: {MOST_CLASSES}."),
 ]
 Labels = Annotated[

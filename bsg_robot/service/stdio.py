@@ -102,6 +102,7 @@ def _require_message(document: Any) -> None:
         and document.get("jsonrpc") == "2.0"
         and ("method" in document or "result" in document or "error" in document)
         and type(document.get("id", 0)) in (int, str)
+        and type(document.get("params", {})) is dict
     )
     if not is_message:
-        raise ValueError("expected a JSON-RPC 2.0 message with an id that is a number or a text")
+        raise ValueError("expected a JSON-RPC 2.0 message: id a number or a text, params an object")

@@ -1,7 +1,7 @@
 """Everyday things: in which rooms and on which furniture a person would search for them.
 
 Five tables of `bsg_robot/tables/` say it, written by hand but for the shares of people
-(`bsg_robot/tables/things-v1.md`, `mappings/README.md`):
+(`bsg_robot/tables/README.md`):
 
     things-v1.csv             a thing, its names, its class, the rooms where people look for it,
                               P(a home has one), and how often one that is there is in sight

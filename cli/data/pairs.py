@@ -72,15 +72,16 @@ def pairs(
             f"is {left_out[0]}"
         )
     is_recorded = warn_of_recordings(manifest)
+    data = bsg_data.Dataset.open(dataset)
     rows = sum(entry.rows for entry in manifest.files_of("pairs"))
     if extend.MASKS[recipe.mask.strategy].reads_connections:
-        bare = bsg_data.Dataset.open(dataset).count_unconnected()
+        bare = data.count_unconnected()
         if bare:
             print_note(
                 f"{bare:,} of {manifest.totals.scenes:,} scenes have no adjacency; there all rooms "
                 "count as neighbours, on a tour those that are near in the list"
             )
-    hashes = extend.hash_splits(bsg_data.Dataset.open(dataset))
+    hashes = extend.hash_splits(data)
     print_text(f"{rows:,} pairs: {draws} draws of the mask {recipe.mask}")
     print_text(f"sha256 of all masks: {hashes['all']}")
     if not is_recorded:

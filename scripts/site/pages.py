@@ -28,8 +28,9 @@ ELSEWHERE = {  # path in the repository → place on the site
     "LICENSE": "LICENSE.txt",
     "NOTICE": "NOTICE.txt",
     "mappings/README.md": "class-maps.md",
+    "mappings/hm3d45-v1.md": "class-maps/hm3d45-v1.md",
     "mappings/hm3d-wide-v1.md": "class-maps/hm3d-wide-v1.md",
-    "bsg_robot/tables/things-v1.md": "class-maps/things-v1.md",
+    "bsg_robot/tables/README.md": "robot-tables.md",
     **{
         f"weights/{path.name}": f"model-cards/{path.name}"
         for path in sorted((REPOSITORY / "weights").glob("*.md"))

@@ -27,8 +27,7 @@ from PIL import Image
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.geometry.placement import CEILING, FLOOR, STAIRS
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import AnnotatedObject
-from bsg_data.synthetic.building import synthesise
+from bsg_data.synthetic.building import SyntheticObject, synthesise
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.synthetic.floor_plan import STOREY, FloorPlan, draw_floor_plan
 
@@ -98,7 +97,7 @@ def write_painted(out: Path, *, scenes: int, seed: int, size: Size = SMALL) -> N
 
 
 def _list_fixtures(
-    rows: Sequence[AnnotatedObject], regions: list[int], rng: np.random.Generator
+    rows: Sequence[SyntheticObject], regions: list[int], rng: np.random.Generator
 ) -> list[_Fixture]:
     """Return every instance with its category; those of no region are in any room."""
     class_map = load_class_map("hm3d45-v1")
@@ -116,7 +115,7 @@ def _list_fixtures(
 
 
 def _draw_colours(
-    rows: Sequence[AnnotatedObject], rng: np.random.Generator
+    rows: Sequence[SyntheticObject], rng: np.random.Generator
 ) -> npt.NDArray[np.uint8]:
     """Return the colours by label `[L, 3]`; the last ones are those of unlisted labels."""
     colours = rng.integers(0, 256, (max(row.instance_id for row in rows) + 4, 3), dtype=np.uint8)

@@ -17,6 +17,7 @@ from bsg_data.dataset.manifest import (
     encode_manifest,
     read_manifest,
 )
+from bsg_data.dataset.scenes import Objects, make_tables
 from bsg_data.dataset.schema import TABLES
 from bsg_data.dataset.shards import read_scene_graphs, write_shards
 from bsg_data.errors import DatasetError
@@ -87,7 +88,9 @@ def publish(folder: Path, graphs: list[SceneGraph]) -> None:
         sources=(SourceEntry(kind="hm3d", version=None, fingerprint="", class_map=CLASS_MAP),),
         scenes_per_shard=16,
         totals=Totals(),
-        files=write_shards(graphs, folder, number=0, class_space=CLASS_SPACE),
+        files=write_shards(
+            make_tables(graphs, CLASS_SPACE.classes), folder, number=0, class_space=CLASS_SPACE
+        ),
     )
     write_bytes(folder / "dataset.json", encode_manifest(manifest))
     assert read_manifest(folder) == manifest
@@ -99,7 +102,10 @@ def test_reading_is_the_inverse_of_writing(
     tmp_path: Path, first: SceneGraph, second: SceneGraph
 ) -> None:
     publish(tmp_path, [first, second])
-    assert list(read_scene_graphs(tmp_path)) == [first, second]
+    found = list(read_scene_graphs(tmp_path))
+    assert found == [first, second]
+    columns = [Objects.of(graph.objects).table for graph in (*found, first, second)]
+    assert columns[:2] == columns[2:]
 
 
 def test_files_carry_schema_meaning_and_classes(dataset: Path) -> None:
@@ -115,7 +121,7 @@ def test_files_carry_schema_meaning_and_classes(dataset: Path) -> None:
             assert field.metadata[b"meaning"]
 
 
-def test_a_building_by_hand(tmp_path: Path) -> None:
+def test_a_building_by_hand() -> None:
     box, square = Box((0, 0, 0), (2, 1, 2.5)), ((0, 0), (2, 0), (2, 1), (0, 1))
     lamp = SceneObject(1, 5, 1, "Lamp", "lamp", 31, "classified", part_box=box)
     graph = SceneGraph(
@@ -125,10 +131,8 @@ def test_a_building_by_hand(tmp_path: Path) -> None:
         adjacency=(Edge(1, 2, "adjacent", "door", None),),
         class_map="hm3d45-v1",
     )
-    write_shards([graph], tmp_path, number=0, class_space=CLASS_SPACE)
-    tables = {
-        name: pq.read_table(tmp_path / name / "part-00000.parquet").to_pydict() for name in TABLES
-    }
+    made = make_tables([graph], CLASS_SPACE.classes)
+    tables = {name: made[name].to_pydict() for name in TABLES}
     assert tables["scenes"]["num_classified"] == [1]
     assert tables["scenes"]["has_geometry"] == [True]
     assert tables["rooms"]["footprint"] == [[0, 0, 2, 0, 2, 1, 0, 1], None]

@@ -57,7 +57,7 @@ def hide(recipe: MaskRecipe, draw: int) -> tuple[View, Counts, Counts]:
         hidden=hidden,
         classes=("curtain", "bed"),
     )
-    return view, hidden, RODS - seen.cells
+    return view, hidden, RODS - seen.count(UNCLASSIFIED.names)
 
 
 def test_parts_are_seen_only_with_a_whole() -> None:

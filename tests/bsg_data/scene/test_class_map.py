@@ -28,7 +28,7 @@ from bsg_data.scene.class_space import (
 )
 from bsg_data.scene.name_rules import LONGEST
 
-# The paper's own names (section IV); the other 23 are in mappings/README.md.
+# The paper's own names (section IV); the other 23 are in mappings/hm3d45-v1.md.
 PAPER = (
     "chair,mirror,curtain,chandelier,stove,refrigerator,bathtub,clothes,floor mat,bookshelf,"
     "wardrobe,toilet,desk,bottle,plant,garbage bin,microwave,sink,vase,fan,paper,pillow"

@@ -12,7 +12,6 @@ from refusals import refuses
 
 from bsg_data.errors import SourceError
 from bsg_data.sources.catalogue import SOURCES, find_terms, open_source, parse_options
-from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.source import Source, SourceRow
 from bsg_data.synthetic.buildings import write_synthetic
 from bsg_data.terms import Terms
@@ -31,7 +30,7 @@ def test_every_row_opens_a_source_of_its_kind(tmp_path: Path) -> None:
 
 
 def test_options_reach_the_source(tmp_path: Path) -> None:
-    assert open_source("hm3d", tmp_path, meshes=False) == HM3DFolder(tmp_path, meshes=False)
+    assert open_source("hm3d", tmp_path, meshes=False).options == {"meshes": 0}
     for name, option in (("hm3d", "mesh"), ("behavior", "aslisted"), ("procthor", "x")):
         with refuses(SourceError, "option-unknown", name):
             open_source(name, tmp_path, **parse_options(name, {option: "no"}))

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from refusals import refuses
 
 from bsg_data.build import build_dataset
+from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.scene_graph import AnnotatedObject, Room
+from bsg_data.scene.scene_graph import Room
 from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation, split_scene_id
 from bsg_data.sources.hm3d_stats import HEADER as COLUMNS
 from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics
@@ -74,6 +75,35 @@ def test_the_path_says_id_split_and_version(
     assert (ref.scene_id, ref.source_split, ref.source_version) == (scene_id, split, version)
 
 
+def test_habitats_own_downloads_keep_their_newest_version(tmp_path: Path) -> None:
+    """As `habitat_sim.utils.datasets_download` lays them out: the links come first by name."""
+    data = tmp_path / "project-v9.0"
+    places = ("val/00800-TEEsavR23oF", "minival/00800-TEEsavR23oF", "train/00006-HkseAnWCgqk")
+    for version, names in {"0.1": ["bed"], "0.2": ["bed", "lamp"]}.items():
+        for place in places:
+            folder = data / f"versioned_data/hm3d-{version}/hm3d" / place
+            write_scene(folder.parent, folder.name, annotation_text({0: names}))
+        link = data / "scene_datasets" / {"0.1": "hm3d", "0.2": "hm3d_v0.2"}[version]
+        link.parent.mkdir(exist_ok=True)
+        link.symlink_to(f"../versioned_data/hm3d-{version}/hm3d")
+    real = data / "versioned_data/hm3d-0.1/hm3d"
+    roots = {  # whole, links alone, one version, a folder of it
+        data: "v0.2",
+        data / "scene_datasets": "v0.2",
+        data / "scene_datasets/hm3d": "v0.1",
+        data / "scene_datasets/hm3d_v0.2/val": "v0.2",
+        real: "v0.1",
+        real / "train": "v0.1",
+    }
+    for root, version in roots.items():
+        found = HM3DFolder(root).find()
+        assert {ref.source_version for ref in found.scenes} == {version}, root
+        assert {"val", "train"} >= {ref.source_split for ref in found.scenes}, root
+        assert len(found.conflicts) == (3 if root in (data, data / "scene_datasets") else 0)
+    with refuses(SourceError, "scene-unreadable", golden=False):
+        build_dataset(HM3DFolder(data), tmp_path / "dataset", strict=True)
+
+
 def test_what_is_no_file_is_reported_and_never_opened(tmp_path: Path) -> None:
     write_scene(tmp_path, "00006-HkseAnWCgqk", TEXT)
     folder = tmp_path / "train" / "odd"
@@ -122,50 +152,52 @@ def test_an_empty_source_says_where_it_looked(tmp_path: Path) -> None:
 
 def test_byte_order_mark_carriage_returns_and_odd_separators_in_names() -> None:
     data = b'\xef\xbb\xbfHM3D Semantic Annotations\r\n1,F3A,"a\xe2\x80\xa8b",0\r\n'
-    (found,), faults = parse_annotation(data, path=FILE)
-    assert found == AnnotatedObject(1, 0, "a\u2028b", "000F3A")
-    assert faults == ()
+    found, faults = parse_annotation(data, path=FILE)
+    assert found.colours is not None
+    assert (found.ids, [*found.names], found.regions) == ([1], ["a\u2028b"], [0])
+    assert ([*map(str, found.colours)], faults) == (["000F3A"], ())
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        '1,AB,"chair"',
-        '1,AB,"chair,1',
-        '1,AB,"chair",٣',
-        '12345678901,AB,"chair",1',
-        '7,AC,"chair",1',
-        b'8,AC,"ch\xe4ir",1',
-    ],
-)
-def test_a_malformed_line_is_named(line: str | bytes) -> None:
-    data = line if isinstance(line, bytes) else line.encode()
-    with refuses(AnnotationError, "line-malformed", "scene.semantic.txt, line 3"):
-        parse_annotation(f'{HEADER}\n7,FF,"table",0\n'.encode() + data, path=FILE)
+MALFORMED = {
+    b'1,AB,"chair"': "expected id,HEXRGB",
+    b'1,AB,"chair,1': "expected id,HEXRGB",
+    '1,AB,"chair",\u0663'.encode(): "expected id,HEXRGB",
+    b'12345678901,AB,"chair",1': "expected id,HEXRGB",
+    b'7,AC,"chair",1': "expected an id of no earlier line",
+    b'8,AC,"ch\xe4ir",1': "expected UTF-8 text",
+    b'8,0O3FA2,"chair",1': "expected a colour HEXRGB of no earlier line",
+    b'8,1234567,"chair",1': "expected a colour HEXRGB of no earlier line",
+    b'8,,"chair",1': "expected a colour HEXRGB of no earlier line",
+    b'8,0000ff,"chair",1': "expected a colour HEXRGB of no earlier line",
+}
 
 
-@pytest.mark.parametrize("colour", ["0O3FA2", "1234567", "", "0000ff", "red", "#AB"])
-def test_an_object_whose_colour_cannot_be_is_kept_without_one(colour: str, tmp_path: Path) -> None:
-    """No mesh can have it, or another object has it; the building stays, and the report says it."""
-    text = f'{HEADER}\n7,FF,"table",0\n8,{colour},"radiator",1\n9,AB,"bed",1\n'
-    write_scene(tmp_path / "source", "00001-AbCdEfGhIjK", text)
+def test_a_malformed_line_costs_a_line_and_all_are_reported(tmp_path: Path) -> None:
+    """An object whose colour no mesh can have, or another has, is kept without one."""
+    lines = [b'7,FF,"table",0', *MALFORMED, b'9,AB,"bed",1']
+    for number, (line, why) in enumerate(MALFORMED.items(), start=1):
+        found, (said,) = parse_annotation(b"\n".join([HEADER.encode(), lines[0], line]), path=FILE)
+        assert said.startswith(f"line 3: {why}"), number
+        assert len(found.names) == 1 + ("colour" in why)
+    write_scene(tmp_path / "source", "00001-AbCdEfGhIjK", b"\n".join([HEADER.encode(), *lines]))
     source = HM3DFolder(tmp_path / "source")
-    (ref,) = source.find().scenes
-    reading = source.read(ref, load_class_map())
-    assert [obj.colour for obj in reading.graph.objects] == ["0000FF", None, "0000AB"]
-    assert len(reading.graph.rooms) == 2
-    (left,) = reading.left_out
-    assert left.reason.startswith("line 3: expected a colour HEXRGB of no earlier line")
-    with pytest.raises(SourceError, match="kept without a colour"):
-        build_dataset(source, tmp_path / "strict", strict=True)
     manifest = build_dataset(source, tmp_path / "out")
-    assert (manifest.totals.objects, len(manifest.left_out)) == (3, 1)
+    numbers = [int(one.reason.split()[1].strip(":")) for one in manifest.left_out]
+    assert numbers == [*range(3, 3 + len(MALFORMED))]
+    (graph,) = read_scene_graphs(tmp_path / "out")
+    assert [(obj.raw_category, obj.colour) for obj in graph.objects] == [
+        ("table", "0000FF"),
+        ("chair", None),
+        ("bed", "0000AB"),
+    ]
+    with pytest.raises(SourceError, match=r"line 3: .*line 12: "):
+        build_dataset(source, tmp_path / "strict", strict=True)
 
 
-@pytest.mark.parametrize("data", [b"", b'1,AB,"chair",1\n', HEADER.encode()])
-def test_another_file_is_refused_by_its_first_line(data: bytes) -> None:
-    with refuses(AnnotationError, "line-malformed", f"{FILE}, line 1"):
-        parse_annotation(data, path=FILE)
+@pytest.mark.parametrize("data", ["", '1,AB,"chair",1\n', HEADER, f"{HEADER}\n1,A\n"])
+def test_a_file_without_a_header_or_an_object_is_refused(data: str) -> None:
+    with refuses(AnnotationError, "line-malformed"):
+        parse_annotation(data.encode(), path=FILE)
 
 
 names = st.text(st.characters(exclude_characters="\n\r", exclude_categories=["Cs"]), max_size=20)
@@ -181,8 +213,7 @@ names = st.text(st.characters(exclude_characters="\n\r", exclude_categories=["Cs
 def test_any_names_come_back_exactly(rows: list[tuple[int, str, int]]) -> None:
     lines = [f'{i},{k:X},"{name}",{region}' for k, (i, name, region) in enumerate(rows)]
     found, _ = parse_annotation("\n".join([HEADER, *lines]).encode(), path=FILE)
-    assert {(f.instance_id, f.name, f.region_id) for f in found} == set(rows)
-    assert [f.instance_id for f in found] == sorted(i for i, _, _ in rows)
+    assert list(zip(found.ids or (), found.names, found.regions, strict=True)) == rows
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from bsg_data.errors import ClassMapError, SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Box, SceneGraph
 from bsg_data.sources.catalogue import open_source
-from bsg_data.sources.spark_dsg import _list_label_spaces, load_label_space
+from bsg_data.sources.label_space import _list_label_spaces, load_label_space
 from bsg_data.testing import SourceContract
 
 SAMPLE = REPOSITORY.parent / "shared" / "sources" / "hydra_apartment_dsg.json.gz"

@@ -165,6 +165,8 @@ def test_the_way_to_a_room_without_a_place_is_unknown(seen: SeenBuilding) -> Non
     assert from_there == {**dict.fromkeys(costs), "attic": 0}
     said = {("attic", "kitchen"): 2.0}
     assert {p.room: p.cost for p in seen.where("stove", here="kitchen", costs=said)}["attic"] == 2
+    with pytest.raises(RecipeError, match="costs: "):
+        seen.where("stove", costs={("kitchen", "attic"): float("nan")})
 
 
 @pytest.mark.parametrize(

@@ -69,8 +69,9 @@ def test_costs_that_are_given_take_the_place_of_measured_ones() -> None:
     assert ways.costs[1, 3] == 3.5
     assert measure_ways(graph, {("c", "a"): 0.5}).costs[1, 3] == 0.5
     assert np.isinf(measure_ways(graph, {("a", "b"): np.inf}).costs[1, 3])
-    with pytest.raises(RecipeError):
-        measure_ways(graph, {("a", "b"): -1})
+    for wrong in ([1], {("a",): 1}, {"ab": 1}, {("a", "b"): -1}, {("a", "b"): np.nan}):
+        with pytest.raises(RecipeError, match="costs: "):
+            measure_ways(graph, wrong)  # type: ignore[arg-type]
     with refuses(RecipeError, "room-unknown", "cellar"):
         measure_ways(graph, {("a", "cellar"): 1})
 

@@ -53,7 +53,7 @@ def test_an_agent_finds_the_tools_and_asks_them(server: Any) -> None:
             wrong = {"map": {"kitchen": 5}, "things": ["microwave"]}
             fault = await client.call_tool("find_things", wrong)
             assert fault.is_error
-            assert "map: kitchen: expected a JSON list (graph-malformed)" in fault.content[0].text
+            assert "map: kitchen: expected a JSON list of things, such as" in fault.content[0].text
             for wrong in ({"chance": 2}, {"look": -1}, {"task": "some"}, {"robots": 3}):
                 assert (await client.call_tool("find_things", {**question, **wrong})).is_error
 
@@ -68,13 +68,14 @@ def test_a_line_out_of_bounds_is_refused_by_its_id_and_the_next_is_answered() ->
         said % (1, b'["' + b"x" * 8_500_000 + b'"]'),
         said % (2, twice),
         b"hello\n",
-        said % (3, b"{}"),
+        said % (3, b"[]"),
+        said % (4, b"{}"),
     ]
     done = subprocess.run([*COMMAND, "--stdio"], input=b"".join(lines), capture_output=True)
     answers = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [one["id"] for one in answers] == [1, 2, None, 3]
-    assert [one["error"]["code"] for one in answers[:-1]] == [-32600] * 3
-    for answer, what in zip(answers[:-1], ("bytes", "twice", "column"), strict=True):
+    assert [one["id"] for one in answers] == [1, 2, None, 3, 4]
+    assert [one["error"]["code"] for one in answers[:-1]] == [-32600] * 4
+    for answer, what in zip(answers[:-1], ("bytes", "twice", "column", "params"), strict=True):
         assert what in answer["error"]["message"]
     assert done.returncode == 0
 
@@ -86,6 +87,21 @@ def test_a_map_may_be_a_text_that_our_parser_reads(address: str) -> None:
             found = await client.call_tool("find_things", question)
             plain = await client.call_tool("find_things", {**question, "map": SIMPLE})
             assert found.structured_content == plain.structured_content
+            for key, text, value in (
+                ("look", "5", 5),
+                ("look", '{"hall": 2}', {"hall": 2}),
+                ("chance", "0.5", 0.5),
+                ("robots", '{"a": "hall"}', {"a": "hall"}),
+            ):
+                texts = await client.call_tool("find_things", {**question, key: text})
+                plain = await client.call_tool("find_things", {**question, key: value})
+                assert texts.structured_content == plain.structured_content
+                wrong = await client.call_tool("find_things", {**question, key: "much"})
+                assert f"{key}: expected a value, or the text of" in wrong.content[0].text
+            few = await client.call_tool("expect_things", {"map": SIMPLE, "most": "3"})
+            assert len(few.structured_content["rooms"][0]["expected"]) == 3
+            listed = await client.call_tool("find_things", {**question, "map": "[]"})
+            assert "map: expected a JSON object such as {" in listed.content[0].text
             twice = await client.call_tool("find_things", {**question, "map": '{"a": [], "a": []}'})
             assert twice.is_error
             assert "the key 'a' twice" in twice.content[0].text

@@ -21,9 +21,9 @@ from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import parse_annotation
 from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
+from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.layout_files import read_layout
 from bsg_data.sources.room_layouts import _lay_out
-from bsg_data.sources.spark_dsg import load_label_space
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation

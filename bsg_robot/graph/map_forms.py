@@ -1,0 +1,198 @@
+"""The forms in which people and programs write a map, and our document of each.
+
+| form | read as |
+|---|---|
+| `{"kitchen": ["sink"], "hall": []}` | the simplest map: a room without things was not entered |
+| `{"kitchen": {"objects": ["sink"], "position": [0, 0, 0]}}` | the same, with facts of the rooms |
+| `{"rooms": {"kitchen": ["sink"]}}` | the same, beside keys of the document |
+| `{"rooms": [{"name": "kitchen", "objects": [{"type": "sink"}]}]}` | a document, objects inside |
+| `{"format": "bsg-belief-graph", "partial": …}` | the graph that was seen |
+
+A thing is a word, or a record as in `objects`. NumPy's values are as Python's.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bsg_data.errors import RecipeError
+from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS
+from bsg_data.scene.room_label import label_of
+from bsg_data.spelling import SHOWN, show_value
+
+FORM = '{"kitchen": ["sink"], "hall": []}'
+FACTS_OF_MAPS = ("more_rooms", "building_kind")
+_LISTS = {"rooms", "objects", "looks", "adjacency"}  # of a document, which may be empty
+_DEPTH = 6  # levels of a document that can hold a value of NumPy
+# Kind of entry → key of others → the first of ours that is not said.
+_SYNONYMS: dict[str, dict[str, tuple[str, ...]]] = {
+    "": {"name": ("scene_id",), "kind": ("building_kind",)},
+    "rooms": {
+        "room_id": ("id",),
+        "type": ("room_type",),
+        "kind": ("room_type",),
+        "things": ("objects",),
+        "items": ("objects",),
+        "name": ("id", "label"),
+    },
+    "objects": {
+        "object_id": ("id",),
+        "class_name": ("category",),
+        "type": ("category",),
+        "label": ("category",),
+        "name": ("category", "id"),
+        "parent": ("on",),
+        "parentReceptacles": ("on",),
+        "receptacle": ("on",),
+        "in": ("on",),
+        "at": ("on",),
+    },
+    "looks": {"object": ("thing",), "category": ("thing",), "on": ("at",)},
+}
+
+
+def spell_out(said: Any, path: Path, *, keys: frozenset[str]) -> dict[str, Any]:
+    """Return a map of any form as our document, which has these keys.
+
+    Raises:
+        RecipeError: for what is no map; it shows one.
+    """
+    said = open_belief(_make_plain(said))
+    # Beside its rooms, the simplest map may state these; a list is a room of this name.
+    facts = {k: said[k] for k in FACTS_OF_MAPS if k in said and not isinstance(said[k], list)}
+    rooms: Any = {key: said[key] for key in said if key not in facts}
+    ours, document = rooms.keys() & keys, drop_empty(facts)
+    is_map = not rooms.keys() <= _LISTS and all(
+        _lists_words(value) and (value or key not in _LISTS) for key, value in rooms.items()
+    )
+    if ours and not is_map:
+        document = _rename(drop_empty(said), "")
+        rooms = document.get("rooms")
+    if isinstance(rooms, dict):
+        rooms = _list_rooms(rooms)
+    objects = document.get("objects", [])
+    if isinstance(rooms, list):
+        rooms = [_tidy(room, "rooms") for room in rooms]
+        if lifted := _lift(rooms):
+            objects = [*lifted, *objects] if isinstance(objects, list) else objects
+        document = document | {"rooms": rooms}
+    if isinstance(objects, list):
+        objects = _number([_tidy(one, "objects") for one in objects])
+    looks = document.get("looks")
+    if isinstance(looks, list):
+        document = document | {"looks": [_tidy(look, "looks") for look in looks]}
+    return {"scene_id": path.name.partition(".")[0] or path.name} | document | {"objects": objects}
+
+
+def open_belief(said: Any) -> dict[str, Any]:
+    """Return a document, or that of what was seen in a belief graph."""
+    if isinstance(said, dict) and said.get("format") == "bsg-belief-graph":
+        said = said.get("partial")
+        if said is None:
+            raise RecipeError(
+                "a belief graph without `partial`, the graph that the robot has seen; expected it "
+                "there (docs/belief.md)"
+            )
+    if not isinstance(said, dict):
+        raise RecipeError(f"expected a JSON object such as {FORM}, found {show_value(said)}")
+    return said
+
+
+def drop_empty(said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is said: null and "" say nothing, but a thing may have an empty name."""
+    return {
+        key: value
+        for key, value in said.items()
+        if key == "category" or not (value is None or (isinstance(value, str) and not value))
+    }
+
+
+def _make_plain(said: Any, depth: int = _DEPTH) -> Any:
+    """Return a document without NumPy's values, and with lists alone."""
+    if isinstance(said, np.generic | np.ndarray):
+        return said.tolist()
+    if isinstance(said, set | frozenset):
+        return sorted(said, key=str)
+    if isinstance(said, Mapping):
+        return {key: _make_plain(one, depth - 1) if depth else one for key, one in said.items()}
+    if isinstance(said, list | tuple):
+        return [_make_plain(one, depth - 1) if depth else one for one in said]
+    return said
+
+
+def _lists_words(said: Any) -> bool:
+    """Say whether a value is a list as of the things in a room, of any name: `source`, `rooms`."""
+    return isinstance(said, list) and all(isinstance(one, str) for one in said)
+
+
+def _list_rooms(rooms: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the entries of a map of rooms; a name is also the kind, if it is a room label."""
+    require_few(len(rooms), MAX_ROBOT_ROOMS, "rooms")
+    entries = []
+    for name, value in rooms.items():
+        if not isinstance(value, list | dict):
+            shown = f"{str(name)[:SHOWN]}: expected a JSON list of things"
+            raise RecipeError(f"{shown}, such as {FORM}, found {show_value(value)}")
+        said = drop_empty(value) if isinstance(value, dict) else {"objects": value}
+        called = {"label": name} if "id" in said else {"id": name}
+        kind = name if len(str(name)) <= SHOWN and label_of("any", str(name)) else None
+        entry = _rename(called | said, "rooms")
+        entries.append({"objects": [], "room_type": kind} | entry)
+    return entries
+
+
+def _tidy(entry: Any, kind: str) -> Any:
+    return _rename(drop_empty(entry), kind) if isinstance(entry, dict) else entry
+
+
+def _rename(entry: dict[str, Any], kind: str) -> dict[str, Any]:
+    for other, ours in _SYNONYMS[kind].items():
+        if other in entry and (free := [one for one in ours if one not in entry]):
+            entry[free[0]] = entry.pop(other)
+    return entry
+
+
+def _lift(rooms: list[Any]) -> list[Any]:
+    """Take the objects out of the rooms; one without any was not entered, if it does not say."""
+    lifted: list[Any] = []
+    for room in rooms:
+        if not isinstance(room, dict) or "objects" not in room:
+            continue
+        held, where = room.pop("objects"), str(room.get("id"))[:SHOWN]
+        if not isinstance(held, list):
+            raise RecipeError(f"room {where!r}: objects: expected a JSON list, such as {FORM}")
+        require_few(len(lifted) + len(held), MAX_ROBOT_OBJECTS, "things")
+        room.setdefault("visited", bool(held))
+        for number, thing in enumerate(held):
+            if not isinstance(thing, str | dict):
+                form = 'expected a thing, such as "sink" or {"category": "sink"}'
+                raise RecipeError(f"{where}.{number}: {form}, found {show_value(thing)}")
+            entry = {"category": thing} if isinstance(thing, str) else thing
+            lifted.append({"room": room.get("id")} | entry)
+    return lifted
+
+
+def _number(objects: list[Any]) -> list[Any]:
+    """Return the objects with an id each: `sink 1`, `sink 2`."""
+    taken = {str(obj.get("id")) for obj in objects if isinstance(obj, dict)}
+    times, found = Counter[str](), []
+    for obj in objects:
+        if isinstance(obj, dict) and "id" not in obj and isinstance(obj.get("category"), str):
+            word = obj["category"][:SHOWN] or "object"
+            while (name := f"{word} {times[word] + 1}") in taken:
+                times[word] += 1
+            times[word] += 1
+            obj = {"id": name} | obj
+        found.append(obj)
+    return found
+
+
+def require_few(found: int, most: int, what: str, hint: str = "") -> None:
+    """Refuse more of something than a graph may have."""
+    if found > most:
+        raise RecipeError(f"expected at most {most:,} {what}, found {found:,}{hint}")
