@@ -25,9 +25,9 @@ from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import SourceError
 from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.masks import Layout, sample_views
+from bsg_data.observation.masks import Layout, sample_masks
 from bsg_data.observation.pairs import write_pairs
-from bsg_data.observation.view import View, hide_cells
+from bsg_data.observation.view import View
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, load_class_map
 from bsg_data.scene.class_space import load_class_space
@@ -228,9 +228,9 @@ def draw_mask(
 ) -> tuple[View, Counts, Counts]:
     """Return a view, the cells in the robot's graph `[N, C]`, and what is hidden of them."""
     streams = MaskStreams([recipe], [scene_id], [draw])
-    views = sample_views([Layout(cells.shape, connections)], [recipe], streams)
-    there = views[0].cut(cells)
-    return views[0], there, hide_cells(there, views, streams)
+    layout = Layout(cells.shape, connections)
+    (view,), there, hidden = sample_masks([cells], [layout], streams)
+    return view, there, hidden
 
 
 def require_sound(view: View, cells: Counts, hidden: Counts) -> None:

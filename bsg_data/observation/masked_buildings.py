@@ -19,10 +19,10 @@ from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.dataset import Building, Dataset
 from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.masks import Layout, sample_views
+from bsg_data.observation.masks import Layout, sample_masks, sample_views
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import list_column, read_views, stream_pairs
-from bsg_data.observation.view import View, hide_cells, see_unclassified
+from bsg_data.observation.view import View, see_unclassified
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
@@ -114,12 +114,11 @@ def sample_masked(
     """
     recipes = [mask] * len(scenes) if isinstance(mask, MaskRecipe) else mask
     draws = _Draws(data, scenes, recipes, np.full(len(scenes), draw))
-    views = draws.sample_views()
-    cells = [view.cut(one.cells) for view, one in zip(views, draws.buildings, strict=True)]
-    starts = np.cumsum([0, *map(len, cells)])[:-1]
-    there = np.concatenate(cells)
-    hidden = stack_histograms(hide_cells(there, views, draws.streams), starts)
-    return draws.mask(views, stack_histograms(there, starts), hidden, vocabulary)
+    cells = [one.cells for one in draws.buildings]
+    views, there, hidden = sample_masks(cells, draws.layouts, draws.streams)
+    starts = np.cumsum([0, *(len(view.nodes) for view in views)])[:-1]
+    targets, hidden = stack_histograms(there, starts), stack_histograms(hidden, starts)
+    return draws.mask(views, targets, hidden, vocabulary)
 
 
 def vary_fractions(
@@ -154,7 +153,7 @@ def stream_masked(
         draws = _Draws(data, scenes.to_pylist(), recipes, numbers.to_numpy().astype(np.int64))
         views = [stored.take(*span) for span in pairwise([*starts.tolist(), len(table)])]
         if vocabulary:
-            views = list(map(_refine, draws.sample_views(), views))
+            views = list(map(_refine, sample_views(draws.layouts, draws.streams), views))
         seen, targets = (list_column(table, name).astype(np.int64) for name in ("input", "target"))
         yield draws.mask(views, targets, targets - seen, vocabulary)
 
@@ -183,9 +182,9 @@ class _Draws:
     def streams(self) -> MaskStreams:
         return MaskStreams(self.recipes, self.scenes, self.numbers.tolist())
 
-    def sample_views(self) -> list[View]:
-        layouts = [Layout(one.cells.shape, one.connections, one.nameable) for one in self.buildings]
-        return sample_views(layouts, self.recipes, self.streams)
+    @property
+    def layouts(self) -> list[Layout]:
+        return [Layout(one.cells.shape, one.connections, one.nameable) for one in self.buildings]
 
     def mask(
         self, views: Sequence[View], targets: Counts, hidden: Counts, vocabulary: tuple[str, ...]
@@ -224,7 +223,6 @@ class _Draws:
         seen = see_unclassified(
             [self.data.unclassified(scene) for scene in self.scenes],
             views,
-            self.recipes,
             self.streams,
             there=there,
             hidden=hidden,

@@ -16,9 +16,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.view import View, sample_unknown
+from bsg_data.observation.view import View, hide_cells, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
@@ -74,13 +74,22 @@ class Mask:
     varies: bool = True
 
 
-def sample_views(
-    layouts: Sequence[Layout], recipes: Sequence[MaskRecipe], streams: MaskStreams
-) -> list[View]:
-    """Sample how much a robot has seen in M draws, each of one building by one recipe.
+def sample_masks(
+    cells: Sequence[Counts], layouts: Sequence[Layout], streams: MaskStreams
+) -> tuple[list[View], Counts, Counts]:
+    """Sample M masks of buildings of cells `[N, C]`.
 
-    All layouts have the same classes.
+    Return their views, the cells in the robots' graphs `[K, C]`, those of one after another, and
+    how many of each are hidden.
     """
+    views = sample_views(layouts, streams)
+    there = np.concatenate([view.cut(one) for view, one in zip(views, cells, strict=True)])
+    return views, there, hide_cells(there, views, streams)
+
+
+def sample_views(layouts: Sequence[Layout], streams: MaskStreams) -> list[View]:
+    """Sample how much a robot has seen in M draws; all layouts have the same classes."""
+    recipes = streams.recipes
     looks = {name: MASKS[name].look for name in {recipe.strategy for recipe in recipes}}
     looked = [
         looks[recipe.strategy](layout, recipe, rng)

@@ -211,7 +211,6 @@ def sample_unknown(
 def see_unclassified(
     unclassified: Sequence[Unclassified],
     views: Sequence[View],
-    recipes: Sequence[MaskRecipe],
     streams: MaskStreams,
     *,
     there: Counts,
@@ -228,6 +227,7 @@ def see_unclassified(
     classified ones of the robots' graphs, and `hidden` those of them that are hidden; both may be
     cells or histograms.
     """
+    recipes = streams.recipes
     found = [one.cut(view.nodes) for one, view in zip(unclassified, views, strict=True)]
     counts = np.concatenate([one.counts for one in found])
     share = [view.hidden_share[one.rows] for view, one in zip(views, found, strict=True)]

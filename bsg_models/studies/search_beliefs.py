@@ -86,20 +86,17 @@ class ModelBeliefs:
         outside = unclassified.count(model.vocabulary)
         numbers, self._draws = np.unique(draws, return_inverse=True)
         self._artifacts = artifacts
-        many, recipes = len(numbers), [mask] * len(numbers)
-        streams = MaskStreams(recipes, [scene_id] * many, numbers.tolist())
+        many = len(numbers)
+        streams = MaskStreams([mask] * many, [scene_id] * many, numbers.tolist())
         layout = Layout(self._cells.shape, data.connections(scene_id))
-        views = [
-            view.in_building(len(self._cells))
-            for view in sample_views([layout] * many, recipes, streams)
-        ]
+        looked = sample_views([layout] * many, streams)
+        views = [view.in_building(len(self._cells)) for view in looked]
         there = np.concatenate([self._cells] * many)
         hidden = hide_cells(there, views, streams)
         classes = data.manifest.class_space.classes
         seen = see_unclassified(
             [unclassified] * many,
             views,
-            recipes,
             streams,
             there=there,
             hidden=hidden,

@@ -51,7 +51,6 @@ def hide(recipe: MaskRecipe, draw: int) -> tuple[View, Counts, Counts]:
     (seen,) = see_unclassified(
         [UNCLASSIFIED],
         [view],
-        [recipe],
         MaskStreams([recipe], ["s"], [draw]),
         there=CURTAINS,
         hidden=hidden,
