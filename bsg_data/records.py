@@ -25,8 +25,8 @@ from pydantic import (
 )
 
 from bsg_data.errors import RecipeError, ask_to_upgrade
-from bsg_data.spelling import SHOWN, show_value
 from bsg_data.tables import make_line
+from bsg_data.words.shown import SHOWN, show_value
 
 _TOGETHER = 20  # entries of a mapping that are validated together, and whose faults are gathered
 _Item = TypeVar("_Item")

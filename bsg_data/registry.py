@@ -13,7 +13,8 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
 from bsg_data.errors import EXTRA_OF, RecipeError, ask_to_install
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN
 
 Row = TypeVar("Row")
 

@@ -17,7 +17,7 @@ from bsg_data import registry
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.observation.masks import MASKS
-from bsg_data.scene.class_map import list_class_maps
+from bsg_data.scene.class_map import published_maps
 from bsg_data.scene.class_space import DEFAULT_CLASS_SPACE, load_class_space
 from bsg_models.search.catalogue import PLANNERS
 from bsg_models.zoo.catalogue import RECIPES
@@ -107,7 +107,7 @@ def _list_shipped() -> tuple[str, ...]:
 
 
 complete_model = complete_names_or_files(_list_shipped)
-complete_class_map = complete_names_or_files(list_class_maps)
+complete_class_map = complete_names_or_files(published_maps)
 
 
 def classes_of_dataset(ctx: click.Context) -> tuple[str, ...]:

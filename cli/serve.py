@@ -13,7 +13,7 @@ import bsg_models
 from bsg_cli.options import model_option
 from bsg_cli.terminal import Command, importing_nothing_from_here, print_note
 from bsg_data.errors import BSGError, ask_to_install
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 
 _NAME = re.compile(r"(?:\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+)")
 _PORT = re.compile(r":[0-9]+$")

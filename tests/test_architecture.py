@@ -24,7 +24,7 @@ FOLDERS = {
 # The house, from the ground up. A room is a folder, or a file that lies beside the folders. Every
 # room imports rooms of the lines above its own, and none of its own line.
 HOUSE = (
-    "bsg_data.arrays bsg_data.errors bsg_data.spelling bsg_data.tables",
+    "bsg_data.arrays bsg_data.errors bsg_data.tables bsg_data.words",
     "bsg_data.records",
     "bsg_data.executors bsg_data.files bsg_data.public_names bsg_data.recipes bsg_data.registry"
     " bsg_data.terms",

@@ -34,9 +34,7 @@ from bsg_data.recipes import PairsRecipe, SplitRecipe
 from bsg_data.records import Record, name_fault
 from bsg_data.results import name_staged
 from bsg_data.scene.class_map import (
-    CLASSES,
-    STRUCTURE,
-    SUFFIX,
+    MAP_FILES,
     ClassMap,
     OwnMap,
     parse_own_map,
@@ -45,8 +43,8 @@ from bsg_data.scene.class_map import (
     write_own_map,
 )
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.name_rules import Rule
 from bsg_data.scene.scene_graph import MeshCoverage
+from bsg_data.scene.synonyms import Rule
 from bsg_data.terms import Terms
 
 KEPT = "class_maps"
@@ -71,7 +69,7 @@ class ClassMapEntry(Record):
     @property
     def paths(self) -> tuple[str, ...]:
         """The paths of the copy below the dataset, first that of `NAME.csv`."""
-        suffixes = (SUFFIX, CLASSES, STRUCTURE)
+        suffixes = MAP_FILES.values()
         return tuple(f"{self.folder}/{self.version}{suffix}" for suffix in suffixes)
 
     def read(self, dataset: Path) -> str | OwnMap:

@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO, cast
 
 from bsg_data.errors import BSGError, SourceError
-from bsg_data.spelling import list_some
+from bsg_data.words.shown import list_some
 
 PACKED = ".gz"
 Refusal = Callable[..., Exception]  # of a message, `code` and `where`: a class of `BSGError`

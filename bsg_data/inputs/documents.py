@@ -20,7 +20,7 @@ from bsg_data.errors import SourceError
 from bsg_data.files import encode_json
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
 from bsg_data.inputs.bounds import MAX_VALUES
-from bsg_data.spelling import SHOWN, show_value
+from bsg_data.words.shown import SHOWN, show_value
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import os
-import unicodedata
 from collections import ChainMap
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -28,29 +27,25 @@ from bsg_data.scene.class_space import (
     read_published,
     read_rows,
 )
-from bsg_data.scene.name_rules import (
+from bsg_data.scene.synonyms import RULE_FILES, UNKNOWN, Rule, list_synonyms, read_real_words
+from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.normal import (
     LONGEST,
-    RULES_VERSION,
-    Rule,
-    change_number,
-    index_words,
-    list_parts,
-    list_tails,
-    mend,
-    resolve,
+    drop_number,
+    normalise_name,
     separate,
     take_apart,
 )
-from bsg_data.scene.vocabularies import VOCABULARIES, list_meanings
-from bsg_data.spelling import SHOWN, ask_if_meant, nearest_names, show_value
+from bsg_data.words.phrase import MOST_WORDS, list_parts, list_tails
+from bsg_data.words.plural import change_number
+from bsg_data.words.shown import SHOWN, show_value
+from bsg_data.words.typo import index_words, mend
 
 DEFAULT_CLASS_MAP = "hm3d45-v1"
-UNKNOWN = "unknown"  # the category of a nameless object
-_SYNONYMS, _REAL_WORDS = "synonyms-v1.csv", "real-words-v1.csv"
-_RULES = (_SYNONYMS, VOCABULARIES, _REAL_WORDS)  # the files of the rules
+_RULES_VERSION = b"rules 1"  # of what is below: it is in the hash of every class map
 _MOST_RESOLVED = 2**16  # names that are not listed and whose class is kept: a robot's graph fits in
-SUFFIX, CLASSES, STRUCTURE = ".csv", ".classes.csv", ".structure.csv"
-_FILES = {"spellings": SUFFIX, "classes": CLASSES, "structure": STRUCTURE}
+_SUFFIX = ".csv"
+MAP_FILES = {"spellings": _SUFFIX, "classes": ".classes.csv", "structure": ".structure.csv"}
 Role = Literal["classified", "left-out", "structure", "nameless", "unmapped"]
 
 
@@ -69,26 +64,24 @@ class Classified:
 _UNMAPPED = Classified(None, None, "unmapped")
 
 
-class _Synonyms:
-    """Other words for what a map lists; they are read when a name is not listed."""
-
-    def __init__(self, names: Mapping[str, Classified], classes: Sequence[str]) -> None:
-        self._names, self._classes = names, classes
-
-    @cached_property
-    def listed(self) -> tuple[dict[str, str], frozenset[str]]:
-        """Normalised name → listed name; and those of them that a vocabulary has."""
-        return _list_synonyms(self._names, self._classes)
-
-    @cached_property
-    def most_words(self) -> int:
-        """The number of words of the longest name that the map or its synonyms list."""
-        return max((len(name.split()) for name in (*self._names, *self.listed[0])), default=0)
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ClassMap:
-    """A class map, ready to look names up."""
+    """A class map, ready to look names up.
+
+    Names that it does not list are read by these rules, in this order; the deciding one is told:
+
+    - separator: hyphens, underscores and spaces are alike, `CoffeeTable` and `coffeetable` are
+      `coffee table`, and a number at the end says nothing: `TV-stand_3` is `tv stand`;
+    - vocabulary: a word of a published vocabulary, as mappings/vocabularies-v1.csv lists;
+    - synonym: another word for the same thing, as mappings/synonyms-v1.csv lists;
+    - number: the last word in the singular or plural: `sofas` is `sofa`;
+    - head noun: the last words alone, the longest first, or those before `of`, `with` or `for`:
+      `leather armchair` is `armchair`. Only if that is a class;
+    - phrase: what is said of a thing is left out: where it is, a score, what stands in brackets or
+      behind a comma; of names with a slash between, the first with a class counts:
+      `lamp on table`, `lamp (0.87)` and `lamp/table` are `lamp`;
+    - spelling: one typo in one word that is no word of English: `toilett` is `toilet`.
+    """
 
     version: str  # its name, e.g. `hm3d45-v1`
     # hash of its files (spellings, classes, structure), those of the rules, and the rules' version
@@ -98,11 +91,6 @@ class ClassMap:
     structure: frozenset[str]  # categories that are parts of the building, not objects in it
     entries: Mapping[str, Classified]  # by spelling, as published
     normalised: Mapping[str, Classified]  # by normalised spelling (`normalise_name`)
-    rules: _Synonyms = field(repr=False, compare=False)
-    _resolved: dict[str, Classified] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
-    _near: dict[str, list[str]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -115,13 +103,33 @@ class ClassMap:
         known = {entry.class_index for entry in self.entries.values()}
         return tuple(name for index, name in enumerate(self.classes) if index in known)
 
-    @property
-    def synonyms(self) -> Mapping[str, str]:
-        """Listed names by other words for them, normalised.
+    @cached_property
+    def words(self) -> Mapping[str, Classified]:
+        """All that is known of names, normalised: the listed ones, and other words for them.
 
-        The name is empty where the last word of the other one misleads.
+        Of a word whose last words mislead the role is `unmapped`.
         """
-        return self.rules.listed[0]
+        class_of: dict[int | None, str] = {None: "", **dict(enumerate(self.classes))}
+        listed = self.normalised.items()
+        meanings = {name: (one.category or "", class_of[one.class_index]) for name, one in listed}
+        others = list_synonyms(meanings).items()
+        read = {
+            word: replace(self.normalised[name], rule=rule) if name else _UNMAPPED
+            for word, (name, rule) in others
+        }
+        return {**self.normalised, **read}
+
+    @cached_property
+    def _most_words(self) -> int:
+        return max((len(name.split()) for name in self.words), default=0)
+
+    @cached_property
+    def _typos(self) -> dict[str, list[str]]:
+        return index_words(self.words)
+
+    @cached_property
+    def _resolved(self) -> dict[str, Classified]:
+        return {}
 
     def lookup(self, name: str) -> Classified | None:
         """Look up a listed name, exact first, then normalised; None if it is not listed."""
@@ -130,9 +138,8 @@ class ClassMap:
 
     def lists(self, name: str) -> bool:
         """Say whether a name as a whole is listed, or is another word that leads to one or none."""
-        forms = {separate(reading) for reading in _read_both(name)}
-        known = (self.normalised, self.synonyms)
-        return self.lookup(name) is not None or any(form in one for form in forms for one in known)
+        forms = (separate(reading) for reading in _list_readings(name))
+        return self.lookup(name) is not None or any(form in self.words for form in forms)
 
     def classify(self, name: str) -> Classified:
         """Return category, class and role of an annotated name; every lookup goes through here."""
@@ -151,59 +158,56 @@ class ClassMap:
             self._resolved[name] = found
         return found
 
+    def nearest(self, name: str) -> tuple[str, ...]:
+        """Return the known spellings most like `name`, best first."""
+        return nearest_names(name, self.normalised)
+
     def _resolve(self, name: str) -> Classified:
-        """Resolve a name that is not listed by the rules."""
-        readings, parts = _read_both(name), list_parts(name)
+        """Read a name that is not listed by the rules."""
+        readings, parts = _list_readings(name), list_parts(name)
         if parts == (name,) or self.lists(name):
-            found = self._follow(readings, self.rules)
-        elif (found := self._follow(readings, self.rules, is_whole=True)) is None:
-            of_parts = [_read_both(part) for part in parts]
-            known = [*filter(None, (self._follow(one, self.rules) for one in of_parts))]
+            found = self._read(readings)
+        elif (found := self._read(readings, is_whole=True)) is None:
+            of_parts = [_list_readings(part) for part in parts]
+            known = [*filter(None, map(self._read, of_parts))]
             if known:  # rule 5 of mappings/README.md: the first with a class, or the first
                 best = min(known, key=lambda one: one.class_index is None)
                 return replace(best, rule="phrase")
             readings = [*chain.from_iterable(of_parts)]
-        return found or self._mend(readings, self.rules) or _UNMAPPED
+        return found or self._mend(readings) or _UNMAPPED
 
-    def classify_whole(self, name: str) -> Classified:
-        """Classify a name without the rules of the head noun and of typos: much faster."""
-        found = self.lookup(name)
-        if found is None:
-            found = self._follow(_read_both(name), self.rules, is_whole=True)
-        return found or _UNMAPPED
-
-    def _follow(
-        self, readings: Sequence[str], rules: _Synonyms, *, is_whole: bool = False
-    ) -> Classified | None:
-        """Return what the rules make of a name, by its readings."""
-        known, (synonyms, vocabulary) = self.normalised.__contains__, rules.listed
-        for other, rule in resolve(
-            readings,
-            synonyms,
-            known=known,
-            vocabulary=vocabulary,
-            most_words=rules.most_words,
-            is_whole=is_whole,
-        ):
-            entry = self.normalised[normalise_name(other)]
-            if rule != "head noun" or entry.class_index is not None:
-                return replace(entry, rule=rule)
+    def _read(self, readings: Iterable[str], *, is_whole: bool = False) -> Classified | None:
+        """Return what the readings of a name stand for as they are, or else by their last words."""
+        said = [drop_number(separate(one)).split()[:MOST_WORDS] for one in readings]
+        for words in said:
+            if found := self._read_words(words):
+                return None if found.role == "unmapped" else found
+        for tail in () if is_whole else chain.from_iterable(map(list_tails, said)):
+            if found := self._read_words(tail):
+                return None if found.class_index is None else replace(found, rule="head noun")
         return None
 
-    def _mend(self, readings: Iterable[str], rules: _Synonyms) -> Classified | None:
+    def _read_words(self, words: Sequence[str]) -> Classified | None:
+        if not 0 < len(words) <= self._most_words + 1:  # two words may be written as one
+            return None
+        spaced = " ".join(words)
+        pairs = range(len(words) - 1)
+        joined = (" ".join([*words[:i], words[i] + words[i + 1], *words[i + 2 :]]) for i in pairs)
+        forms: list[tuple[str, Rule]] = [(one, "separator") for one in (spaced, *joined)]
+        for form, rule in (*forms, *((one, "number") for one in change_number(spaced))):
+            if found := self.words.get(form):
+                is_plain = found.rule is None and found.role != "unmapped"
+                return replace(found, rule=rule) if is_plain else found
+        return None
+
+    def _mend(self, readings: Iterable[str]) -> Classified | None:
         """Return what a name with one typo stands for; None if that is not one class."""
-        if not self._near:
-            self._near.update(index_words([*self.normalised, *rules.listed[0]]))
-        near = {one for name in readings for one in mend(name, self._near, real=read_real_words())}
-        entries = [self.lookup(one) or self._follow([one], rules) for one in sorted(near)]
-        found = [entry for entry in entries if entry is not None]
+        real = read_real_words()
+        near = {one for name in readings for one in mend(name, self._typos, real=real)}
+        found = [*filter(None, (self.lookup(one) or self._read([one]) for one in sorted(near)))]
         if len({entry.class_index for entry in found}) != 1 or found[0].class_index is None:
             return None
         return replace(min(found, key=lambda one: len(str(one.category))), rule="spelling")
-
-    def nearest(self, name: str) -> tuple[str, ...]:
-        """Return the known spellings most like `name`, best first."""
-        return nearest_names(normalise_name(name), self.normalised)
 
 
 class PublishedMap(NamedTuple):
@@ -223,31 +227,14 @@ class OwnMap(Record):
     structure: bytes | None = None  # NAME.structure.csv
 
 
-def _read_both(name: str) -> list[str]:
-    """Return the readings of a name: as it is, and taken apart."""
+def _list_readings(name: str) -> list[str]:
+    """Return the readings of a name, normalised: as it is, and taken apart."""
     return [*dict.fromkeys(map(normalise_name, (name, take_apart(name))))]
-
-
-@lru_cache(maxsize=64)  # every rule normalises a name again
-def normalise_name(name: str) -> str:
-    """Return `name` as NFC, casefolded, trimmed, runs of white space as one space."""
-    return normalise_names((name,))[0]
-
-
-def normalise_names(names: Iterable[str]) -> list[str]:
-    """Return what `normalise_name` makes of each name; a table has thousands."""
-    composed = unicodedata.normalize
-    return [" ".join(composed("NFC", name).casefold().split()) for name in names]
 
 
 def is_nameless(name: str) -> bool:
     """Say whether a name is blank, `unknown` or `unknown/...`."""
-    return bool(_find_nameless((name,)))
-
-
-def _find_nameless(names: Collection[str]) -> set[str]:
-    said = zip(names, normalise_names(names), strict=True)
-    return {name for name, one in said if one.partition("/")[0].strip() in ("", UNKNOWN)}
+    return normalise_name(name).partition("/")[0].strip() in ("", UNKNOWN)
 
 
 @cache
@@ -265,14 +252,9 @@ def map_into(class_space: str) -> str:
             return row.class_map
     raise ClassMapError(
         f"no published class map is for the class space {class_space!r}; published are "
-        f"{', '.join(list_class_maps())}. Read the graph in Python with your own NAME.csv: "
+        f"{', '.join(sorted(published_maps()))}. Read the graph in Python with your own NAME.csv: "
         "read_robot_graph(path, class_map='NAME.csv')"
     )
-
-
-def list_class_maps() -> tuple[str, ...]:
-    """Return the versions of the published maps, sorted."""
-    return tuple(sorted(published_maps()))
 
 
 def load_class_map(name: AnyPath | ClassMap = DEFAULT_CLASS_MAP) -> ClassMap:
@@ -291,7 +273,7 @@ def _load(name: str) -> ClassMap:
     if is_own_map(name):
         return parse_own_map(read_own_map(Path(name)))
     if name not in published_maps():
-        known = list_class_maps()
+        known = sorted(published_maps())
         asked = f"{ask_if_meant(name, known)} published are {', '.join(known)}".lstrip()
         raise ClassMapError(
             f"no class map {name[:SHOWN]!r}: {asked}; for a map of your own give the path of its "
@@ -309,7 +291,7 @@ def _load(name: str) -> ClassMap:
 
 def is_own_map(name: str) -> bool:
     """Say whether the name of a class map is the path of a `NAME.csv`."""
-    return name.casefold().endswith(SUFFIX)
+    return name.casefold().endswith(_SUFFIX)
 
 
 def read_own_map(path: Path) -> OwnMap:
@@ -327,7 +309,7 @@ def read_own_map(path: Path) -> OwnMap:
         )
     found = {
         name: read_bytes(file, error=ClassMapError)
-        for name, suffix in _FILES.items()
+        for name, suffix in MAP_FILES.items()
         if (file := path.with_suffix(suffix)).is_file()
     }
     return OwnMap(name=path.stem, **{"spellings": b"", **found})
@@ -335,10 +317,10 @@ def read_own_map(path: Path) -> OwnMap:
 
 def write_own_map(own: OwnMap, folder: Path) -> Path:
     """Write the files of a class map into a folder, and return the path of its `NAME.csv`."""
-    for name, suffix in _FILES.items():
+    for name, suffix in MAP_FILES.items():
         if (data := getattr(own, name)) is not None:
             write_bytes(folder / f"{own.name}{suffix}", data)
-    return folder / f"{own.name}{SUFFIX}"
+    return folder / f"{own.name}{_SUFFIX}"
 
 
 def parse_own_map(own: OwnMap) -> ClassMap:
@@ -368,15 +350,13 @@ def join_maps(first: ClassMap, *others: ClassMap) -> ClassMap:
                 f"class maps {first.version} and {other.version} have different class spaces"
             )
     maps = (first, *others)
-    normalised = ChainMap(*(dict(one.normalised) for one in maps))
     return replace(
         first,
         version=" + ".join(one.version for one in maps),
         sha256=hashlib.sha256("".join(one.sha256 for one in maps).encode()).hexdigest(),
         structure=frozenset().union(*(one.structure for one in maps)),
         entries=ChainMap(*(dict(one.entries) for one in maps)),
-        normalised=normalised,
-        rules=_Synonyms(normalised, first.classes),
+        normalised=ChainMap(*(dict(one.normalised) for one in maps)),
     )
 
 
@@ -387,7 +367,7 @@ def _parse_map(
     rows = read_rows(f"{version}.structure.csv", structure, ("category",))
     building_parts = frozenset([row[0] for _, row in rows])
     entries, normalised = _parse_spellings(f"{version}.csv", spellings, space, building_parts)
-    files = (spellings, classes, structure, *map(read_published, _RULES), RULES_VERSION)
+    files = (spellings, classes, structure, *map(read_published, RULE_FILES), _RULES_VERSION)
     return ClassMap(
         version=version,
         sha256=hashlib.sha256(b"".join(files)).hexdigest(),
@@ -396,86 +376,7 @@ def _parse_map(
         structure=building_parts,
         entries=entries,
         normalised=normalised,
-        rules=_Synonyms(normalised, space.classes),
     )
-
-
-def _list_synonyms(
-    listed: Mapping[str, Classified], classes: Sequence[str]
-) -> tuple[dict[str, str], frozenset[str]]:
-    """Return other words for what a map lists, and which of them a vocabulary has.
-
-    A word leads to a listed name, or to the empty name if no words of it are to be taken alone. A
-    map need not list HM3D's word: another listed name of the same category does, or for a word of a
-    vocabulary the plural or the head noun, if both have one class of HM3D.
-    """
-    vocabulary = _read_vocabulary()
-    called = _name_meanings(listed, classes)
-    found = dict(called)
-    for name, category in {**_parse_synonyms(_SYNONYMS), **vocabulary}.items():
-        wider = _list_wider(name, category) if name in vocabulary else ()
-        others = (one for one in (category, called.get(category), *wider) if one in listed)
-        if (other := next(others, None)) or not category or name in vocabulary:
-            found[name] = other or ""
-    apart = {**{name: name for name in listed}, **found}
-    for name, other in apart.items():  # `diningtable` is `dining table`
-        if " " in name:
-            found.setdefault(name.replace(" ", ""), other)
-    found = {name: other for name, other in found.items() if name not in listed}
-    return found, frozenset(vocabulary) & found.keys()
-
-
-def _list_wider(word: str, category: str) -> Iterator[str]:
-    """Yield plurals and last words of a word and of HM3D's, those of the same class there."""
-    of_hm3d = _read_classes()
-    for name in (category, word):
-        tails = (" ".join(tail) for tail in list_tails(name.split()))
-        for one in (*change_number(name), *tails):
-            if of_hm3d.get(one) == of_hm3d[category] != "":
-                yield one
-
-
-@cache
-def _read_classes() -> Mapping[str, str]:
-    """Return the class of each name that the default map lists; empty without one."""
-    file = f"{DEFAULT_CLASS_MAP}{SUFFIX}"
-    rows = read_rows(file, read_published(file), ("raw_category", "category", "class"))
-    names = normalise_names([row[0] for _, row in rows])
-    return {name: row[2] for name, (_, row) in zip(names, rows, strict=True)}
-
-
-def _name_meanings(listed: Mapping[str, Classified], classes: Sequence[str]) -> dict[str, str]:
-    """Return a listed name for each category, class and synonym that is not listed itself."""
-    synonyms, entries = _parse_synonyms(_SYNONYMS), listed.values()
-    meanings = [one.category or "" for one in entries]
-    meanings += ["" if one.class_index is None else classes[one.class_index] for one in entries]
-    meanings += [synonyms.get(name, "") for name in listed]
-    found: dict[str, str] = {}
-    for said, name in zip(normalise_names(meanings), [*listed] * 3, strict=True):
-        if said and said != UNKNOWN and said not in listed:
-            found.setdefault(said, name)
-    return found
-
-
-@cache
-def _parse_synonyms(file: str) -> Mapping[str, str]:
-    rows = read_rows(file, read_published(file), ("name", "category"))
-    columns = zip(*(row for _, row in rows), strict=True)
-    return dict(zip(*map(normalise_names, columns), strict=True))
-
-
-@cache
-def _read_vocabulary() -> Mapping[str, str]:
-    """Return HM3D's words by the words of all vocabularies, normalised, with spaces alone."""
-    words, categories = map(normalise_names, zip(*list_meanings(), strict=True))
-    return dict(zip(map(separate, words), categories, strict=True))
-
-
-@cache
-def read_real_words() -> frozenset[str]:
-    """Return words of English that are one typo from a word of a name."""
-    rows = read_rows(_REAL_WORDS, read_published(_REAL_WORDS), ("word",))
-    return frozenset(row[0] for _, row in rows)
 
 
 def _parse_spellings(
@@ -484,9 +385,8 @@ def _parse_spellings(
     entries: dict[str, Classified] = {}
     normalised: dict[str, Classified] = {}
     rows = read_rows(file, data, ("raw_category", "category", "class"))
-    said = normalise_names([row[0] for _, row in rows])
-    nameless = _find_nameless({row[1] for _, row in rows})
-    for (line, (raw, category, name)), spoken in zip(rows, said, strict=True):
+    nameless = {*filter(is_nameless, {row[1] for _, row in rows})}
+    for line, (raw, category, name) in rows:
         if name and name not in space.classes:
             raise ClassMapError(
                 f"{file}, line {line}: {show_value(name)} is no class of {space.name}"
@@ -497,7 +397,7 @@ def _parse_spellings(
         role: Role = "structure" if category in structure else "left-out"
         role = "nameless" if category in nameless else role
         entries[raw] = Classified(category, index, role if index is None else "classified")
-        if normalised.setdefault(spoken, entries[raw]).class_index != index:
+        if normalised.setdefault(normalise_name(raw), entries[raw]).class_index != index:
             raise ClassMapError(
                 f"{file}, line {line}: {show_value(raw)} differs from an earlier row only in case "
                 "or spaces but has another class"

@@ -19,7 +19,8 @@ from bsg_data.arrays import Ints
 from bsg_data.errors import ClassMapError
 from bsg_data.inputs.text_table import parse_csv
 from bsg_data.records import Listed, Record
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN, show_value
 
 DEFAULT_CLASS_SPACE = "hm3d45-v1"
 _MAX_CLASSES = 256  # the objects table stores the index in a byte

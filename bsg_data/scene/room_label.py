@@ -15,11 +15,10 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from itertools import chain, islice
+from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -27,29 +26,30 @@ import numpy.typing as npt
 
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
-from bsg_data.scene.class_map import load_class_map, normalise_names, read_real_words
+from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.class_space import read_published, read_rows
-from bsg_data.spelling import ask_if_meant, nearest_names, show_value
+from bsg_data.scene.synonyms import read_real_words
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.normal import LONGEST, drop_number, separate, split_camel
+from bsg_data.words.plural import make_singular
+from bsg_data.words.shown import show_value
+from bsg_data.words.typo import index_words, near_words
 
 RoomType = str | Mapping[str, float]  # a label, or labels with their probabilities
 RoomRule = Literal["head noun", "first words", "misspelt"]  # that a reader should know of
 LAYOUTS = "layouts"  # the source name of labels in room layouts, for scenes of any source
-NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
+_NO_KIND = frozenset({"", "other", "unknown"})  # words that name no kind of room or building
 _FILE = "room-labels-v1.csv"
 _ANY_SOURCE, _NEAREST, _BUILDING, _KIND = "any", "nearest", "building", "kind"
-_NUMBER = re.compile(r"[\s#]*[0-9]+$")
 _ROUNDING = 1e-6  # by which probabilities may add up to more than 1
 _MOST_LABELS = 1000  # of one room
-_LONGEST = 100  # characters of a name that rules read
 _HEAD = 3  # first or last words of a longer name that may be a kind of room
 # Letters of a name from which one may be missing, too many or misplaced, and from which another.
 _MENDED, _REPLACED = 6, 7
 _MISSPELT = 5  # letters of the word in it that is wrong: a shorter one is rather another word
 _MARKS = re.compile(r"['’ʼ`´]|(?<=\b\w)\.|[\u0300-\u036f]")  # of possession, short forms, accents
-_HUMP = re.compile(r"(?<=[^\W\d_A-Z])(?=[A-Z])")
 _WORDS = re.compile(r"\d+(?:st|nd|rd|th)\b|[^\W\d_]+")
 _BETWEEN = re.compile(r"[/&+(),;:|]|\b(?:and|or|of|for|on|in|at|by|near|with)\b")
-_PLURALS = {"children": "child", "people": "person"}
 # Words beside the kind of a room that say which one it is.
 _WHICH = (
     r"\w|one|two|three|four|five|six|seven|eight|nine|ten"
@@ -91,20 +91,14 @@ class ReadRoom:
     rule: RoomRule | None = None  # None for a word that is listed, in any spelling
 
 
-class Understood(str):
-    """A label, or a kind of building, with what it was read from. Only notes read that."""
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What a label, or a kind of building, was read from; notes tell it."""
 
+    label: str
     said: str  # a word, a name, or names
-    rule: RoomRule | None
-    by_name: bool  # the name of a room said it, and not its `room_type`
-
-    def __new__(
-        cls, label: str, said: str = "", *, rule: RoomRule | None = None, by_name: bool = False
-    ) -> Understood:
-        """Add to a label what it was read from."""
-        made = super().__new__(cls, label)
-        made.said, made.rule, made.by_name = said, rule, by_name
-        return made
+    rule: RoomRule | None = None
+    by_name: bool = False  # the name of a room said it, and not its `room_type`
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +107,7 @@ class ReadType:
 
     labels: RoomType | None  # common labels; None if it says nothing
     unread: tuple[str, ...] = ()  # its words that name no known kind of room
+    origins: tuple[Origin, ...] = ()  # of labels that are not its words themselves
 
 
 def label_of(source: str, source_label: str | None) -> str | None:
@@ -199,7 +194,7 @@ def read_room(name: str, *, source: str = _ANY_SOURCE) -> ReadRoom:
     for key in ((source, name), (source, spoken), (source, number), (_ANY_SOURCE, spoken)):
         if key in rows:
             return ReadRoom(rows[key], key[1])
-    if spoken in NO_KIND or len(name) > _LONGEST:
+    if spoken in _NO_KIND or len(name) > LONGEST:
         return ReadRoom(None)
     word, rule = _find_word(name) or (None, None)
     label = word and rows.get((source, word), rows[_ANY_SOURCE, word])
@@ -243,7 +238,7 @@ def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
     plain = _make_plain(name)
     for piece in dict.fromkeys((plain, *_BETWEEN.split(plain))):
         said = [word for word in _WORDS.findall(piece) if not word[0].isdecimal()]
-        words = tuple(map(_singular, said))
+        words = tuple(map(make_singular, said))
         yield words
         while words and _BEHIND.fullmatch(words[-1]):
             words = words[:-1]
@@ -254,50 +249,17 @@ def _list_forms(name: str) -> Iterator[tuple[str, ...]]:
 
 def _make_plain(name: str) -> str:
     """Return a name in small letters, without accents."""
-    return _MARKS.sub("", unicodedata.normalize("NFKD", _HUMP.sub(" ", name))).casefold()
-
-
-@lru_cache(maxsize=1024)  # the words of names of rooms are few
-def _singular(word: str) -> str:
-    if word.endswith("ies"):
-        return f"{word[:-3]}y"
-    if word.endswith(("ches", "shes", "sses", "xes")):
-        return word[:-2]
-    is_plural = len(word) > 3 and word.endswith("s") and not word.endswith(("ss", "us", "is"))
-    return _PLURALS.get(word, word[:-1] if is_plural else word)
+    return _MARKS.sub("", unicodedata.normalize("NFKD", split_camel(name))).casefold()
 
 
 def _mend(key: str) -> str | None:
-    """Return the listed word from which a key differs by one letter, not the first, if it is one.
-
-    A letter is missing, too many or misplaced; in longer names it may also be another letter.
-    """
-    if len(key) < _MENDED:
-        return None
-    rows, size = _read_labels(), len(key)
-    same = _group_keys().get((key[0], size), [])
-    near_sizes = (_group_keys().get((key[0], n), []) for n in (size - 1, size + 1))
-    shifted = [*same, *chain.from_iterable(near_sizes)]
-    replaced = same if size >= _REPLACED else []
-    for listed, differs in ((shifted, _is_shifted), (replaced, _is_replaced)):
-        near = [word for one, word in listed if differs(*_cut_common(one, key))]
-        if len({rows[_ANY_SOURCE, word] for word in near}) == 1:
-            return near[0]
-    return None
-
-
-def _is_shifted(a: str, b: str) -> bool:
-    return a[1:] == b or a == b[1:] or (a[:2] == b[1::-1] and a[2:] == b[2:])
-
-
-def _is_replaced(a: str, b: str) -> bool:
-    return a[1:] == b[1:]
-
-
-def _cut_common(a: str, b: str) -> tuple[str, str]:
-    pairs = enumerate(zip(a, b, strict=False))
-    start = next((at for at, (x, y) in pairs if x != y), min(len(a), len(b)))
-    return a[start:], b[start:]
+    """Return the listed word of which a key is a typo, if that is one kind of room."""
+    rows, listed = _read_labels(), _list_keys()
+    near = near_words(key, _index_keys()) if len(key) >= _MENDED else []
+    shifted = [one for one in near if len(one) != len(key) or sorted(one) == sorted(key)]
+    keys = shifted or (near if len(key) >= _REPLACED else [])
+    words = [listed[one] for one in keys]
+    return words[0] if len({rows[_ANY_SOURCE, word] for word in words}) == 1 else None
 
 
 @cache
@@ -340,7 +302,7 @@ def read_building_kind(word: str) -> str | None:
     >>> read_building_kind("Apartment"), read_building_kind("factory"), read_building_kind("castle")
     ('home', 'warehouse', None)
     """
-    rows, words = _read_labels(), normalise_room(word[:_LONGEST]).split()
+    rows, words = _read_labels(), normalise_room(word[:LONGEST]).split()
     ends = (" ".join(words[start:]) for start in range(len(words)))
     return next(filter(None, (rows.get((_KIND, end)) for end in ends)), None)
 
@@ -355,7 +317,7 @@ def owner_of(name: str) -> str | None:
     >>> [owner_of(name) for name in ("Emma's teddy bear", "Bedroom - Emma", "men's room")]
     ['emma', 'emma', None]
     """
-    if len(name) > _LONGEST:
+    if len(name) > LONGEST:
         return None
     ends = (match.end() for match in islice(_WORDS.finditer(name), _HEAD))
     owned = (end for end in ends if read_room(name[:end]).label in _OWNED)
@@ -365,13 +327,13 @@ def owner_of(name: str) -> str | None:
 
 
 def _is_owner(word: str) -> bool:
-    is_other = _NO_OWNERS.fullmatch(word) or _BEHIND.fullmatch(_singular(word))
+    is_other = _NO_OWNERS.fullmatch(word) or _BEHIND.fullmatch(make_singular(word))
     return not is_other and load_class_map().lookup(word) is None
 
 
 def is_name(text: str) -> bool:
     """Say whether a room's id or label has words to be understood: R7 and room 5 have none."""
-    if normalise_room(text) in NO_KIND or len(text) > _LONGEST:
+    if normalise_room(text) in _NO_KIND or len(text) > LONGEST:
         return False
     words = next(iter(_list_forms(text)))
     return any(
@@ -395,12 +357,7 @@ def normalise_room(name: str) -> str:
     >>> normalise_room("Walk-in_Closet_2")
     'walk in closet'
     """
-    return _normalise_rooms([name])[0]
-
-
-def _normalise_rooms(names: Sequence[str]) -> list[str]:
-    spaced = [name.replace("_", " ").replace("-", " ") for name in names]
-    return [_NUMBER.sub("", name) for name in normalise_names(spaced)]
+    return drop_number(separate(name))
 
 
 def check_room_type(said: RoomType | None) -> RoomType | None:
@@ -435,12 +392,10 @@ def read_room_type(
 ) -> ReadType:
     """Return the type of a room in common labels; probabilities of equal labels are summed.
 
-    What was read before is read again from what was said then; see `drop_origin`.
-
     >>> read_room_type("Hallway").labels, read_room_type({"hall": 0.5, "corridor": 0.25}).labels
     ('corridor', {'corridor': 0.75})
-    >>> read_room_type({"hall": 0.5, "zzz": 0.5})
-    ReadType(labels={'corridor': 0.5}, unread=('zzz',))
+    >>> read_room_type({"hall": 0.5, "zzz": 0.5}).unread
+    ('zzz',)
 
     Args:
         said: a word, or words with their probabilities.
@@ -452,51 +407,31 @@ def read_room_type(
     checked = check_room_type(said)
     found: dict[str, float] = {}
     unread: list[str] = []
-    words = {checked: 1.0} if isinstance(checked, str) else checked or {}
-    for told, probability in words.items():
-        word = told.said if isinstance(told, Understood) else told
+    origins: dict[str, Origin] = {}
+    for word, probability in weigh_labels(checked).items():
         known = read(word)
         if known.label is None:
-            unread += [] if normalise_room(word) in NO_KIND else [word]
+            unread += [] if normalise_room(word) in _NO_KIND else [word]
         elif probability > 0:
-            is_label = known.label == word
-            label = word if is_label else Understood(known.label, word, rule=known.rule)
-            found[label] = found.get(label, 0.0) + probability
+            found[known.label] = found.get(known.label, 0.0) + probability
+            if known.label != word:
+                origins.setdefault(known.label, Origin(known.label, word, known.rule))
     is_sure = list(found.values()) == [1.0]
-    return ReadType(next(iter(found)) if is_sure else found or None, tuple(unread))
+    labels = next(iter(found)) if is_sure else found or None
+    return ReadType(labels, tuple(unread), tuple(origins.values()))
 
 
-def drop_origin(said: RoomType | None) -> RoomType | None:
-    """Return labels without what they were read from."""
-    if isinstance(said, Mapping):
-        return {str(label): probability for label, probability in said.items()}
-    return None if said is None else str(said)
+def say_again(labels: RoomType | None, origins: Iterable[Origin]) -> RoomType | None:
+    """Return what was said of a type, from the labels that were read; None if nobody said it."""
+    said = {one.label: None if one.by_name else one.said for one in origins}
+    if labels is None or isinstance(labels, str):
+        return said.get(labels, labels) if labels else None
+    return {said.get(label) or label: likely for label, likely in labels.items()}
 
 
-def list_labels(said: RoomType | None) -> tuple[str, ...]:
-    """Return the labels of a type."""
-    return () if said is None else (said,) if isinstance(said, str) else tuple(said)
-
-
-def explain_rules(said: RoomType | None) -> dict[str, str]:
-    """Return word → label and rule, of the words of a type that a rule has read.
-
-    >>> explain_rules(read_room_type("staff kitchen").labels)
-    {'staff kitchen': 'kitchen (head noun)'}
-    """
-    read = [one for one in list_labels(said) if isinstance(one, Understood) and one.rule]
-    return {one.said: f"{one} ({one.rule})" for one in read}
-
-
-def name_nearest(word: str) -> str:
-    """Return the labels that are spelt like a word, in brackets; empty if none is."""
-    near = nearest_names(normalise_room(word), list_all_labels())
-    return f" (nearest: {', '.join(near)})" if near else ""
-
-
-@cache
-def _index_labels() -> dict[str, int]:
-    return {label: index for index, label in enumerate(list_room_labels())}
+def weigh_labels(said: RoomType | None) -> Mapping[str, float]:
+    """Return the labels of a type with their probabilities."""
+    return {said: 1.0} if isinstance(said, str) else said or {}
 
 
 def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
@@ -507,9 +442,9 @@ def spread_labels(said: RoomType | None) -> npt.NDArray[np.float32]:
     Raises:
         RecipeError: as `check_room_type`.
     """
-    known, index = read_room_type(drop_origin(said)).labels, _index_labels()
+    index = {label: number for number, label in enumerate(list_room_labels())}
     row = np.zeros(len(index))
-    for label, probability in ({known: 1.0} if isinstance(known, str) else known or {}).items():
+    for label, probability in weigh_labels(read_room_type(said).labels).items():
         if (read := known_label(label)) in index:
             row[index[read]] += probability
     if row.any():
@@ -525,7 +460,7 @@ def _read_labels() -> Mapping[tuple[str, str], str | None]:
     rows = [row for _, row in read_rows(_FILE, read_published(_FILE), header)]
     sources, words, labels = zip(*rows, strict=True)
     said: dict[tuple[str, str], str] = {}
-    for names in (_normalise_rooms(words), words):
+    for names in ([normalise_room(word) or word for word in words], words):
         said |= dict(zip(zip(sources, names, strict=True), labels, strict=True))
     return {key: label or None for key, label in said.items()}
 
@@ -539,7 +474,7 @@ def _list_keys() -> Mapping[str, str]:
     words = [word for source, word in _read_labels() if source == _ANY_SOURCE]
     lines = _make_plain("\n".join(words)).split("\n")
     said = ([one for one in _WORDS.findall(line) if not one[0].isdecimal()] for line in lines)
-    keyed = {word: "".join(map(_singular, one)) for word, one in zip(words, said, strict=True)}
+    keyed = {word: "".join(map(make_singular, one)) for word, one in zip(words, said, strict=True)}
     plain_last = sorted(words, key=lambda word: keyed[word] == word.replace(" ", ""))
     return {keyed[word]: word for word in plain_last}
 
@@ -548,13 +483,12 @@ def _list_keys() -> Mapping[str, str]:
 def _list_known() -> frozenset[str]:
     """Return words of English: none of them is a typo of another word for a room."""
     names = [*load_class_map().entries, *(word for _, word in _read_labels())]
-    return read_real_words() | set(map(_singular, _WORDS.findall(_make_plain("\n".join(names)))))
+    return read_real_words() | set(
+        map(make_singular, _WORDS.findall(_make_plain("\n".join(names))))
+    )
 
 
 @cache
-def _group_keys() -> Mapping[tuple[str, int], list[tuple[str, str]]]:
-    """Return what `_list_keys` does, by the first letter and the number of letters."""
-    found = defaultdict[tuple[str, int], list[tuple[str, str]]](list)
-    for key, word in _list_keys().items():
-        found[key[:1], len(key)].append((key, word))
-    return found
+def _index_keys() -> Mapping[str, list[str]]:
+    """Return what `_list_keys` does, to find one that is spelled alike."""
+    return index_words(_list_keys())

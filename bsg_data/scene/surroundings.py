@@ -16,12 +16,10 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.scene.room_label import (
+    Origin,
     RoomType,
-    Understood,
     known_label,
     list_room_labels,
-    normalise_room,
-    read_building_kind,
     spread_labels,
     tell_building,
 )
@@ -186,23 +184,13 @@ def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
     return round((polygon if polygon.is_valid else polygon.convex_hull).area, 4) or None
 
 
-def find_building_kind(said: str) -> str | None:
-    """Return the one of `SAID_KINDS` that a word means; None if it is unknown or says nothing.
-
-    >>> find_building_kind("Hotel"), find_building_kind("apartment"), find_building_kind("castle")
-    ('hotel', 'home', None)
-    """
-    kind = read_building_kind(said)
-    return kind if kind is None or kind == normalise_room(said) else Understood(kind, said)
-
-
-def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Understood | None:
+def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Origin | None:
     """Return the kind of building that its rooms tell, by the names of each; None if unclear.
 
     Two rooms or more tell it, and more than half of all that tell one. Offices, which other
     buildings have too, are heard last. A home is never guessed: an unknown kind is read as one.
 
-    >>> guess_building_kind([["ward 1"], ["nurse station"], ["office"]])
+    >>> guess_building_kind([["ward 1"], ["nurse station"], ["office"]]).label
     'hospital'
     >>> guess_building_kind([["office"], ["printer room"], ["bedroom"], ["kitchen"]])
     """
@@ -221,7 +209,7 @@ def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Understood | None:
     total = sum(map(len, told.values()))
     if kind == "home" or not _TELLING <= len(told[kind]) > total / 2:
         return None
-    return Understood(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
+    return Origin(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
 
 
 def _measure_rooms(rooms: pa.Table) -> Floats:

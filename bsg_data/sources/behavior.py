@@ -37,8 +37,8 @@ from bsg_data.sources.source import (
     SceneRef,
     SourceRow,
 )
-from bsg_data.spelling import show_value
 from bsg_data.terms import Terms
+from bsg_data.words.shown import show_value
 
 _FILE = "combined_room_object_list.json"
 _MAX_OBJECTS = 10**5  # of one model in a room; the largest real building has 7,020 in all

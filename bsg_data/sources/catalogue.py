@@ -13,8 +13,8 @@ from bsg_data.errors import SourceError
 from bsg_data.files import AnyPath
 from bsg_data.registry import Registry
 from bsg_data.sources.source import Source, SourceRow
-from bsg_data.spelling import ask_if_meant
 from bsg_data.terms import Terms
+from bsg_data.words.nearest import ask_if_meant
 
 _KINDS: tuple[type, ...] = (bool, int, float, Path)  # of options, besides text
 SOURCES = Registry(

@@ -20,9 +20,10 @@ from typing import ClassVar
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.inputs.spreadsheet import read_sheets
-from bsg_data.scene.class_map import UNKNOWN, ClassMap
+from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import is_understood, label_of
 from bsg_data.scene.surroundings import BUILDING_KINDS, is_floor_area
+from bsg_data.scene.synonyms import UNKNOWN
 from bsg_data.sources.annotation_files import find_files, read_listed
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (

@@ -10,7 +10,8 @@ from typing import Generic, TypeVar
 
 from bsg_data.errors import SourceError
 from bsg_data.inputs.text_table import hint_separator, read_csv
-from bsg_data.spelling import SHOWN, list_some, meant_names, show_value
+from bsg_data.words.nearest import nearest_names
+from bsg_data.words.shown import SHOWN, list_some, show_value
 
 _NAMED = 20  # columns that an error names
 Key = TypeVar("Key")
@@ -73,7 +74,7 @@ def _find_columns(
     for column, others in columns.items():
         name = next((name for name in (column, *others) if name in header), None)
         if name is None:
-            near = meant_names(column, set(header) - set(columns), most=1)
+            near = nearest_names(column, set(header) - set(columns), most=1)
             hint = f"; rename {near[0]} to {column}" if near else ""
             if said := hint_separator(header):
                 hint = f"; {said}"

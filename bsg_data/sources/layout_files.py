@@ -29,7 +29,7 @@ from bsg_data.records import MAX_METRES, ForeignRecord, Keyed, Listed, Metres, P
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.label_table import LabelTable, read_label_table
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 
 CONFIG_SUFFIX = ".semantic_config.json"
 SUFFIXES = (".yaml", ".yml", CONFIG_SUFFIX)

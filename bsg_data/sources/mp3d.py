@@ -41,8 +41,8 @@ from bsg_data.sources.source import (
     SceneRef,
     SourceRow,
 )
-from bsg_data.spelling import SHOWN
 from bsg_data.terms import Terms
+from bsg_data.words.shown import SHOWN
 
 # The letters of regions, in the words of the format's description.
 REGION_LABELS = {

@@ -44,8 +44,8 @@ from bsg_data.sources.source import (
     SceneRef,
     SourceRow,
 )
-from bsg_data.spelling import show_value
 from bsg_data.terms import Terms
+from bsg_data.words.shown import show_value
 
 _SUFFIXES = (".jsonl", ".jsonl.gz", ".json", ".json.gz")
 _NUMBERED = 10**5  # a scene id has five digits for the number of the house in its file

@@ -16,7 +16,7 @@ from bsg_data.scene.room_label import RoomReader, check_own_label
 from bsg_data.scene.scene_graph import Room
 from bsg_data.sources.label_table import read_label_table
 from bsg_data.sources.source import Reading, SceneRef, Source, Wrapper
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 
 RoomWords: TypeAlias = "AnyPath | Mapping[str, str | None]"  # a path, or what the table holds
 

@@ -34,7 +34,8 @@ from bsg_data.inputs.parquet import refusing_damage
 from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
 from bsg_data.records import Metres, name_fault
 from bsg_data.scene.scene_graph import Box, Point, is_scene_id
-from bsg_data.spelling import ask_if_meant, list_some, meant_names
+from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.shown import list_some
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
 _REQUIRED = ("scene", "room", "category")
@@ -247,7 +248,7 @@ def _index(names: Iterable[str]) -> dict[str, list[int]]:
 def _lack_column(
     path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
 ) -> SourceError:
-    near = meant_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
+    near = nearest_names(asked, _list_unread(header, columns)[:_SHOWN], most=1)
     hint = f"name yours by --option {field}=COLUMN"
     if near:
         hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Floats
 from bsg_data.errors import RecipeError
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import PartialGraph
 

@@ -8,7 +8,7 @@ Node indices are those of `bsg_data.scene.scene_graph`. `bsg_robot` reads and up
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache, lru_cache
 from numbers import Real
 from typing import Annotated, Any, ClassVar, TypeVar
@@ -36,10 +36,10 @@ from bsg_data.records import MAX_METRES, name_fault
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
-from bsg_data.scene.room_label import RoomType, check_room_type
+from bsg_data.scene.room_label import Origin, RoomType, check_room_type
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, area_of
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 from bsg_models.belief.hidden_share import ShareBelief
 
 MOST_HIDDEN = 0.99  # of a room that shows something, though all of it is said to be hidden
@@ -263,6 +263,7 @@ class PartialGraph:
         stays: hours after which half of the things are elsewhere; None if unknown.
         room_labels: the user's words for rooms, each with its label; None for no kind of room.
         unread: words for the kind of building that nobody could read; they say nothing.
+        origins: id of a room → what its type was read from; `""` → the kind of building.
     """
 
     scene_id: str
@@ -279,6 +280,7 @@ class PartialGraph:
     stays: float | None = None
     room_labels: tuple[tuple[str, str | None], ...] = ()
     unread: tuple[str, ...] = ()
+    origins: Mapping[str, tuple[Origin, ...]] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         """Let no node that shows something hide all."""

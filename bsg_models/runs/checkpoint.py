@@ -27,7 +27,7 @@ from bsg_data.records import Record, name_fault
 from bsg_data.scene.class_map import OwnMap
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.seal import SEAL
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 from bsg_models.errors import CheckpointError, ConfigError
 from bsg_models.inputs.folds import untaught_of
 from bsg_models.runs.checkpoint_file import (

@@ -20,7 +20,8 @@ from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.registry import require_known
 from bsg_data.seal import read_seal
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.errors import CheckpointError
 from bsg_models.runs.checkpoint_file import read_fields
 from bsg_models.runs.run_folder import BEST

@@ -14,7 +14,7 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.errors import RecipeError
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 from bsg_models.search.catalogue import AnyPlanner, Planner, find_planner
 from bsg_models.search.knowledge import Knowledge, Task, find_costs
 from bsg_models.search.orders import choose_rooms

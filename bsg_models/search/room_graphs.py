@@ -27,7 +27,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.records import Record
 from bsg_data.registry import require_known
 from bsg_data.scene.connections import Connections
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 from bsg_models.search.knowledge import Travel, find_ways, go_straight
 
 WorldKind = Literal["star", "complete", "tree", "layout", "geometry"]

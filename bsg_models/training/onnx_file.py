@@ -126,8 +126,7 @@ def export_onnx(model: AnyPath, path: AnyPath, *, force: bool = False) -> Path:
 
 def _list_words(class_map: ClassMap, vocabulary: Collection[str]) -> dict[str, str]:
     """Return what the words of a class map mean: a class, or a word of the vocabulary."""
-    names = {*class_map.normalised, *class_map.synonyms}
-    known = {name: class_map.classify(name) for name in sorted(names)}
+    known = {name: class_map.classify(name) for name in sorted(class_map.words)}
     return {
         name: str(one.category) if one.class_index is None else class_map.classes[one.class_index]
         for name, one in known.items()

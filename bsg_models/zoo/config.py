@@ -27,7 +27,8 @@ from bsg_data.inputs.bounded_file import read_bytes
 from bsg_data.inputs.documents import parse_toml
 from bsg_data.recipes import Exploration, MaskRecipe, Seed
 from bsg_data.records import Record
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.errors import ConfigError
 from bsg_models.zoo.catalogue import RECIPES, ZOO
 from bsg_models.zoo.settings import DataConfig, ModelConfig, TrainingConfig

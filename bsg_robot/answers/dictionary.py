@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cached_property, partial
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.class_map import ClassMap, list_class_maps, load_class_map
+from bsg_data.scene.class_map import ClassMap, load_class_map, published_maps
 from bsg_data.scene.room_label import owner_of
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor
@@ -100,7 +100,7 @@ class Dictionary:
     def _find(self, word: str) -> Meaning:
         """Return what a word means; the table of everyday things knows more than likenesses do."""
         own = self.own.class_map
-        is_own = own.version not in list_class_maps()
+        is_own = own.version not in published_maps()
         read = partial(find_meaning, class_map=own, prefer_exact=not is_own, nouns=self._nouns)
         if is_own and own.lookup(word):
             return read(word)

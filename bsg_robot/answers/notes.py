@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from bsg_data.dataset.manifest import describe_unmapped
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.surroundings import KNOWN_SOURCES
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 from bsg_models.belief.hidden_share import VAGUE
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.predictor import Predictor

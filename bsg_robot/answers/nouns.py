@@ -25,22 +25,17 @@ from safetensors.numpy import load, save
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.files import write_bytes
-from bsg_data.scene.class_map import normalise_name
-from bsg_data.scene.name_rules import list_parts, singulars
+from bsg_data.words.normal import normalise_name
+from bsg_data.words.phrase import MOST_WORDS, drop_kind, list_parts
+from bsg_data.words.plural import singulars
 from bsg_models.belief.count_distribution import CountDistribution
 from bsg_models.belief.expectation import Expectation
 from bsg_robot.tables.table import read_file
 
-NOUNS = "nouns-v1.safetensors"  # a file of the package `bsg_mappings`
+_NOUNS = "nouns-v1.safetensors"  # a file of the package `bsg_mappings`
 EPSILON = 0.005  # objects, added to an expected count before its logarithm
 HEAD = 0.5  # weight of the head of a compound; the words before it share the rest
-_MOST_WORDS = 12
 _SHORT = 4  # letters: shorter parts of a word are chance
-# What follows one of these says more about the thing before it: a cup of tea.
-_PREPOSITION = re.compile(r" (?:of|for|with|without|to) ")
-_PARTITIVE = re.compile(
-    r"^(?:an? )?(?:sets?|pairs?|piles?|stacks?|bunch|group|pieces?|slices?) of "
-)
 # Words that say nothing of where a thing is. Those of one kind tell things apart: a red mug is no
 # blue one, but it may be the big one.
 # fmt: off
@@ -95,9 +90,8 @@ def split_head(name: str) -> tuple[list[str], str]:
 def _split_head(name: str) -> tuple[tuple[str, ...], str]:
     plain = normalise_name(list_parts(name)[0]).replace("’", "'")
     said = re.sub(r"[^\w']|_", " ", plain).rstrip(" 0123456789")
-    words = [word.removesuffix("'s").strip("'") for word in said.split()[:_MOST_WORDS]]
-    bare = _PARTITIVE.sub("", _DETERMINERS.sub("", " ".join(words)))
-    words = _PREPOSITION.split(bare, maxsplit=1)[0].split()
+    words = [word.removesuffix("'s").strip("'") for word in said.split()[:MOST_WORDS]]
+    words = drop_kind(_DETERMINERS.sub("", " ".join(words))).split()
     before = tuple(word for word in words[:-1] if word not in _LOOKS | _MAKES)
     return (before, words[-1]) if words else ((), "")
 
@@ -109,7 +103,7 @@ def looks_of(name: str) -> frozenset[str]:
     >>> sorted(looks_of("the big red mug"))
     ['big', 'red']
     """
-    return _LOOKS & {*normalise_name(name).split()[:_MOST_WORDS]}
+    return _LOOKS & {*normalise_name(name).split()[:MOST_WORDS]}
 
 
 def may_be_one(told: frozenset[str], other: frozenset[str]) -> bool:
@@ -293,7 +287,7 @@ def write_nouns(table: NounTable, path: Path) -> None:
 @cache
 def read_nouns() -> NounTable:
     """Read the table that is shipped; a process reads it once."""
-    kept = load(read_file(NOUNS))
+    kept = load(read_file(_NOUNS))
     words, counted = (
         tuple(kept[name].tobytes().decode().split("\n")) for name in ("words", "counted")
     )

@@ -22,7 +22,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.records import read_number
 from bsg_data.sources.room_words import RoomWords
-from bsg_data.spelling import show_value
+from bsg_data.words.shown import show_value
 from bsg_models.belief.belief_graph import LEAST_PRESENCE, BeliefGraph, believe
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.partial_graph import LOOK_CHANCE, PartialGraph

@@ -15,10 +15,11 @@ from bsg_data.dataset.manifest import UnmappedEntry, describe_unmapped
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.records import read_number
-from bsg_data.scene.class_map import normalise_name
 from bsg_data.scene.room_label import RoomType, read_room_type
 from bsg_data.scene.surroundings import area_of
-from bsg_data.spelling import SHOWN, ask_if_meant, show_value
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.normal import normalise_name
+from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.belief.hidden_share import ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
@@ -466,12 +467,15 @@ class ToldBuilding:
         others = [beside] if isinstance(beside, str) else beside
         neighbours = [find_room(self.graph, other) for other in others]
         known = check_report(known)
+        graph = self.graph
         if room_type is not None:
-            read = read_room_type(known.room_type, read=room_reader(self.graph))
+            read = read_room_type(known.room_type, read=room_reader(graph))
             is_read = read.labels is not None or not read.unread  # else nothing is said
             kind = known.room_type if is_read else before.room_type
             known = replace(known, room_type=kind, unread=read.unread)
-        graph = reports.describe(self.graph, index, known, beside=neighbours)
+            if is_read:
+                graph = replace(graph, origins={**graph.origins, before.name: ()})
+        graph = reports.describe(graph, index, known, beside=neighbours)
         self._change(understand_rooms(graph))
 
     @alone

@@ -14,7 +14,7 @@ from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
 from bsg_data.scene.surroundings import area_of
-from bsg_data.spelling import SHOWN, show_value
+from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.belief.partial_graph import KnownRoom, Number, PartialGraph
 from bsg_models.search.knowledge import find_costs
 from bsg_models.search.looks import USUAL_WAY, metres_of_look

@@ -11,25 +11,15 @@ from itertools import chain, islice
 from types import MappingProxyType
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.class_map import (
-    ClassMap,
-    Role,
-    load_class_map,
-    normalise_name,
-    read_real_words,
-)
-from bsg_data.scene.name_rules import (
-    LONGEST,
-    MARKS,
-    SHORT,
-    index_words,
-    is_typo,
-    list_parts,
-    mend,
-    singulars,
-)
+from bsg_data.scene.class_map import ClassMap, Role, load_class_map
 from bsg_data.scene.room_label import owner_of, read_room
-from bsg_data.spelling import SHOWN, ask_if_meant, meant_names, show_value
+from bsg_data.scene.synonyms import read_real_words
+from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.normal import LONGEST, MARKS, normalise_name
+from bsg_data.words.phrase import list_parts
+from bsg_data.words.plural import singulars
+from bsg_data.words.shown import SHOWN, show_value
+from bsg_data.words.typo import SHORT, index_words, is_typo, mend
 from bsg_models.belief.hidden_share import ShareBelief
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.found_model import WIDE_MAP
@@ -39,7 +29,6 @@ from bsg_robot.tables.table import read_table
 from bsg_robot.things.things import Thing, find_keeping, find_thing, list_things
 from bsg_robot.things.uses import find_use
 
-MOST_CHARACTERS = LONGEST
 _NO_THINGS = "not-things-v1.csv"
 _OFFERED = 3  # nouns offered in an error
 _REMEMBERED = 2**16  # words, as many as the largest map has: fewer would all be forgotten in turn
@@ -214,15 +203,13 @@ def find_everyday(word: str) -> Thing | None:
     return None if len(word) > LONGEST else _find_listed(word) or _find_mended(word)
 
 
-def _find_listed(word: str, *, is_part: bool = False) -> Thing | None:
-    """Return the thing that a name is listed as; `is_part`: the name is the end of another."""
+def _find_listed(word: str) -> Thing | None:
+    """Return the thing that a name is listed as."""
     said = _name_only(word)
     before, head = split_head(said)
     if thing := find_thing(said) or find_thing(" ".join([*before, head])):
         return thing
-    class_map = load_class_map()
-    # What is known of names is kept; of their ends, head nouns and typos count for nothing below.
-    known = class_map.classify_whole(said) if is_part else class_map.classify(said)
+    known = load_class_map().classify(said)
     # Other names may be read as a wider thing: a mattress is a bed to the class map.
     is_renamed = known.role == "left-out" or known.rule not in (None, "head noun", "spelling")
     return find_thing(str(known.category)) if is_renamed else None
@@ -258,7 +245,7 @@ def find_wider(word: str) -> tuple[Thing | None, tuple[str, ...]]:
     before, head = split_head(str(known.category) if is_known and known.rule else said)
     for number in range(max(1, len(before) - _MOST_BEFORE), len(before) + 1):
         name, told = " ".join([*before[number:], head]), tuple(before[:number])
-        if thing := _find_listed(name, is_part=True):
+        if thing := _find_listed(name):
             index = known.class_index
             is_kind = index is not None and index == class_map.classify(name).class_index
             if is_known and not (is_kind and any(map(find_use, told))):
@@ -307,10 +294,9 @@ def explain_everyday(thing: Thing, word: str, *, class_name: str | None = None) 
 
 def require_word(word: object) -> None:
     """Refuse what cannot be the name of a thing."""
-    if not isinstance(word, str) or not word.strip() or len(word) > MOST_CHARACTERS:
+    if not isinstance(word, str) or not word.strip() or len(word) > LONGEST:
         raise RecipeError(
-            f"expected the name of a thing, of 1 to {MOST_CHARACTERS} characters, found "
-            f"{show_value(word)}",
+            f"expected the name of a thing, of 1 to {LONGEST} characters, found {show_value(word)}",
             code="thing-none",
         )
 
@@ -370,7 +356,7 @@ def _spelled_alike(word: str, class_map: ClassMap) -> list[str]:
         if entry.class_index is not None:
             names.setdefault(normalise_name(str(entry.category)))
     names |= dict.fromkeys(map(normalise_name, class_map.classes))
-    return list(meant_names(normalise_name(word), names))
+    return list(nearest_names(normalise_name(word), names))
 
 
 def _mended(word: str, known: Sequence[str]) -> list[str]:

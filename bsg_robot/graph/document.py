@@ -14,7 +14,7 @@ from bsg_data.inputs.bounds import BELIEF
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import Listed, SaidRecord, name_fault
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 from bsg_models.belief.belief_graph import BeliefGraph, BlindNode, Mode
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_robot.errors import BeliefFileError

@@ -23,7 +23,8 @@ from typing import Any
 from bsg_data.errors import ask_to_install
 from bsg_data.sources.dsg_file import DSGFile, DSGNode
 from bsg_data.sources.label_space import LabelSpace, name_object
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN
 from bsg_robot.errors import HydraError
 from bsg_robot.graph.robot_json import (
     GRAPH_WORDS,

@@ -23,7 +23,7 @@ import numpy as np
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_OBJECTS, MAX_ROBOT_ROOMS
 from bsg_data.scene.room_label import label_of
-from bsg_data.spelling import SHOWN, show_value
+from bsg_data.words.shown import SHOWN, show_value
 
 FORM = '{"kitchen": ["sink"], "hall": []}'
 FACTS_OF_MAPS = ("more_rooms", "building_kind")

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from bsg_data.errors import RecipeError
 from bsg_data.inputs.bounds import MAX_ROBOT_LOOKS, MAX_ROBOT_SOUGHT
-from bsg_data.scene.class_map import ClassMap, normalise_name
+from bsg_data.scene.class_map import ClassMap
+from bsg_data.words.normal import normalise_name
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief
 from bsg_models.belief.partial_graph import (
     KnownRoom,

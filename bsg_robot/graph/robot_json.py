@@ -61,28 +61,26 @@ from bsg_data.records import Keyed, Listed, SaidRecord, keep_one_unknown
 from bsg_data.scene.class_map import DEFAULT_CLASS_MAP, ClassMap, load_class_map
 from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.room_label import (
-    NO_KIND,
+    Origin,
     RoomReader,
-    Understood,
     check_own_label,
-    drop_origin,
-    explain_rules,
     is_name,
-    list_labels,
-    name_nearest,
+    list_all_labels,
     normalise_room,
     owner_of,
+    read_building_kind,
     read_room_type,
+    say_again,
 )
 from bsg_data.scene.surroundings import (
     BUILDING_KINDS,
     SAID_KINDS,
     area_of,
-    find_building_kind,
     guess_building_kind,
 )
-from bsg_data.scene.vocabularies import vocabulary_words
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.scene.synonyms import vocabulary_words
+from bsg_data.words.nearest import ask_if_meant, nearest_names
+from bsg_data.words.shown import SHOWN
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief, estimate_hidden_share
 from bsg_models.belief.partial_graph import (
     LOOK_CHANCE,
@@ -515,7 +513,6 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
         "format": "bsg-partial-graph",
         "version": 1,
         **{name: getattr(graph, name) for name in _GRAPH_FACTS},
-        "building_kind": drop_origin(graph.building_kind),
         "rooms": [_encode_room(room) for room in graph.rooms],
         "objects": [
             {
@@ -550,7 +547,6 @@ def encode_robot_graph(graph: PartialGraph) -> dict[str, Any]:
 def _encode_room(room: KnownRoom) -> dict[str, Any]:
     said = {name: getattr(room, name) for name in (*_SHARE_WORDS, *_FACTS) if name != "unread"}
     said["box"] = None if room.box is None else [room.box.minimum, room.box.maximum]
-    said["room_type"] = drop_origin(room.room_type)
     said |= {"unread": [*room.unread]} if room.unread else {}
     return {"id": room.name, **said}
 
@@ -572,71 +568,82 @@ def understand_rooms(graph: PartialGraph) -> PartialGraph:
     building, the rooms tell it: see `guess_building_kind`. A word that nobody can read says
     nothing; it stays in `unread`.
     """
-    said = graph.building_kind
-    is_guessed = isinstance(said, Understood) and said.by_name
-    word = None if is_guessed else said.said if isinstance(said, Understood) else said
-    kind = None if word is None else find_building_kind(word)
-    is_unread = word is not None and kind is None and normalise_room(word) not in NO_KIND
-    rooms = _read_rooms(graph.rooms, RoomReader(graph.room_labels, kind))
-    if kind is None and (kind := guess_building_kind(map(_list_names, rooms))):
-        rooms = _read_rooms(rooms, RoomReader(graph.room_labels, kind))
-    unread = (str(word),) if is_unread else graph.unread
-    return replace(graph, rooms=rooms, building_kind=kind, unread=unread)
+    said = say_again(graph.building_kind, graph.origins.get("", ()))
+    kind = read_building_kind(said) if isinstance(said, str) else None
+    is_unread = isinstance(said, str) and kind is None and is_name(said)
+    graph = _read_rooms(graph, kind)
+    origin = Origin(kind, str(said)) if kind and kind != normalise_room(str(said)) else None
+    names = (_list_names(room, graph.origins) for room in graph.rooms)
+    if kind is None and (origin := guess_building_kind(names)):
+        kind = origin.label
+        graph = _read_rooms(graph, kind)
+    return replace(
+        graph,
+        building_kind=kind,
+        unread=(str(said),) if is_unread else graph.unread,
+        origins={**graph.origins, "": (origin,) if origin else ()},
+    )
 
 
-def _read_rooms(rooms: Sequence[KnownRoom], read: RoomReader) -> tuple[KnownRoom, ...]:
-    return tuple(_understand(room, read) for room in rooms)
+def _read_rooms(graph: PartialGraph, kind: str | None) -> PartialGraph:
+    read = RoomReader(graph.room_labels, kind)
+    found = [_understand(room, graph.origins.get(room.name, ()), read) for room in graph.rooms]
+    origins = {room.name: said for room, said in found if said}
+    return replace(graph, rooms=tuple([room for room, _ in found]), origins=origins)
 
 
-def _understand(room: KnownRoom, read: RoomReader) -> KnownRoom:
-    said = room.room_type
-    by_name = isinstance(said, Understood) and said.by_name
-    found = read_room_type(None if by_name else said, read=read)
-    kind = found.labels
+def _understand(
+    room: KnownRoom, origins: tuple[Origin, ...], read: RoomReader
+) -> tuple[KnownRoom, tuple[Origin, ...]]:
+    """Return a room with the type that is said, and what that was read from."""
+    found = read_room_type(say_again(room.room_type, origins), read=read)
+    kind, origins = found.labels, found.origins
     for name in filter(None, (room.label, room.name) if kind is None else ()):
         known = read(name)
         if known.label:
-            kind = Understood(known.label, name, rule=known.rule, by_name=True)
+            kind, origins = known.label, (Origin(known.label, name, known.rule, by_name=True),)
             break
     if kind is None and (owner_of(room.name) or owner_of(room.label or "")):
         kind = dict(_OF_SOMEBODY)
-    return replace(room, room_type=kind, unread=found.unread or room.unread)
+    return replace(room, room_type=kind, unread=found.unread or room.unread), origins
 
 
-def _list_names(room: KnownRoom) -> list[str]:
+def _list_names(room: KnownRoom, origins: Mapping[str, Sequence[Origin]]) -> list[str]:
     """Return what may tell the kind of building: what was said of a room's type, and its names."""
     kind = room.room_type
-    said = [kind.said, kind] if isinstance(kind, Understood) else [kind]
-    return [name for name in (*said, room.label, room.name) if isinstance(name, str)]
+    said = [one.said for one in origins.get(room.name, ())] if isinstance(kind, str) else []
+    return [name for name in (*said, kind, room.label, room.name) if isinstance(name, str)]
 
 
 def note_room_types(graph: PartialGraph) -> tuple[str, ...]:
     """Return what a person should know of the kinds of rooms and of the building."""
     own = frozenset(word for word, _ in graph.room_labels)
-    return (*note_rooms(graph.rooms, own=own), *note_building(graph))
+    return (*note_rooms(graph, graph.rooms, own=own), *note_building(graph))
 
 
-def note_rooms(rooms: Sequence[KnownRoom], *, own: frozenset[str] = frozenset()) -> Iterator[str]:
+def note_rooms(
+    graph: PartialGraph, rooms: Sequence[KnownRoom], *, own: frozenset[str] = frozenset()
+) -> Iterator[str]:
     """Yield how the names and types of rooms are read, where that is not plain.
 
     `own` has words of the user, who knows what they mean.
     """
-    labels = [label for room in rooms for label in list_labels(room.room_type)]
-    named = [one for one in labels if isinstance(one, Understood) and one.by_name and not one.rule]
-    if named:
-        yield f"{_list([one.said for one in named])}: read as the kinds that their names say"
-    rules: dict[str, str] = {}
-    for room in rooms:
-        rules.update(explain_rules(room.room_type))
-    if rules:
-        made = [f"{word[:SHOWN]!r} is {read}" for word, read in rules.items()]
+    origins = [one for room in rooms for one in graph.origins.get(room.name, ())]
+    if named := [one.said for one in origins if one.by_name and not one.rule]:
+        yield f"{_list(named)}: read as the kinds that their names say"
+    if ruled := {one.said: one for one in origins if one.rule}:
+        made = [f"{w[:SHOWN]!r} is {one.label} ({one.rule})" for w, one in ruled.items()]
         yield f"kinds of rooms read by a rule: {_list(made)}"
     silent = (room.label or room.name for room in rooms if room.room_type is None)
     silent = (name for name in silent if name not in own)
     unread = dict.fromkeys(word for room in rooms for word in room.unread)
     if dark := [*(unread | dict.fromkeys(filter(is_name, silent)))]:
-        near = _list(dark, lambda name: f"{name[:SHOWN]!r}{name_nearest(name)}")
-        yield f"{near}: kind of room unknown; say `room_type`"
+        yield f"{_list(dark, _show_nearest)}: kind of room unknown; say `room_type`"
+
+
+def _show_nearest(name: str) -> str:
+    near = nearest_names(name, list_all_labels())
+    return repr(name[:SHOWN]) + (f" (nearest: {', '.join(near)})" if near else "")
 
 
 def note_building(graph: PartialGraph) -> Iterator[str]:
@@ -645,10 +652,10 @@ def note_building(graph: PartialGraph) -> Iterator[str]:
     if graph.unread:
         words = _list(graph.unread, lambda word: repr(word[:SHOWN]))
         yield f"{words}: kind of building unknown; known are {', '.join(SAID_KINDS)}"
-    if isinstance(kind, Understood):
-        how = "by" if kind.by_name else "for it is called"
+    for one in graph.origins.get("", ()):
+        how = "by" if one.by_name else "for it is called"
         yield (
-            f"building kind taken for `{kind}`, {how} {kind.said[:SHOWN]}; say `building_kind` to "
+            f"building kind taken for `{kind}`, {how} {one.said[:SHOWN]}; say `building_kind` to "
             "correct it"
         )
     if kind and kind not in BUILDING_KINDS:

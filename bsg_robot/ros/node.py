@@ -26,8 +26,8 @@ from visualization_msgs.msg import MarkerArray
 
 from bsg_data.errors import BSGError, RecipeError
 from bsg_data.files import encode_json, hold, write_bytes
-from bsg_data.spelling import ask_if_meant
 from bsg_data.tables import make_line
+from bsg_data.words.nearest import ask_if_meant
 from bsg_models.belief.partial_graph import PartialGraph
 from bsg_models.runs.found_model import DEFAULT_MODEL, TERMS
 from bsg_robot.answers.seen_building import SeenBuilding, open_graph

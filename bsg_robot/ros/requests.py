@@ -259,7 +259,7 @@ class Robot:
     def _answer_room(self, room: str, index: int, before: PartialGraph) -> Answer:
         """Answer with a room, how it is read, and the building's kind if it is another one now."""
         graph = self.seen.graph
-        notes = [*note_rooms([graph.rooms[index - 1]])]
+        notes = [*note_rooms(graph, [graph.rooms[index - 1]])]
         notes += [] if graph.building_kind == before.building_kind else note_building(graph)
         return {"room": room, "notes": notes} if notes else {"room": room}
 

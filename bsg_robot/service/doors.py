@@ -9,7 +9,7 @@ from typing import Any
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 from bsg_robot.service.bounds import refuse
 
 LOCAL = ("localhost", "127.0.0.1", "[::1]")

@@ -18,7 +18,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from bsg_data.errors import BSGError
 from bsg_data.inputs.documents import parse_json
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN
 from bsg_robot.service.bounds import MOST_BYTES, Fault, confess, refuse
 from bsg_robot.service.doors import EventStreams
 from bsg_robot.service.questions import QUESTIONS, Question, Service

@@ -13,7 +13,7 @@ from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.inputs.documents import parse_json
 from bsg_data.records import Keyed, Listed, Record, SaidRecord
-from bsg_data.spelling import SHOWN, show_value
+from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.belief.partial_graph import LOOK_CHANCE, Id, Score, Text
 from bsg_models.runs.found_model import DEFAULT_MODEL
 from bsg_models.runs.predictor import Predictor

@@ -17,7 +17,7 @@ from mcp.server.stdio import stdio_server
 
 from bsg_data.files import encode_json
 from bsg_data.inputs.documents import parse_json
-from bsg_data.spelling import SHOWN
+from bsg_data.words.shown import SHOWN
 from bsg_robot.service.bounds import MOST_BYTES, Bounds
 from bsg_robot.service.processes import Processes
 from bsg_robot.service.tools import make_server

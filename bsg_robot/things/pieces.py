@@ -29,13 +29,12 @@ from functools import cache, lru_cache
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.room_label import known_label
+from bsg_data.scene.room_label import known_label, weigh_labels
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph, SeenObject
 from bsg_robot.things.things import (
     Receptacle,
     find_keeping,
     find_receptacle,
-    list_receptacles,
     read_shares,
 )
 
@@ -187,7 +186,7 @@ def furnish(
     kept = find_keeping(thing)
     if kept is not None and not kept.weights:
         return None
-    said = _list_labels(room) if kinds is None else kinds
+    said = tuple(weigh_labels(room.room_type).items()) if kinds is None else kinds
     times = Counter(seen.kinds)
     each = {k: _rate(k, thing, said, tidy, room.hidden_share) / n for k, n in times.items()}
     more = [
@@ -205,7 +204,7 @@ def _rate(kind: Receptacle, thing: str, room: Labels, tidy: float, hidden: float
     rates, kept = _weigh_pieces(room, tidy)[[*kind.like]], find_keeping(thing)
     if kept is not None:
         own = kept.weigh(kind)
-        names = (list_receptacles()[one] for one in kind.like)
+        names = (read_shares().pieces[one] for one in kind.like)
         weights = np.array([kept.weights.get(name, 0.0) if own is None else own for name in names])
         rates = rates * (weights + (_ELSEWHERE if kind.only else _EVERYWHERE)) ** _KEEPING
     return float(rates.mean()) * (1 - _IN_SIGHT * (1 - kind.closed) * (1 - hidden))
@@ -215,11 +214,6 @@ def _rate(kind: Receptacle, thing: str, room: Labels, tidy: float, hidden: float
 def _shares(tidy: float) -> Floats:
     said = read_shares()
     return np.asarray(tidy * said.belongs + (1 - tidy) * said.untidy)
-
-
-def _list_labels(room: KnownRoom) -> Labels:
-    said = room.room_type
-    return ((said, 1.0),) if isinstance(said, str) else tuple((said or {}).items())
 
 
 @lru_cache(maxsize=64)

@@ -12,22 +12,23 @@ Five tables of `bsg_robot/tables/` say it, written by hand but for the shares of
     keeping-v1.csv            a kind of thing → the pieces where a person would look
 
 Things are known by their exact names, and the plural of each: nothing is guessed. The pieces that
-people were asked about are the columns of everything here, in the order of `list_receptacles`.
+people were asked about are the columns of everything here, in the order of `Shares.pieces`.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
 import numpy as np
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.class_map import Classified, ClassMap, normalise_names
-from bsg_data.scene.name_rules import LONGEST, list_parts, singulars, take_apart
+from bsg_data.scene.class_map import Classified, ClassMap
 from bsg_data.scene.room_label import known_label
+from bsg_data.words.normal import LONGEST, drop_number, separate, take_apart
+from bsg_data.words.phrase import list_parts
+from bsg_data.words.plural import singulars
 from bsg_robot.tables.table import read_table
 
 _FILE, _NARROW, _PIECES = "things-v1.csv", "narrow-rooms-v1.csv", "receptacles-v1.csv"
@@ -35,7 +36,6 @@ _SHARES, _KEEPING = "receptacle-shares-v1.csv", "keeping-v1.csv"
 _HEADER = ("thing", "spellings", "wider", "rooms", "home", "sight")
 _SEPARATOR = "|"
 _OPENED = {"yes": 1.0, "both": 0.5, "no": 0.0}
-_NUMBERED = re.compile(r"[\W_]*\d+$")  # of `AirFryer_2`
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,12 +104,13 @@ def find_thing(word: str) -> Thing | None:
     if len(word) > LONGEST:
         return None
     listed = _read_things()[1]
-    apart = take_apart(word)
-    for key in dict.fromkeys(_spell((word, apart, _NUMBERED.sub("", apart)))):
+    said, apart = separate(word), separate(take_apart(word))
+    for key in dict.fromkeys((said, apart, drop_number(apart))):
         forms = (key, *sorted(singulars(key), key=len, reverse=True))  # canes are no cans
-        for form in (*forms, *(form.replace(" ", "") for form in forms)):
-            if form in listed:
-                return listed[form]
+        joined = (form.replace(" ", "") for form in forms if form[:2] != "a ")  # a tv is no atv
+        found = (listed[form] for form in (*forms, *joined) if form in listed)
+        if thing := next(found, None):
+            return thing
     return None
 
 
@@ -139,8 +140,7 @@ def _read_things() -> tuple[tuple[Thing, ...], Mapping[str, Thing]]:
         rates = (float(home) / 100, float(sight) / 100)
         things.append(Thing(name, spellings, wider or None, weights, *rates))
     names = [(one, thing) for thing in things for one in thing.names]
-    spelled = _spell([one for one, _ in names])
-    listed = {name: thing for name, (_, thing) in zip(spelled, names, strict=True)}
+    listed = {separate(name): thing for name, thing in names}
     joined = {name.replace(" ", ""): thing for name, thing in listed.items()}
     return tuple(things), joined | listed
 
@@ -157,18 +157,12 @@ def _read_narrow() -> frozenset[str]:
     return frozenset(room for room, _ in rows)
 
 
-def _spell(words: Iterable[str]) -> list[str]:
-    """Return the forms in which names are compared: normalised, spaces for `-` and `_`."""
-    said = normalise_names(words)
-    return [" ".join(one.replace("-", " ").replace("_", " ").split()) for one in said]
-
-
 @dataclass(frozen=True, eq=False, slots=True)  # each is one: answers look them up by the thousand
 class Receptacle:
     """A piece of furniture on or in which things lie."""
 
     name: str
-    like: tuple[int, ...]  # the listed pieces that it is like, numbers of `list_receptacles`
+    like: tuple[int, ...]  # the listed pieces that it is like, numbers of `Shares.pieces`
     closed: float  # share of what it holds that is not seen until it is opened
     only: bool  # whether it holds only what the table of keeping names
 
@@ -192,23 +186,15 @@ class Shares:
 
     Attributes:
         rooms: room labels.
+        pieces: of furniture.
         belongs: `[K, P]` to whom things belong there, all things together.
         untidy: `[K, P]` who say that they lie there when the home is untidy.
     """
 
     rooms: tuple[str, ...]
+    pieces: tuple[str, ...]
     belongs: Floats
     untidy: Floats
-
-
-def list_receptacles() -> tuple[str, ...]:
-    """Return the listed pieces, of which people were asked."""
-    return _read_shares()[0]
-
-
-def read_shares() -> Shares:
-    """Return the shares of people."""
-    return _read_shares()[1]
 
 
 @lru_cache(maxsize=4096)  # the objects of a room are asked again and again
@@ -223,17 +209,15 @@ def find_receptacle(word: str) -> Receptacle | None:
     if len(word) > LONGEST:
         return None
     listed = _read_receptacles()
-    for key in dict.fromkeys(_spell((word, take_apart(word), *list_parts(word)))):
-        for form in (key, *singulars(key)):
-            if form in listed:
-                return listed[form]
-    return None
+    keys = map(separate, (word, take_apart(word), *list_parts(word)))
+    forms = (form for key in keys for form in (key, *singulars(key)))
+    return next((listed[form] for form in forms if form in listed), None)
 
 
 @lru_cache(maxsize=256)
 def find_keeping(word: str) -> Keeping | None:
     """Return where a person would look for a thing; None if the table does not say."""
-    listed, words = _read_keeping(), _spell((word,))[0].split(" ")
+    listed, words = _read_keeping(), separate(word).split()
     for start in range(len(words)):  # running shoes lie where shoes do
         said = " ".join(words[start:])
         thing = find_thing(said)
@@ -244,23 +228,24 @@ def find_keeping(word: str) -> Keeping | None:
 
 
 @cache
-def _read_shares() -> tuple[tuple[str, ...], Shares]:
+def read_shares() -> Shares:
+    """Return the shares of people."""
     rows = read_table(_SHARES, ("room", "receptacle", "belongs", "untidy", "asked"))
     said = {(room, piece): (float(a), float(b)) for room, piece, a, b, _ in rows}
     rooms, pieces = (tuple(dict.fromkeys(names)) for names in zip(*said, strict=True))
     both = np.array([[said[room, piece] for piece in pieces] for room in rooms])
-    return pieces, Shares(rooms, both[..., 0], both[..., 1])
+    return Shares(rooms, pieces, both[..., 0], both[..., 1])
 
 
 @cache
 def _read_receptacles() -> Mapping[str, Receptacle]:
     header = ("receptacle", "spellings", "like", "opened", "only", "source")
-    number = {piece: index for index, piece in enumerate(list_receptacles())}
+    number = {piece: index for index, piece in enumerate(read_shares().pieces)}
     found: dict[str, Receptacle] = {}
     for name, spellings, like, opened, only, _ in read_table(_PIECES, header):
         alike = tuple(number[one] for one in like.split(_SEPARATOR))
         piece = Receptacle(name, alike, _OPENED[opened], only == "yes")
-        found |= dict.fromkeys(_spell((name, *spellings.split(_SEPARATOR))), piece)
+        found |= dict.fromkeys(map(separate, (name, *spellings.split(_SEPARATOR))), piece)
     return found
 
 

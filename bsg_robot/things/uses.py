@@ -11,8 +11,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 
-from bsg_data.scene.name_rules import LONGEST, singulars
 from bsg_data.scene.room_label import read_room
+from bsg_data.words.normal import LONGEST
+from bsg_data.words.plural import singulars
 from bsg_robot.tables.table import read_table
 from bsg_robot.things.things import Thing, find_thing
 

@@ -19,7 +19,7 @@ from dsg_files import robot_graph, write_graph
 from bsg_cli.belief import main as belief
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import load_class_map
-from bsg_data.scene.vocabularies import list_vocabularies, vocabulary_words
+from bsg_data.scene.synonyms import vocabulary_words
 from bsg_data.sources.catalogue import open_source
 from bsg_models import Predictor, believe
 from bsg_robot import annotate_hydra, open_graph
@@ -30,7 +30,8 @@ from bsg_robot.graph.robot_json import parse_robot_graph
 from bsg_robot.ros.requests import Robot
 
 MAP = load_class_map()
-LISTED = sorted({word for name in list_vocabularies() for word in vocabulary_words(name)})
+NAMES = ["ade20k", "ai2thor", "coco", "darknet", "lvis", "mpcat40", "nyu40", "objectnav", "voc"]
+LISTED = sorted({word for name in NAMES for word in vocabulary_words(name)})
 PHRASES = {  # of captions and detectors → the class of what they are about
     "lamp on table": "lamp",
     "box under bed": "box",

@@ -13,9 +13,10 @@ from conftest import REPOSITORY
 from refusals import refuses
 
 from bsg_data.errors import ClassMapError
-from bsg_data.scene.class_map import load_class_map, normalise_name
+from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.class_space import read_published
 from bsg_data.seal import require_seal
+from bsg_data.words.normal import normalise_name
 
 MAPPINGS, TABLES = REPOSITORY / "mappings", REPOSITORY / "bsg_robot/tables"
 

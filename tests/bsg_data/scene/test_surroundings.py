@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from one_building import same_surroundings, surround_rooms
 
 from bsg_data.errors import RecipeError
-from bsg_data.scene.room_label import RoomType, check_room_type, list_room_labels, read_room_type
+from bsg_data.scene.room_label import (
+    RoomType,
+    check_room_type,
+    list_room_labels,
+    read_building_kind,
+    read_room_type,
+)
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import (
     BUILDING_KINDS,
@@ -19,7 +25,6 @@ from bsg_data.scene.surroundings import (
     UNKNOWN,
     Surroundings,
     _find_floor_area,
-    find_building_kind,
     guess_building_kind,
     measure_area,
     stack_surroundings,
@@ -51,13 +56,13 @@ def test_what_is_not_known_is_legal() -> None:
     nothing = surround_rooms([None], [None], source="my robot")
     assert same_surroundings(nothing, Surroundings.unknown(nodes=2))
     assert nothing.building_kinds.tolist() == nothing.sources.tolist() == [UNKNOWN]
-    assert [find_building_kind(kind) for kind in ("Home", "Other", "")] == ["home", "other", None]
+    assert [read_building_kind(kind) for kind in ("Home", "Other", "")] == ["home", "other", None]
 
 
 def test_models_know_the_kinds_of_buildings_that_they_were_trained_on() -> None:
     """By their places, so that none may be added among them."""
     assert BUILDING_KINDS == ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
-    assert find_building_kind("Hospital") == "hospital"
+    assert read_building_kind("Hospital") == "hospital"
     ward = surround_rooms([None], ["ward"], building_kind="hospital")
     assert ward.building_kinds.tolist() == [UNKNOWN]
     assert ward.labels[1, LABELS.index("bedroom")] == 1
@@ -79,7 +84,8 @@ def test_models_know_the_kinds_of_buildings_that_they_were_trained_on() -> None:
     ],
 )
 def test_rooms_tell_the_kind_of_a_building_if_two_or_more_do(rooms: str, kind: str | None) -> None:
-    assert guess_building_kind([name] for name in rooms.split(", ")) == kind
+    found = guess_building_kind([name] for name in rooms.split(", "))
+    assert (found and found.label) == kind
 
 
 @pytest.mark.parametrize(
@@ -101,7 +107,7 @@ def test_rooms_tell_the_kind_of_a_building_if_two_or_more_do(rooms: str, kind: s
     ],
 )
 def test_a_word_for_a_building_is_read_as_its_kind(kind: str | None, words: str) -> None:
-    assert {word: find_building_kind(word) for word in words.split(", ")} == dict.fromkeys(
+    assert {word: read_building_kind(word) for word in words.split(", ")} == dict.fromkeys(
         words.split(", "), kind
     )
     assert kind is None or kind in SAID_KINDS

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bsg_data.arrays import Floats
-from bsg_data.scene.class_map import normalise_name
+from bsg_data.words.normal import normalise_name
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
 from bsg_robot import SeenBuilding, open_graph

@@ -5,8 +5,9 @@ from refusals import refuses
 
 from bsg_data.errors import RecipeError
 from bsg_data.scene.class_map import ClassMap, OwnMap, load_class_map, parse_own_map
+from bsg_data.words.normal import LONGEST
 from bsg_robot.answers.nouns import read_nouns
-from bsg_robot.answers.words import MOST_CHARACTERS, Meaning, find_meaning
+from bsg_robot.answers.words import Meaning, find_meaning
 
 MAP, WIDE = load_class_map("hm3d45-v1"), load_class_map("hm3d-wide-v1")
 
@@ -64,7 +65,7 @@ def test_a_word_that_is_only_like_another_is_not_taken_for_it(word: str) -> None
         ("wall", "thing-unknown"),
         ("refrig", "thing-unknown"),
         ("", "thing-none"),
-        ("x" * (MOST_CHARACTERS + 1), "thing-none"),
+        ("x" * (LONGEST + 1), "thing-none"),
     ],
 )
 def test_a_word_that_means_no_class_is_refused(word: str, code: str) -> None:

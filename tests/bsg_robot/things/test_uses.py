@@ -6,8 +6,7 @@ import math
 import pytest
 from conftest import REPOSITORY
 
-from bsg_data.scene.class_map import load_class_map
-from bsg_robot.things.things import Thing, find_thing, list_things
+from bsg_robot.things.things import Thing, list_things
 from bsg_robot.things.uses import find_use, move_thing
 
 TABLE = (REPOSITORY / "bsg_robot/tables/uses-v1.csv").read_text("utf-8")
@@ -67,9 +66,3 @@ def test_rooms_and_things_are_uses_too_and_the_word_next_to_the_thing_comes_firs
 @pytest.mark.parametrize("word", ["paper", "glass", "red", "the", "zorg", "R2", "x" * 101, ""])
 def test_words_that_say_nothing_of_a_room(word: str) -> None:
     assert find_use(word) is None
-
-
-def test_a_class_of_the_default_map_is_a_thing_that_words_can_move() -> None:
-    """Else the class answers alone, and a word before it has no vote."""
-    classes = load_class_map().classes
-    assert [name for name in classes if find_thing(name) is None] == []

@@ -31,7 +31,8 @@ from bsg_data.observation.observation import Observation
 from bsg_data.records import Keyed, SaidRecord, name_fault
 from bsg_data.scene.class_space import list_class_spaces, load_class_space
 from bsg_data.scene.room_label import list_room_labels
-from bsg_data.spelling import SHOWN, ask_if_meant
+from bsg_data.words.nearest import ask_if_meant
+from bsg_data.words.shown import SHOWN
 from bsg_models.errors import ConfigError
 from bsg_models.special_functions import log_sum_exp
 from bsg_models.zoo.catalogue import ZooRow

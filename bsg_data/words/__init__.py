@@ -1,0 +1,1 @@
+"""How names are written: normal form, plural, typos, phrases, nearest names; no tables."""

@@ -1,0 +1,48 @@
+"""The forms in which names are compared."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from functools import lru_cache
+
+LONGEST = 100  # characters of a name: a longer one names nothing that we know
+MARKS = " ?!.,;:…*\"'`“”„‘’«»‹›()[]{}<>¿¡？"  # around a name that was copied from a sentence
+# Between the words of `CoffeeTable` and of `TVStand`, but not of `DVDs`.
+_CAMEL = re.compile(r"(?<=[^\W_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})")
+_SEPARATORS = str.maketrans("-_", "  ")
+
+
+@lru_cache(maxsize=64)  # every rule normalises a name again
+def normalise_name(name: str) -> str:
+    """Return `name` as NFC, casefolded, trimmed, runs of white space as one space."""
+    return " ".join(unicodedata.normalize("NFC", name).casefold().split())
+
+
+def separate(name: str) -> str:
+    """Return a normalised name with spaces for hyphens and underscores.
+
+    >>> separate("TV_monitor")
+    'tv monitor'
+    """
+    return normalise_name(name.translate(_SEPARATORS))
+
+
+def drop_number(name: str) -> str:
+    """Return a name without the number at its end, as of `chair #3` and `chair.003`."""
+    return name.rstrip(" .").rstrip("0123456789").rstrip(" .#")
+
+
+@lru_cache(maxsize=64)  # every rule asks again
+def take_apart(name: str) -> str:
+    """Return a name with spaces for its brackets, and between the words of its camel case.
+
+    >>> take_apart("CoffeeTable"), take_apart("TVStand"), take_apart("TV (old)")
+    ('Coffee Table', 'TV Stand', 'TV  old ')
+    """
+    return split_camel(re.sub(r"[()]", " ", name))
+
+
+def split_camel(name: str) -> str:
+    """Return a name with spaces between the words of its camel case."""
+    return _CAMEL.sub(" ", name)

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bsg_data.words.typo import index_words, is_typo, mend
+
+WORDS = st.text("abc", max_size=6)
+
+
+@st.composite
+def two_words(draw: st.DrawFn) -> tuple[str, str]:
+    """Draw a word after another one, or one that is a step away."""
+    word = draw(WORDS)
+    at, letter = draw(st.integers(0, len(word))), draw(st.sampled_from("abc"))
+    start, end = word[:at], word[at:]
+    near = [start + end[1:], start + letter + end, start + letter + end[1:]]
+    near.append(start + end[:2][::-1] + end[2:])
+    return draw(st.one_of(WORDS, st.sampled_from(near))), word
+
+
+@given(two_words())
+def test_a_typo_is_one_step_that_keeps_the_first_letter(words: tuple[str, str]) -> None:
+    """The steps by their definition: leave out, put in, replace, swap."""
+    said, word = words
+    places = range(len(word) + 1)
+    steps = {word[:i] + word[i + 1 :] for i in places}
+    steps |= {word[:i] + letter + word[i:] for i in places for letter in "abc"}
+    steps |= {word[:i] + letter + word[i + 1 :] for i in places for letter in "abc"}
+    steps |= {word[:i] + word[i : i + 2][::-1] + word[i + 2 :] for i in places}
+    steps = {one for one in steps - {word} if one[:1] == word[:1]}
+    assert is_typo(said, word) == (said in steps)
+    found = mend(f"so many {said} things", index_words([word, "so many things"]), real=())
+    is_long = len(said) >= 5 and len(word) >= 4
+    assert (f"so many {word} things" in found) == (is_long and is_typo(said, word))
+
+
+@pytest.mark.parametrize(
+    ("name", "mended"),
+    [
+        ("red toilett 3", ["red toilet"]),
+        ("table lampp", ["table lamp"]),
+        ("toilet", []),
+        ("battle", []),  # another word, not a misspelt bottle
+        ("tabel", []),  # too short
+        ("x" * 50_000, []),
+    ],
+)
+def test_one_word_is_mended(name: str, mended: list[str]) -> None:
+    index = index_words(["toilet", "table lamp", "bottle"])
+    assert [*mend(name, index, real={"battle"})] == mended
