@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -133,7 +133,7 @@ def is_floor_area(area: float | None) -> bool:
     return area is not None and 0 < area <= MAX_FLOOR_AREA
 
 
-def _find_floor_area(
+def find_floor_area(
     said: float | None, *, footprint: Sequence[tuple[float, float]] | None, box: Box | None
 ) -> float | None:
     """Return the floor area of a room in square metres; None if nothing says one.
@@ -148,27 +148,6 @@ def _find_floor_area(
         (a, b, _), (c, d, _) = box.minimum, box.maximum
         area = (c - a) * (d - b) if c > a and d > b else None
     return area if is_floor_area(area) else None
-
-
-class Shaped(Protocol):
-    """A room whose floor area may be said, or follow from its shape."""
-
-    @property
-    def floor_area(self) -> float | None:
-        """Return the area, square metres."""
-
-    @property
-    def footprint(self) -> Sequence[tuple[float, float]] | None:
-        """Return the corners from above, metres."""
-
-    @property
-    def box(self) -> Box | None:
-        """Return the box, metres."""
-
-
-def area_of(room: Shaped) -> float | None:
-    """Return the floor area of a `KnownRoom`, square metres; see `_find_floor_area`."""
-    return _find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
 
 
 def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
@@ -201,9 +180,8 @@ def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Origin | None:
         )
         told.setdefault(kind, []).append(name)
     told.pop("", None)
-    if any(
-        len(names) >= _TELLING for kind, names in told.items() if kind not in ("home", "office")
-    ):
+    others = [names for kind, names in told.items() if kind not in ("home", "office")]
+    if any(len(names) >= _TELLING for names in others):
         told.pop("office", None)
     kind = max(told, key=lambda one: len(told[one]), default="home")
     total = sum(map(len, told.values()))
@@ -224,7 +202,7 @@ def _measure_rooms(rooms: pa.Table) -> Floats:
         ends = [room[name] for name in _BOX]
         box = None if None in ends else Box(tuple(ends[:3]), tuple(ends[3:]))
         pairs = tuple(zip(corners[::2], corners[1::2], strict=False))
-        area = _find_floor_area(None, footprint=pairs, box=box)
+        area = find_floor_area(None, footprint=pairs, box=box)
         areas[row] = np.nan if area is None else area
     return areas
 

@@ -38,7 +38,7 @@ from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import Origin, RoomType, check_room_type
 from bsg_data.scene.scene_graph import Box
-from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, area_of
+from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, find_floor_area
 from bsg_data.words.shown import show_value
 from bsg_models.belief.hidden_share import ShareBelief
 
@@ -214,6 +214,11 @@ class KnownRoom:
         """
         return _believe_share(self.hidden_share, self.hidden_share_sd)
 
+    @property
+    def area(self) -> float | None:
+        """The floor area, square metres, as said or by the shape; None if nothing says one."""
+        return find_floor_area(self.floor_area, footprint=self.footprint, box=self.box)
+
 
 _believe_share = lru_cache(ShareBelief)  # every answer asks again, and most rooms share a belief
 _Report = TypeVar("_Report", KnownRoom, SeenObject)
@@ -350,7 +355,7 @@ class PartialGraph:
             vocabulary=vocabulary,
             connections=Connections.of_pairs(self.adjacency),
             surroundings=Surroundings.of_rooms(
-                [area_of(room) for room in self.rooms],
+                [room.area for room in self.rooms],
                 [room.room_type for room in self.rooms],
                 building_kind=self.building_kind,
                 source=self.source,

@@ -75,7 +75,7 @@ from bsg_data.scene.room_label import (
 from bsg_data.scene.surroundings import (
     BUILDING_KINDS,
     SAID_KINDS,
-    area_of,
+    find_floor_area,
     guess_building_kind,
 )
 from bsg_data.scene.synonyms import vocabulary_words
@@ -156,7 +156,8 @@ def _know(room: _Room) -> KnownRoom:
             f"has hidden_share and {twice[0]}, which serves to estimate it; leave out one of them"
         )
     if room.hidden_share is None:
-        share = estimate_hidden_share(visited=room.visited, floor_area=area_of(room), **looks)
+        area = find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
+        share = estimate_hidden_share(visited=room.visited, floor_area=area, **looks)
     else:
         share = ShareBelief(room.hidden_share, room.hidden_share_sd)
     facts = {name: getattr(room, name) for name in _ROOM_FIELDS}

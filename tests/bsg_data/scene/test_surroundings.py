@@ -24,7 +24,7 @@ from bsg_data.scene.surroundings import (
     SAID_KINDS,
     UNKNOWN,
     Surroundings,
-    _find_floor_area,
+    find_floor_area,
     guess_building_kind,
     measure_area,
     stack_surroundings,
@@ -160,16 +160,16 @@ def test_a_room_type_that_cannot_be_is_refused(said: RoomType) -> None:
 
 
 def test_the_first_that_says_a_floor_area_counts() -> None:
-    assert _find_floor_area(5.5, footprint=L_SHAPE, box=BOX) == 5.5
-    assert _find_floor_area(None, footprint=L_SHAPE, box=BOX) == pytest.approx(4)
+    assert find_floor_area(5.5, footprint=L_SHAPE, box=BOX) == 5.5
+    assert find_floor_area(None, footprint=L_SHAPE, box=BOX) == pytest.approx(4)
     line = [(0.0, 0.0), (1.0, 1.0), (2.0, 2.0)]
     for shape in (None, line, line[:2]):  # no shape, or one without an area
-        assert _find_floor_area(None, footprint=shape, box=BOX) == 6
-        assert _find_floor_area(None, footprint=shape, box=None) is None
+        assert find_floor_area(None, footprint=shape, box=BOX) == 6
+        assert find_floor_area(None, footprint=shape, box=None) is None
     for said in (0.0, -1.0, float("nan"), float("inf"), 1e6):  # no room has it
-        assert _find_floor_area(said, footprint=None, box=BOX) == 6
+        assert find_floor_area(said, footprint=None, box=BOX) == 6
     for box in (Box((0, 0, 0), (1e4, 1e4, 3)), Box((3, 0, 0), (1, 2, 2))):
-        assert _find_floor_area(None, footprint=None, box=box) is None
+        assert find_floor_area(None, footprint=None, box=box) is None
 
 
 def test_polygons_have_the_area_of_the_shoelace_formula_or_what_they_cover() -> None:
