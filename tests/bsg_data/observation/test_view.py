@@ -82,8 +82,8 @@ def test_the_share_of_hidden_parts_is_that_of_the_others() -> None:
         gone, expected = np.zeros(4), np.zeros(4)
         for draw in range(600):
             recipe = MaskRecipe(strategy=strategy, parts=True)
-            view, _, hidden = hide(recipe, draw)
-            gone += hidden[:, 0]
+            view, _, rods_and_lamps = hide(recipe, draw)
+            gone += rods_and_lamps[:, 0]
             expected += view.hidden_share * RODS[:, 0]
         np.testing.assert_allclose(gone, expected, rtol=0.12)
 
