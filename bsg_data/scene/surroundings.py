@@ -7,7 +7,7 @@ Each kind of evidence is a field of `Surroundings`. A new kind also needs a fiel
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
@@ -16,12 +16,10 @@ import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
 from bsg_data.scene.room_label import (
-    Origin,
     RoomType,
     known_label,
     list_room_labels,
     spread_labels,
-    tell_building,
 )
 from bsg_data.scene.scene_graph import Box
 
@@ -34,7 +32,6 @@ BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "ha
 SAID_KINDS = (*BUILDING_KINDS, "hospital", "warehouse", "museum", "gym", "library", "other")
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
 UNKNOWN = -1  # the index of a kind or a source that is not known
-_TELLING = 2  # rooms that tell the kind of a building
 MAX_FLOOR_AREA = 1e5  # square metres, of a room: the largest halls that are built
 _BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
 # Columns of a dataset's tables that `Surroundings.of_tables` reads.
@@ -161,33 +158,6 @@ def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
         return None
     polygon = shapely.Polygon(corners)
     return round((polygon if polygon.is_valid else polygon.convex_hull).area, 4) or None
-
-
-def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Origin | None:
-    """Return the kind of building that its rooms tell, by the names of each; None if unclear.
-
-    Two rooms or more tell it, and more than half of all that tell one. Offices, which other
-    buildings have too, are heard last. A home is never guessed: an unknown kind is read as one.
-
-    >>> guess_building_kind([["ward 1"], ["nurse station"], ["office"]]).label
-    'hospital'
-    >>> guess_building_kind([["office"], ["printer room"], ["bedroom"], ["kitchen"]])
-    """
-    told: dict[str, list[str]] = {}
-    for names in rooms:
-        kind, name = next(
-            ((kind, name) for name in names if (kind := tell_building(name))), ("", "")
-        )
-        told.setdefault(kind, []).append(name)
-    told.pop("", None)
-    others = [names for kind, names in told.items() if kind not in ("home", "office")]
-    if any(len(names) >= _TELLING for names in others):
-        told.pop("office", None)
-    kind = max(told, key=lambda one: len(told[one]), default="home")
-    total = sum(map(len, told.values()))
-    if kind == "home" or not _TELLING <= len(told[kind]) > total / 2:
-        return None
-    return Origin(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
 
 
 def _measure_rooms(rooms: pa.Table) -> Floats:

@@ -25,7 +25,6 @@ from bsg_data.scene.surroundings import (
     UNKNOWN,
     Surroundings,
     find_floor_area,
-    guess_building_kind,
     measure_area,
     stack_surroundings,
 )
@@ -62,26 +61,6 @@ def test_what_is_not_known_is_legal() -> None:
 
 def test_models_know_the_kinds_of_buildings_by_their_places() -> None:
     assert BUILDING_KINDS == ("home", "office", "school", "shop", "restaurant", "hotel", "hall")
-
-
-@pytest.mark.parametrize(
-    ("rooms", "kind"),
-    [
-        ("patient room 1, nurse station, medication room, toilet", "hospital"),
-        ("printer room, open-plan, toilets, meeting room 1, kitchenette", "office"),
-        ("classroom A, classroom B, staff room", "school"),
-        ("sales floor, checkout, store room", "shop"),
-        ("restaurant, commercial kitchen, toilets", "restaurant"),
-        ("kitchen, bedroom, bathroom, office", None),
-        ("aisle 1, aisle 2, loading dock, packing area, office", "warehouse"),
-        ("aisle 1, aisle 2, checkout, sales floor", "shop"),
-        ("patient room, ward, classroom 1, classroom 2", None),
-        ("", None),
-    ],
-)
-def test_rooms_tell_the_kind_of_a_building_if_two_or_more_do(rooms: str, kind: str | None) -> None:
-    found = guess_building_kind([name] for name in rooms.split(", "))
-    assert (found and found.label) == kind
 
 
 WORDS = """
