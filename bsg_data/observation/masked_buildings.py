@@ -24,8 +24,8 @@ from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import list_column, read_views, stream_pairs
 from bsg_data.observation.view import View, see_unclassified
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.connections import Connections, stack_connections
-from bsg_data.scene.surroundings import Surroundings, stack_surroundings
+from bsg_data.scene.connections import Connections
+from bsg_data.scene.surroundings import Surroundings
 
 BATCH = 256  # buildings in memory at a time
 
@@ -191,20 +191,16 @@ class _Draws:
     ) -> MaskedBuildings:
         """Return the buildings under views, with true and hidden histograms `[K, C]`."""
         sizes = [len(view.nodes) for view in views]
-        starts = np.cumsum([0, *sizes])
         outside = self._see_unclassified(views, targets, hidden, vocabulary)
         connections, surroundings = zip(*map(_cut, self.buildings, views), strict=True)
-        seen = Observation(
-            scene_ids=tuple(self.scenes),
-            starts=starts,
-            inputs=targets - hidden,
-            hidden_share=np.concatenate([view.shares_float32 for view in views]),
-            visited=np.concatenate([view.visited for view in views]),
-            withheld=np.concatenate([view.withheld for view in views]),
+        seen = Observation.of_views(
+            self.scenes,
+            views,
+            targets - hidden,
+            stack_histograms(outside, np.cumsum([0, *sizes])[:-1]),
             vocabulary=vocabulary,
-            unclassified=stack_histograms(outside, starts[:-1]),
-            connections=stack_connections(connections, starts[:-1].tolist()),
-            surroundings=stack_surroundings(surroundings),
+            connections=connections,
+            surroundings=surroundings,
         )
         nameable = np.repeat([one.nameable for one in self.buildings], sizes, axis=0)
         targets = np.where(nameable, targets, MaskedBuildings.UNKNOWN)

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
-from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
@@ -53,29 +52,30 @@ class Observation:
     surroundings: Surroundings
 
     @classmethod
-    def of_building(
+    def of_views(
         cls,
-        scene_id: str,
-        view: View,
-        cells: Counts,
+        scene_ids: Sequence[str],
+        views: Sequence[View],
+        inputs: Counts,
         unclassified: Counts,
         *,
         vocabulary: tuple[str, ...],
-        connections: Connections,
-        surroundings: Surroundings,
+        connections: Sequence[Connections],
+        surroundings: Sequence[Surroundings],
     ) -> Observation:
-        """Return what is seen of one building under a view: cells `[N, C]` and `[N, V]`."""
+        """Return what is seen of B buildings under a view each: histograms `[N, C]`, `[N, V]`."""
+        starts = np.cumsum([0, *(len(view.nodes) for view in views)])
         return cls(
-            scene_ids=(scene_id,),
-            starts=np.array([0, len(cells)]),
-            inputs=to_histograms(cells),
-            hidden_share=view.shares_float32,
-            visited=view.visited,
-            withheld=view.withheld,
+            scene_ids=tuple(scene_ids),
+            starts=starts,
+            inputs=inputs,
+            hidden_share=np.concatenate([view.shares_float32 for view in views]),
+            visited=np.concatenate([view.visited for view in views]),
+            withheld=np.concatenate([view.withheld for view in views]),
             vocabulary=vocabulary,
-            unclassified=to_histograms(unclassified),
-            connections=connections,
-            surroundings=surroundings,
+            unclassified=unclassified,
+            connections=stack_connections(connections, starts[:-1].tolist()),
+            surroundings=stack_surroundings(surroundings),
         )
 
     def __len__(self) -> int:

@@ -21,7 +21,7 @@ from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
 
-NO_KINDS: Ints = np.zeros(0, dtype=np.int64)
+_NO_KINDS: Ints = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,14 +196,14 @@ def _way_to_hide(
 
 
 def sample_unknown(
-    rng: np.random.Generator, recipe: MaskRecipe, *, classes: int, kinds: Ints = NO_KINDS
+    rng: np.random.Generator, recipe: MaskRecipe, *, classes: int, kinds: Ints = _NO_KINDS
 ) -> tuple[Bools, Ints]:
     """Sample which classes `[C]` the robot's detector does not know, and which of other kinds.
 
     The generator is that of the stream `detector`; with it the classes are the same at every call.
     """
     if rng.random() >= recipe.detector:
-        return np.zeros(classes, dtype=bool), NO_KINDS
+        return np.zeros(classes, dtype=bool), _NO_KINDS
     known = rng.random()
     return rng.random(classes) > known, kinds[rng.random(len(kinds)) > known]
 

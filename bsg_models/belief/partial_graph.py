@@ -347,19 +347,20 @@ class PartialGraph:
         if self.detector is not None:
             known = {index for _, index in self.detector if index is not None}
             without = without | ~np.isin(np.arange(cells.shape[1]), [*known])
-        return Observation.of_building(
-            self.scene_id,
-            View(visited, share, without, np.arange(len(cells))),
-            cells,
-            self._count_unclassified(vocabulary),
+        surroundings = Surroundings.of_rooms(
+            [room.area for room in self.rooms],
+            [room.room_type for room in self.rooms],
+            building_kind=self.building_kind,
+            source=self.source,
+        )
+        return Observation.of_views(
+            [self.scene_id],
+            [View(visited, share, without, np.arange(len(cells)))],
+            to_histograms(cells),
+            to_histograms(self._count_unclassified(vocabulary)),
             vocabulary=vocabulary,
-            connections=Connections.of_pairs(self.adjacency),
-            surroundings=Surroundings.of_rooms(
-                [room.area for room in self.rooms],
-                [room.room_type for room in self.rooms],
-                building_kind=self.building_kind,
-                source=self.source,
-            ),
+            connections=[Connections.of_pairs(self.adjacency)],
+            surroundings=[surroundings],
         )
 
     def _cells(self) -> Counts:

@@ -110,14 +110,14 @@ class ModelBeliefs:
             np.stack([getattr(view, name) for view in views])
             for name in ("visited", "hidden_share", "withheld")
         ]
-        self._first = Observation.of_building(
-            scene_id,
-            views[0],
-            self._cells,
-            outside,
+        self._first = Observation.of_views(
+            [scene_id],
+            views[:1],
+            to_histograms(self._cells),
+            to_histograms(outside),
             vocabulary=model.vocabulary,
-            connections=data.connections(scene_id),
-            surroundings=data.surroundings(scene_id),
+            connections=[data.connections(scene_id)],
+            surroundings=[data.surroundings(scene_id)],
         )
         self._cells, self._unclassified = self._cells.astype(_COUNT), outside.astype(_COUNT)
         self._remembered: dict[bytes, tuple[Floats, Floats | None]] = {}
