@@ -9,13 +9,12 @@ from .exports.catalogue import EncodedScene, ExportRow
 from .files import write_bytes
 from .inputs.bounded_file import hash_file
 from .observation.mask_hash import hash_splits
-from .observation.masks import MASKS, Mask
+from .observation.masks import MASKS, Layout, Mask
 from .observation.pairs import sample_pairs
 from .observation.view import View
 from .places import refuse_file
 from .registry import Registry
 from .scene.class_map import published_maps
-from .scene.connections import Connections
 from .scene.scene_graph import Box, MeshCoverage
 from .sources.assembly import assemble
 from .sources.catalogue import SOURCES
@@ -39,11 +38,11 @@ __all__ = [
     "AnnotatedRoom",
     "Annotation",
     "Box",
-    "Connections",
     "EncodedScene",
     "ExportContract",
     "ExportRow",
     "FoundScenes",
+    "Layout",
     "Manifest",
     "Mask",
     "MaskContract",

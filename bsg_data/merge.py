@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 from typing import TypeVar
@@ -79,10 +78,8 @@ def merge_datasets(
         for one in opened:
             for entry in one.manifest.class_maps:
                 entry.copy_map(one.path, folder)
-        graphs = heapq.merge(
-            *(one.read_graphs() for one in opened),
-            key=lambda graph: graph.scene_id,
-        )
+        parts = (one.read_graphs() for one in opened)
+        graphs = heapq.merge(*parts, key=lambda graph: graph.scene_id)
         files: list[FileEntry] = []
         for number, first in enumerate(range(0, scenes, size)):
             batch = list(islice(graphs, size))
@@ -91,8 +88,8 @@ def merge_datasets(
             files += write_shards(tables, folder, number=number, class_space=space)
             if progress is not None:
                 progress(first + len(batch), scenes)
-        files.sort(key=lambda entry: entry.path)
-        merged = merged.model_copy(update={"files": tuple(files)})
+        in_order = tuple(sorted(files, key=lambda entry: entry.path))
+        merged = merged.model_copy(update={"files": in_order})
         publish(folder, merged)
     return merged
 
@@ -129,14 +126,12 @@ def _join_sources(sources: Iterable[SourceEntry]) -> list[SourceEntry]:
 
 def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
     """Add up the objects of equal names, most frequent first."""
-    times: Counter[str] = Counter()
-    first: dict[str, _Entry] = {}
+    found: dict[str, _Entry] = {}
     for entry in entries:
         key = entry.model_dump_json(exclude={"instances", "nearest"})
-        times[key] += entry.instances
-        first.setdefault(key, entry)
-    added = (entry.model_copy(update={"instances": times[key]}) for key, entry in first.items())
-    return tuple(sorted(added, key=lambda entry: (-entry.instances, entry.name)))
+        there = found.setdefault(key, entry.model_copy(update={"instances": 0}))
+        found[key] = there.model_copy(update={"instances": there.instances + entry.instances})
+    return tuple(sorted(found.values(), key=lambda entry: (-entry.instances, entry.name)))
 
 
 def _refuse_shared_buildings(datasets: Sequence[Dataset]) -> None:
@@ -144,8 +139,7 @@ def _refuse_shared_buildings(datasets: Sequence[Dataset]) -> None:
     found: dict[str, int] = {}
     for number, one in enumerate(datasets):
         for scene, key in zip(one.scene_ids, one.keys, strict=True):
-            firsts = {found.setdefault(name, number) for name in (scene, key)}
-            first = min(firsts)
+            first = min(found.setdefault(name, number) for name in (scene, key))
             if first != number:
                 raise DatasetError(
                     f"{one.path}: building {scene} is also in {datasets[first].path}; build one of "

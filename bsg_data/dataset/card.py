@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import html
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import pyarrow as pa
@@ -14,9 +14,10 @@ from bsg_data.dataset.manifest import Manifest
 from bsg_data.dataset.schema import SPLITS, TABLES, describe_fields, pairs_schema
 from bsg_data.files import encode_json
 from bsg_data.tables import escape_markdown, format_markdown, mark_code
-from bsg_data.terms import LICENCE_REF, Terms
+from bsg_data.terms import LICENCE_REF
 
 _UNKNOWN = "unknown terms: ask whoever made it"  # of a source that is no row of the catalogue
+_RECORDED = "these are recordings of what a robot saw, no ground truth: do not train on them."
 _MEANINGS = {
     "scenes": "one row a building",
     "rooms": "one row a room",
@@ -35,13 +36,13 @@ _CROISSANT_TYPES = {
 
 def write_card(manifest: Manifest) -> str:
     """Return the dataset card: Hugging Face front matter and Markdown."""
-    totals = manifest.totals
+    totals, classes = manifest.totals, manifest.class_space.classes
     lines = [
         _front_matter(manifest),
         "# 3D scene graphs of buildings",
         "",
         f"{totals.scenes:,} buildings, {totals.rooms:,} rooms, {totals.objects:,} objects, "
-        f"{totals.classified:,} of them in one of {len(manifest.class_space.classes)} classes. "
+        f"{totals.classified:,} of them in one of {len(classes)} classes. "
         f"Built by {escape_markdown(manifest.generator)}. "
         f"{len(manifest.skipped)} scenes were skipped and "
         f"{totals.unmapped:,} objects had a name that no class map knows; `dataset.json` lists "
@@ -49,18 +50,20 @@ def write_card(manifest: Manifest) -> str:
         "",
         "## Sources",
         "",
-        *_source_table(manifest),
-        "",
-        *_describe_terms(manifest),
+        *_describe_sources(manifest),
         f"Classes of {mark_code(manifest.class_space.name)}, in the order of every histogram: "
-        + ", ".join(map(escape_markdown, manifest.class_space.classes))
-        + ".",
+        f"{', '.join(map(escape_markdown, classes))}.",
         "",
     ]
     for table, schema in _schemas(manifest).items():
         lines += [f"## {table}", "", f"{_MEANINGS[table].capitalize()}.", ""]
         lines += [*column_table(schema), ""]
-    lines += _recipe_lines(manifest)
+    if split := manifest.split:
+        ratios = " / ".join(f"{ratio:g}" for ratio in split.ratios or ())
+        what = f"{split.folds} folds" if split.folds else f"{split.method} {ratios}"
+        lines += [f"Split by building: {what}, seed {split.seed}.", ""]
+    if pairs := manifest.pairs:
+        lines += [f"Pairs: {pairs.draws} draws of the mask {pairs.mask}, seed {pairs.mask.seed}."]
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -79,7 +82,8 @@ def column_table(schema: pa.Schema) -> list[str]:
 
 def write_croissant(manifest: Manifest) -> str:
     """Return the dataset as Croissant 1.0 JSON-LD (https://mlcommons.org/croissant)."""
-    terms = [source.terms for source in manifest.sources if source.terms is not None]
+    every = [source.terms for source in manifest.sources]
+    terms, sets = [one for one in every if one is not None], list(_file_sets(manifest))
     description = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
@@ -87,9 +91,7 @@ def write_croissant(manifest: Manifest) -> str:
         "description": "3D scene graphs of buildings: rooms, objects, containment, masked pairs.",
         "conformsTo": "http://mlcommons.org/croissant/1.0",
         "version": f"{manifest.format_version}.0.0",
-        "license": _one_or_all(
-            source.terms.licence_url if source.terms else _UNKNOWN for source in manifest.sources
-        ),
+        "license": _one_or_all(one.licence_url if one else _UNKNOWN for one in every),
         **({"url": _one_or_all(one.homepage for one in terms)} if terms else {}),
         **({"citeAs": "; ".join(dict.fromkeys(one.citation for one in terms))} if terms else {}),
         "distribution": [
@@ -100,11 +102,34 @@ def write_croissant(manifest: Manifest) -> str:
                 "includes": pattern,
                 "encodingFormat": "application/x-parquet",
             }
-            for name, pattern, _ in _file_sets(manifest)
+            for name, pattern, _ in sets
         ],
-        "recordSet": [_record_set(name, schema) for name, _, schema in _file_sets(manifest)],
+        "recordSet": [
+            {
+                "@type": "cr:RecordSet",
+                "@id": f"records/{name}",
+                "name": name,
+                "field": list(_record_fields(name, schema)),
+            }
+            for name, _, schema in sets
+        ],
     }
     return encode_json(description, indent=1) + "\n"
+
+
+def _record_fields(table: str, schema: pa.Schema) -> Iterator[dict[str, Any]]:
+    for name, _, unit, meaning, _ in describe_fields(schema):
+        kind = schema.field(name).type
+        repeated = pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind)
+        yield {
+            "@type": "cr:Field",
+            "@id": f"{table}/{name}",
+            "name": name,
+            "description": f"{meaning} [{unit}]" if unit else meaning,
+            "dataType": _CROISSANT_TYPES[str(kind.value_type if repeated else kind)],
+            "source": {"fileSet": {"@id": f"files/{table}"}, "extract": {"column": name}},
+            **({"repeated": True} if repeated else {}),
+        }
 
 
 def _one_or_all(values: Iterable[str]) -> str | list[str]:
@@ -113,34 +138,21 @@ def _one_or_all(values: Iterable[str]) -> str | list[str]:
     return distinct[0] if len(distinct) == 1 else distinct
 
 
-def _source_table(manifest: Manifest) -> list[str]:
-    """Return the sources, their class maps and terms as the lines of a Markdown table."""
-    rows = [
-        (
-            escape_markdown(source.kind),
-            escape_markdown(source.version or ""),
-            mark_code(source.class_map.version),
-            f"[{source.terms.licence}]({source.terms.licence_url})" if source.terms else "unknown",
-            f"<{source.terms.homepage}>" if source.terms else "",
-        )
-        for source in manifest.sources
-    ]
-    return format_markdown(rows, header=("source", "version", "class map", "licence", "homepage"))
-
-
-def _describe_terms(manifest: Manifest) -> list[str]:
-    """Return what a user has to know of each source's terms, and how to cite it."""
-    lines = []
+def _describe_sources(manifest: Manifest) -> list[str]:
+    """Return a table of the sources, then what a user has to know of their terms, as lines."""
+    rows, told = [], []
     for source in manifest.sources:
-        if not source.is_complete:
-            said = "these are recordings of what a robot saw, no ground truth: do not train on them"
-            lines += [f"{escape_markdown(source.kind)}: {said}.", ""]
-        if source.terms is None:
-            lines += [f"{escape_markdown(source.kind)}: the source is of {_UNKNOWN}.", ""]
-        else:
-            said = f"{source.terms.sentence} Cite: {source.terms.citation}."
-            lines += [f"{escape_markdown(source.kind)}: {html.escape(said, quote=False)}", ""]
-    return lines
+        kind, terms = escape_markdown(source.kind), source.terms
+        link, home, said = "unknown", "", f"the source is of {_UNKNOWN}."
+        if terms is not None:
+            link, home = f"[{terms.licence}]({terms.licence_url})", f"<{terms.homepage}>"
+            said = html.escape(f"{terms.sentence} Cite: {terms.citation}.", quote=False)
+        version = escape_markdown(source.version or "")
+        rows.append((kind, version, mark_code(source.class_map.version), link, home))
+        told += [] if source.is_complete else [f"{kind}: {_RECORDED}", ""]
+        told += [f"{kind}: {said}", ""]
+    header = ("source", "version", "class map", "licence", "homepage")
+    return [*format_markdown(rows, header=header), "", *told]
 
 
 def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
@@ -150,19 +162,14 @@ def _schemas(manifest: Manifest) -> dict[str, pa.Schema]:
     return {table: schema for table, schema in every.items() if manifest.files_of(table)}
 
 
-def _file_sets(manifest: Manifest) -> list[tuple[str, str, pa.Schema]]:
-    """Return (name, pattern of its files, schema) of every table, and of every split's pairs."""
-    sets = []
+def _file_sets(manifest: Manifest) -> Iterator[tuple[str, str, pa.Schema]]:
+    """Yield (name, pattern of its files, schema) of every table, and of every split's pairs."""
     for table, schema in _schemas(manifest).items():
-        files = [file.path for file in manifest.files_of(table)]
-        if table == "pairs":
-            stems = sorted({path.rpartition("-")[0] for path in files})
-            sets += [
-                (f"pairs/{stem.split('/')[-1]}", f"{stem}-*.parquet", schema) for stem in stems
-            ]
-        else:
-            sets.append((table, f"{table}/*.parquet", schema))
-    return sets
+        if table != "pairs":
+            yield table, f"{table}/*.parquet", schema
+            continue
+        for stem in sorted({file.path.rpartition("-")[0] for file in manifest.files_of(table)}):
+            yield f"pairs/{stem.split('/')[-1]}", f"{stem}-*.parquet", schema
 
 
 def _front_matter(manifest: Manifest) -> str:
@@ -191,50 +198,17 @@ def _name_licence(manifest: Manifest) -> dict[str, Any]:
 
     SPDX in lower case, `other` by name and link for what SPDX does not list.
     """
-    names: list[str] = []
-    other: list[Terms] = []
-    for source in manifest.sources:
-        if source.terms is None:
-            names.append("unknown")
-        elif source.terms.licence.startswith(LICENCE_REF):
-            names.append("other")
-            other.append(source.terms)
-        else:
-            names.append(source.terms.licence.lower())
+    terms = [source.terms for source in manifest.sources]
+    other = [one for one in terms if one and one.licence.startswith(LICENCE_REF)]
+    names = (
+        "unknown" if one is None else "other" if one in other else one.licence.lower()
+        for one in terms
+    )
     front: dict[str, Any] = {"license": _one_or_all(names)}
     if other:
         front["license_name"] = _one_or_all(one.licence.removeprefix(LICENCE_REF) for one in other)
         front["license_link"] = _one_or_all(one.licence_url for one in other)
     return front
-
-
-def _recipe_lines(manifest: Manifest) -> list[str]:
-    lines, split = [], manifest.split
-    if split is not None:
-        ratios = " / ".join(f"{ratio:g}" for ratio in split.ratios or ())
-        what = f"{split.folds} folds" if split.folds else f"{split.method} {ratios}"
-        lines += [f"Split by building: {what}, seed {split.seed}.", ""]
-    if manifest.pairs is not None:
-        mask = manifest.pairs.mask
-        lines += [f"Pairs: {manifest.pairs.draws} draws of the mask {mask}, seed {mask.seed}."]
-    return lines
-
-
-def _record_set(table: str, schema: pa.Schema) -> dict[str, Any]:
-    fields = []
-    for name, _, unit, meaning, _ in describe_fields(schema):
-        kind = schema.field(name).type
-        repeated = pa.types.is_fixed_size_list(kind) or pa.types.is_list(kind)
-        field = {
-            "@type": "cr:Field",
-            "@id": f"{table}/{name}",
-            "name": name,
-            "description": f"{meaning} [{unit}]" if unit else meaning,
-            "dataType": _CROISSANT_TYPES[str(kind.value_type if repeated else kind)],
-            "source": {"fileSet": {"@id": f"files/{table}"}, "extract": {"column": name}},
-        }
-        fields.append({**field, "repeated": True} if repeated else field)
-    return {"@type": "cr:RecordSet", "@id": f"records/{table}", "name": table, "field": fields}
 
 
 # The context that Croissant 1.0 asks every description to carry.

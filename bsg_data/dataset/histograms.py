@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -57,12 +58,6 @@ def stack_histograms(cells: Counts, starts: Ints) -> Counts:
     return cells
 
 
-def stack_cells(histograms: Counts, starts: Ints) -> Counts:
-    """Turn histograms `[K, C]` of several buildings into cells: the inverse of the above."""
-    histograms[starts] = 2 * histograms[starts] - np.add.reduceat(histograms, starts, axis=0)
-    return histograms
-
-
 NO_CATEGORY = ""  # stands for nameless and unmapped objects: nothing to learn from
 
 
@@ -96,17 +91,9 @@ class Unclassified:
         return tuple(self.names[kind] for kind in np.unique(self.kinds).tolist())
 
     @property
-    def columns(self) -> Ints:
-        """The index of each of `names` among the categories, -1 for none."""
-        kinds = np.unique(self.kinds)
-        columns = np.full(len(self.names), -1)
-        columns[kinds] = np.arange(len(kinds))
-        return columns
-
-    @property
     def cells(self) -> Counts:
         """The counts of these categories as cells, `[N, K]`."""
-        return self.spread(self.columns, len(np.unique(self.kinds)))
+        return self.count(self.categories)
 
     def cut(self, nodes: Ints) -> Unclassified:
         """Return the objects of some nodes, whose numbers rise from 0.
@@ -121,10 +108,10 @@ class Unclassified:
         kept = np.flatnonzero(rows >= 0)
         return Unclassified(self.names, len(nodes), rows[kept], self.kinds[kept], self.counts[kept])
 
-    def spread(self, columns: Ints, width: int) -> Counts:
-        """Return cells `[N, width]`; `columns` has that of each of `names`, -1 for none."""
-        cells = np.zeros((self.nodes, width), dtype=np.int64)
-        found = columns[self.kinds]
+    def count(self, vocabulary: tuple[str, ...]) -> Counts:
+        """Return the objects in the columns of a vocabulary, `[N, V]` cells."""
+        cells = np.zeros((self.nodes, len(vocabulary)), dtype=np.int64)
+        found = _find_columns(self.names, vocabulary)[self.kinds]
         some = found >= 0
         cells[self.rows[some], found[some]] = self.counts[some]
         return cells
@@ -144,3 +131,6 @@ def find_columns(categories: Sequence[str], vocabulary: Sequence[str]) -> npt.ND
     """
     number = {name: i for i, name in enumerate(vocabulary)}
     return np.array([number.get(name, -1) for name in categories], dtype=np.int64)
+
+
+_find_columns = lru_cache(maxsize=4096)(find_columns)

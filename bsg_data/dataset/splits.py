@@ -50,7 +50,10 @@ def assign_splits(
                 f"found {', '.join(f'{n} of {name}' for name, n in sorted(found.items()))}. "
                 "Split by ratios or folds instead"
             )
-    shuffled = [_shuffle(stratum, recipe.seed) for stratum in strata.values()]
+    shuffled = []
+    for stratum in strata.values():
+        order = np.random.Generator(np.random.PCG64(recipe.seed)).permutation(len(stratum))
+        shuffled.append([stratum[i] for i in order])
     deal = _deal if recipe.method == "folds" else _cut
     chosen = {**deal(shuffled, recipe), **dict.fromkeys(held, "test")}
     return {scene: chosen[scene] for scene in ids}
@@ -76,40 +79,24 @@ def split_dataset(dataset: AnyPath, recipe: SplitRecipe, *, force: bool = False)
                 where=dataset,
             )
         columns = ["scene_id", "source_split", "source"]
-        scenes = data.read_table("scenes", columns=columns).to_pydict()
-        own, sources = (
-            dict(zip(scenes["scene_id"], scenes[name], strict=True)) for name in columns[1:]
+        ids, own, sources = data.read_table("scenes", columns=columns).to_pydict().values()
+        chosen = assign_splits(
+            dict(zip(ids, own, strict=True)), recipe, sources=dict(zip(ids, sources, strict=True))
         )
-        return _write_splits(dataset, manifest, recipe, assign_splits(own, recipe, sources=sources))
+        staged = write_parquet(
+            dataset,
+            f"{STAGED}/splits.parquet",
+            [pa.table([list(chosen), list(chosen.values())], schema=SPLITS)],
+            table="splits",
+            class_space=manifest.class_space,
+            split=recipe.model_dump_json(),
+        )
+        entry = name_by_content(dataset, f"splits/{recipe.method}", {"": staged})
+        return manifest.without_split().with_table("splits", entry, split=recipe)
 
     return update_manifest(
         dataset, write, is_made=lambda there: there.split == recipe and there.pairs is None
     )
-
-
-def _write_splits(
-    dataset: Path, manifest: Manifest, recipe: SplitRecipe, chosen: Mapping[str, str]
-) -> Manifest:
-    """Add a split (scene id → split) to a dataset, and return the manifest that names its file.
-
-    The split replaces an existing one and its pairs.
-    """
-    table = pa.table([list(chosen), list(chosen.values())], schema=SPLITS)
-    staged = write_parquet(
-        dataset,
-        f"{STAGED}/splits.parquet",
-        [table],
-        table="splits",
-        class_space=manifest.class_space,
-        split=recipe.model_dump_json(),
-    )
-    entry = name_by_content(dataset, f"splits/{recipe.method}", {"": staged})
-    return manifest.without_split().with_table("splits", entry, split=recipe)
-
-
-def _shuffle(ids: list[str], seed: int) -> list[str]:
-    order = np.random.Generator(np.random.PCG64(seed)).permutation(len(ids))
-    return [ids[i] for i in order]
 
 
 def _deal(strata: Sequence[list[str]], recipe: SplitRecipe) -> dict[str, str]:

@@ -91,17 +91,17 @@ def measure_coverage(data: Dataset, class_map: ClassMap | None = None) -> dict[s
     for objects in _stream_objects(data, ["role", "category"], class_map):
         for role, category, times in _count(objects, ["role", "category"]):
             roles[role] += times
-            left_out[category] += times * (role == "left-out")
-    number = {role.replace("-", "_"): roles[role] for role in _ROLES}
-    order = ("classified", "structure", "nameless", "unmapped", "left_out")
-    things = sum(number.values()) - number["structure"]
-    most_left_out = sorted((-times, name) for name, times in left_out.items() if times)[:_SHOWN]
+            if role == "left-out":
+                left_out[category] += times
+    number, things = roles.total(), roles.total() - roles["structure"]
+    most = sorted(left_out.items(), key=lambda one: (-one[1], one[0]))[:_SHOWN]
+    order = ("classified", "structure", "nameless", "unmapped", "left-out")
     return {
-        "objects": sum(number.values()),
-        **{role: number[role] for role in order},
-        "share": number["classified"] / max(1, things),
-        "share_of_named": number["classified"] / max(1, things - number["nameless"]),
-        "most_left_out": {name: -times for times, name in most_left_out},
+        "objects": number,
+        **{role.replace("-", "_"): roles[role] for role in order},
+        "share": roles["classified"] / max(1, things),
+        "share_of_named": roles["classified"] / max(1, things - roles["nameless"]),
+        "most_left_out": dict(most),
     }
 
 
@@ -120,27 +120,20 @@ def count_sources(data: Dataset) -> list[Row]:
     """
     columns = ["scene_id", "source", "num_rooms", "num_objects", "has_geometry"]
     scenes = pa.concat_tables(data.stream_table("scenes", columns=columns))
-    ids, names = scenes["scene_id"].combine_chunks(), scenes["source"].combine_chunks()
+    source_of: dict[str, str] = {}
     found: dict[str, Counter[str]] = {}
-    for scene in scenes.to_pylist():
-        row = found.setdefault(scene["source"], Counter())
-        row.update(
-            buildings=1,
-            rooms=scene["num_rooms"],
-            objects=scene["num_objects"],
-            placed=int(scene["has_geometry"]),
-        )
+    for scene, source, rooms, number, placed in zip(*scenes.to_pydict().values(), strict=True):
+        source_of[scene] = source
+        row = found.setdefault(source, Counter())
+        row.update(buildings=1, rooms=rooms, objects=number, placed=int(placed))
     classes = {source: set[int]() for source in found}
     for objects in _stream_objects(data, ["role", "class_index"], None):
-        sources = names.take(pc.index_in(objects["scene_id"].combine_chunks(), value_set=ids))
-        objects = objects.append_column("source", sources)
-        for source, role, index, times in _count(objects, ["source", "role", "class_index"]):
-            found[source][role] += times
-            classes[source] |= {index} - {None}
+        for scene, role, index, times in _count(objects, ["scene_id", "role", "class_index"]):
+            found[source_of[scene]][role] += times
+            classes[source_of[scene]] |= {index} - {None}
     for table in data.stream_table("edges", columns=["scene_id", "kind"]):
-        adjacent = take_adjacent(table)["scene_id"].combine_chunks()
-        for source in names.take(pc.index_in(adjacent, value_set=ids)).to_pylist():
-            found[source]["connections"] += 1
+        for scene, times in _count(take_adjacent(table), ["scene_id"]):
+            found[source_of[scene]]["connections"] += times
     rows = [
         {
             "source": source,

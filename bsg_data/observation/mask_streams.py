@@ -27,6 +27,7 @@ class MaskStreams:
     def __init__(
         self, recipes: Sequence[MaskRecipe], scene_ids: Sequence[str], draws: Sequence[int]
     ) -> None:
+        self.recipes = recipes
         self._words = [
             _words_of(recipe.seed, scene) + pack("<I", draw)
             for recipe, scene, draw in zip(recipes, scene_ids, draws, strict=True)

@@ -9,27 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-import pyarrow as pa
 
 from bsg_data.arrays import Bools, Counts, Ints
 from bsg_data.dataset.dataset import Building, Dataset
-from bsg_data.dataset.histograms import Unclassified, find_columns, stack_cells, stack_histograms
+from bsg_data.dataset.histograms import stack_histograms
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.masks import Layout, sample_views
+from bsg_data.observation.masks import Layout, sample_masks, sample_views
 from bsg_data.observation.observation import Observation, stack
 from bsg_data.observation.pairs import list_column, read_views, stream_pairs
-from bsg_data.observation.view import View, hide_cells, see_unclassified
+from bsg_data.observation.view import View, see_unclassified
 from bsg_data.recipes import MaskRecipe
-from bsg_data.scene.connections import Connections, stack_connections
-from bsg_data.scene.surroundings import Surroundings, stack_surroundings
+from bsg_data.scene.connections import Connections
+from bsg_data.scene.surroundings import Surroundings
 
 BATCH = 256  # buildings in memory at a time
-_find_columns = lru_cache(maxsize=4096)(find_columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,24 +113,12 @@ def sample_masked(
     The `vocabulary` has the categories outside the classes that are looked for.
     """
     recipes = [mask] * len(scenes) if isinstance(mask, MaskRecipe) else mask
-    buildings = [data.building(scene) for scene in scenes]
-    streams = MaskStreams(recipes, scenes, [draw] * len(scenes))
-    views = sample_views(_lay_out(buildings), recipes, streams)
-    cells = np.concatenate(
-        [view.cut(one.cells) for view, one in zip(views, buildings, strict=True)]
-    )
-    hidden = hide_cells(cells, views, streams)
-    masked = _Masked(data, scenes, buildings, recipes, streams, views)
-    return MaskedBuildings(
-        masked.observe(cells - hidden, hidden, vocabulary),
-        masked.list_targets(cells),
-        np.full(len(scenes), draw, dtype=np.int64),
-        np.concatenate([view.nodes for view in views]),
-    )
-
-
-def _lay_out(buildings: Sequence[Building]) -> list[Layout]:
-    return [Layout(one.cells.shape, one.connections, one.nameable) for one in buildings]
+    draws = _Draws(data, scenes, recipes, np.full(len(scenes), draw))
+    cells = [one.cells for one in draws.buildings]
+    views, there, hidden = sample_masks(cells, draws.layouts, draws.streams)
+    starts = np.cumsum([0, *(len(view.nodes) for view in views)])[:-1]
+    targets, hidden = stack_histograms(there, starts), stack_histograms(hidden, starts)
+    return draws.mask(views, targets, hidden, vocabulary)
 
 
 def vary_fractions(
@@ -150,45 +136,26 @@ def vary_fractions(
 
 
 def stream_masked(
-    data: Dataset,
-    split: str,
-    *,
-    vocabulary: tuple[str, ...] = (),
+    data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()
 ) -> Iterator[MaskedBuildings]:
-    """Yield the stored pairs of one split or fold, a file at a time.
+    """Yield the stored pairs of one split or fold, about a row group at a time.
 
     Raises:
         DatasetError: if there are none.
     """
-    for table in stream_pairs(data, split):
-        yield _read_table(data, table, vocabulary)
-
-
-def _read_table(data: Dataset, table: pa.Table, vocabulary: tuple[str, ...]) -> MaskedBuildings:
-    stored, nodes = read_views(table), len(table)
-    starts = np.flatnonzero(stored.nodes == 0)
-    scenes = table["scene_id"].take(starts).to_pylist()
-    draws = table["draw"].take(starts).to_numpy().astype(np.int64)
     recipe = data.manifest.pairs
-    recipes = [recipe.mask if recipe else MaskRecipe()] * len(scenes)
-    streams = MaskStreams(recipes, scenes, draws.tolist())
-    known = {scene: data.building(scene) for scene in dict.fromkeys(scenes)}
-    buildings = [known[scene] for scene in scenes]
-    views = [stored.take(*span) for span in pairwise([*starts.tolist(), nodes])]
-    if vocabulary:
-        drawn = sample_views(_lay_out(buildings), recipes, streams)
-        views = [_refine(one, two) for one, two in zip(drawn, views, strict=True)]
-    inputs, targets = (
-        stack_cells(list_column(table, name).astype(np.int64), starts)
-        for name in ("input", "target")
-    )
-    masked = _Masked(data, scenes, buildings, recipes, streams, views)
-    return MaskedBuildings(
-        masked.observe(inputs, targets - inputs, vocabulary),
-        masked.list_targets(targets),
-        draws,
-        stored.nodes,
-    )
+    mask = MaskRecipe() if recipe is None else recipe.mask
+    for table in stream_pairs(data, split):
+        stored = read_views(table)
+        starts = np.flatnonzero(stored.nodes == 0)
+        scenes, numbers = (table[name].take(starts) for name in ("scene_id", "draw"))
+        recipes = [mask] * len(starts)
+        draws = _Draws(data, scenes.to_pylist(), recipes, numbers.to_numpy().astype(np.int64))
+        views = [stored.take(*span) for span in pairwise([*starts.tolist(), len(table)])]
+        if vocabulary:
+            views = list(map(_refine, sample_views(draws.layouts, draws.streams), views))
+        seen, targets = (list_column(table, name).astype(np.int64) for name in ("input", "target"))
+        yield draws.mask(views, targets, targets - seen, vocabulary)
 
 
 def _refine(drawn: View, stored: View) -> View:
@@ -197,50 +164,51 @@ def _refine(drawn: View, stored: View) -> View:
     return drawn if drawn.agrees(stored) else replace(stored, exact=drawn.exact)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Masked:
-    """M buildings of a dataset under their views, with K nodes in all."""
+@dataclass(frozen=True, eq=False)
+class _Draws:
+    """M draws, each of the mask of a building."""
 
     data: Dataset
     scenes: Sequence[str]
-    buildings: Sequence[Building]
     recipes: Sequence[MaskRecipe]
-    streams: MaskStreams
-    views: Sequence[View]
+    numbers: Ints
+
+    @cached_property
+    def buildings(self) -> list[Building]:
+        known = {scene: self.data.building(scene) for scene in dict.fromkeys(self.scenes)}
+        return [known[scene] for scene in self.scenes]
+
+    @cached_property
+    def streams(self) -> MaskStreams:
+        return MaskStreams(self.recipes, self.scenes, self.numbers.tolist())
 
     @property
-    def starts(self) -> Ints:
-        """Row of each building's first node, and K."""
-        return np.cumsum([0, *(len(view.nodes) for view in self.views)])
+    def layouts(self) -> list[Layout]:
+        return [Layout(one.cells.shape, one.connections, one.nameable) for one in self.buildings]
 
-    def list_targets(self, cells: Counts) -> Counts:
-        """Return the true histograms of cells `[K, C]`, unknown where there is no word for them."""
-        nameable = np.array([one.nameable for one in self.buildings])
-        targets = stack_histograms(cells, self.starts[:-1])
-        if not nameable.all():
-            targets[~nameable.repeat(np.diff(self.starts), axis=0)] = MaskedBuildings.UNKNOWN
-        return targets
-
-    def observe(self, seen: Counts, hidden: Counts, vocabulary: tuple[str, ...]) -> Observation:
-        """Return what is seen of the buildings, of whose cells are seen and hidden `[K, C]`."""
-        starts = self.starts
-        unclassified = self._see_unclassified(seen + hidden, hidden, vocabulary)
-        connections, surroundings = zip(*map(_cut, self.buildings, self.views), strict=True)
-        return Observation(
-            scene_ids=tuple(self.scenes),
-            starts=starts,
-            inputs=stack_histograms(seen, starts[:-1]),
-            hidden_share=np.concatenate([view.shares_float32 for view in self.views]),
-            visited=np.concatenate([view.visited for view in self.views]),
-            withheld=np.concatenate([view.withheld for view in self.views]),
+    def mask(
+        self, views: Sequence[View], targets: Counts, hidden: Counts, vocabulary: tuple[str, ...]
+    ) -> MaskedBuildings:
+        """Return the buildings under views, with true and hidden histograms `[K, C]`."""
+        sizes = [len(view.nodes) for view in views]
+        outside = self._see_unclassified(views, targets, hidden, vocabulary)
+        connections, surroundings = zip(*map(_cut, self.buildings, views), strict=True)
+        seen = Observation.of_views(
+            self.scenes,
+            views,
+            targets - hidden,
+            stack_histograms(outside, np.cumsum([0, *sizes])[:-1]),
             vocabulary=vocabulary,
-            unclassified=stack_histograms(unclassified, starts[:-1]),
-            connections=stack_connections(connections, starts[:-1].tolist()),
-            surroundings=stack_surroundings(surroundings),
+            connections=connections,
+            surroundings=surroundings,
         )
+        nameable = np.repeat([one.nameable for one in self.buildings], sizes, axis=0)
+        targets = np.where(nameable, targets, MaskedBuildings.UNKNOWN)
+        nodes = np.concatenate([view.nodes for view in views])
+        return MaskedBuildings(seen, targets, self.numbers, nodes)
 
     def _see_unclassified(
-        self, there: Counts, hidden: Counts, vocabulary: tuple[str, ...]
+        self, views: Sequence[View], there: Counts, hidden: Counts, vocabulary: tuple[str, ...]
     ) -> Counts:
         """Return the objects outside the classes that are seen, `[K, V]` cells.
 
@@ -250,14 +218,13 @@ class _Masked:
             return np.zeros((len(there), 0), dtype=np.int64)
         seen = see_unclassified(
             [self.data.unclassified(scene) for scene in self.scenes],
-            self.views,
-            self.recipes,
+            views,
             self.streams,
             there=there,
             hidden=hidden,
             classes=self.data.manifest.class_space.classes,
         )
-        return np.concatenate([count_by_vocabulary(one, vocabulary) for one in seen])
+        return np.concatenate([one.count(vocabulary) for one in seen])
 
 
 def _cut(building: Building, view: View) -> tuple[Connections, Surroundings]:
@@ -266,9 +233,3 @@ def _cut(building: Building, view: View) -> tuple[Connections, Surroundings]:
         return building.connections, building.surroundings
     taken = building.surroundings.take(view.nodes, buildings=slice(None))
     return building.connections.among(view.nodes), taken
-
-
-def count_by_vocabulary(unclassified: Unclassified, vocabulary: tuple[str, ...]) -> Counts:
-    """Return the objects outside the classes in the columns of a vocabulary, `[N, V]` cells."""
-    columns = _find_columns(unclassified.names, vocabulary)
-    return unclassified.spread(columns, len(vocabulary))

@@ -1,48 +1,24 @@
 """Masks: choose at random which objects a robot has not seen (paper, section III-B).
 
-A mask first samples a `View`: which rooms the robot visited, and the hidden share of each node. It
-then hides these shares of the objects. The view is sampled without looking at the objects, so its
-shares are right in the mean. `MASKS` has one row for each mask:
-
-- `uniform`, the paper's mask: every room is partly seen. ⌊fraction · n⌋ of the n classified objects
-  are hidden, uniformly without replacement.
-- `rooms`: the fraction of the rooms is not entered; the other rooms show everything.
-- `frontier`: the robot enters a connected set of rooms. Half of the hidden objects are in rooms
-  that it did not enter, the other half in rooms that it entered.
-- `explore`: a realistic exploration. Some rooms are searched, some partly seen (each with its own
-  share), some glimpsed through a door, and the others not entered. The masks above are special
-  cases: they use the same code with other values of `bsg_data.recipes.Exploration`.
-- `search`: moments of an object search. Every room is partly seen, then none to half of the rooms
-  are searched. The fraction applies to the rooms that are not searched.
-- `tour`: a building that is being found. The robot goes from room to room, and has found some
-  rooms; the others are not in its graph. Those that it found it explored as under `explore`. The
-  fraction is that of the rooms that it found.
-- `mixed`: six draws in ten use `tour`, with any number of rooms, the others one of the five masks
-  above it, with equal probability. The view does not say which. A model trained under it fits any
-  way of exploring.
-
-Each mask can also withhold classes, give the robot a detector that knows few words, and hide parts
-of objects with the objects (`MaskRecipe`).
-
-Objects without a class are hidden separately, under the same view, so they do not change the mask
-of the classified objects. A mask depends only on (recipe, scene_id, draw): never on order, workers
-or other scenes.
+A mask samples a `View`: which rooms the robot visited, and the hidden share of each node. It does
+not look at the objects, so the shares are right in the mean, and it depends only on (recipe,
+scene_id, draw): never on order, workers or other scenes. `MASKS` has one row for each mask;
+docs/format.md compares them. All but `uniform` and `search` are explorations with other numbers.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from bisect import insort
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from bsg_data.arrays import Bools, Floats, Ints
+from bsg_data.arrays import Bools, Counts, Floats, Ints
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.view import View, sample_unknown
+from bsg_data.observation.view import View, hide_cells, sample_unknown
 from bsg_data.recipes import Exploration, MaskRecipe
 from bsg_data.registry import Registry
 from bsg_data.scene.connections import NO_CONNECTIONS, Connections
@@ -51,248 +27,229 @@ from bsg_data.scene.connections import NO_CONNECTIONS, Connections
 # They give up at most this fraction of what they show.
 _GLIMPSES_OF_SHOWN = 0.5
 _TOURS = 0.6  # of the draws of `mixed`
-_BESIDE = (
-    2  # positions in the list of rooms: a source lists rooms that are near one after the other
-)
+_BESIDE = 2  # places in the list of rooms: sources list rooms that are near one after the other
 
 
-class Mask(ABC):
+@dataclass(frozen=True, slots=True, eq=False)
+class Layout:
+    """What a mask may know of a building.
+
+    Attributes:
+        shape: (N, C), nodes and classes; node 0 is the building, the others are its rooms.
+        connections: between rooms; empty if none is known.
+        nameable: `[C]` classes that the building's source can name; None: all. The others are
+            withheld at all nodes, as from a detector that does not know them.
+    """
+
+    shape: tuple[int, int]
+    connections: Connections = NO_CONNECTIONS
+    nameable: Bools | None = None
+
+    @property
+    def rooms(self) -> int:
+        """Return the number of rooms R = N − 1."""
+        return self.shape[0] - 1
+
+    @property
+    def classes(self) -> int:
+        """Return the number of classes C."""
+        return self.shape[1]
+
+
+@dataclass(frozen=True)
+class Mask:
     """A way to choose what a robot has seen of a building.
 
     Attributes:
         summary: what it hides, in one line.
+        look: samples how much the robot has seen of each node (`View.of_rooms`) from the layout of
+            a building, the recipe, and the generator of this building and draw.
         reads_connections: whether it uses the connections between rooms.
         varies: whether the views of a building differ from draw to draw.
     """
 
     summary: str
+    look: Callable[[Layout, MaskRecipe, np.random.Generator], View]
     reads_connections: bool = False
     varies: bool = True
 
-    @abstractmethod
-    def look(
-        self,
-        shape: tuple[int, int],
-        recipe: MaskRecipe,
-        *,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Sample how much the robot has seen of each node; see `View.of_rooms`.
 
-        Args:
-            shape: (N, C), nodes and classes; node 0 is the building, the others are its rooms.
-            recipe: recipe of the mask.
-            connections: connections between the rooms; empty if none is known.
-            rng: generator for this building and draw.
-        """
+def sample_masks(
+    cells: Sequence[Counts], layouts: Sequence[Layout], streams: MaskStreams
+) -> tuple[list[View], Counts, Counts]:
+    """Sample M masks of buildings of cells `[N, C]`.
+
+    Return their views, the cells in the robots' graphs `[K, C]`, those of one after another, and
+    how many of each are hidden.
+    """
+    views = sample_views(layouts, streams)
+    there = np.concatenate([view.cut(one) for view, one in zip(views, cells, strict=True)])
+    return views, there, hide_cells(there, views, streams)
 
 
-class _Uniform(Mask):
-    """See every room partly; the mask of the paper."""
-
-    summary = "the paper's: single objects, uniformly; every room is visited"
-    varies = False
-
-    def look(
-        self,
-        shape: tuple[int, int],
-        recipe: MaskRecipe,
-        *,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Return the view of a robot that was in every room."""
-        rooms = shape[0] - 1
-        return View.of_rooms(
-            np.full(rooms, recipe.fraction),
-            classes=shape[1],
-            entered=np.ones(rooms, dtype=bool),
-            alone=recipe.fraction,
-            exact=True,
-        )
+def sample_views(layouts: Sequence[Layout], streams: MaskStreams) -> list[View]:
+    """Sample how much a robot has seen in M draws; all layouts have the same classes."""
+    recipes = streams.recipes
+    looks = {name: MASKS[name].look for name in {recipe.strategy for recipe in recipes}}
+    looked = [
+        looks[recipe.strategy](layout, recipe, rng)
+        for layout, recipe, rng in zip(layouts, recipes, streams.of("rooms"), strict=True)
+    ]
+    withheld, unknown = np.zeros((2, len(looked), layouts[0].classes), dtype=bool)
+    if any(recipe.withhold for recipe in recipes):
+        for row, rng, recipe in zip(withheld, streams.of("withheld"), recipes, strict=True):
+            row[:] = rng.random(len(row)) < recipe.withhold
+    if any(recipe.detector for recipe in recipes):
+        for row, rng, recipe in zip(unknown, streams.of("detector"), recipes, strict=True):
+            row[:] = sample_unknown(rng, recipe, classes=len(row))[0]
+    for row, layout in zip(unknown, layouts, strict=True):
+        if layout.nameable is not None:
+            row |= ~layout.nameable
+    for number in np.flatnonzero((withheld | unknown).any(axis=1)).tolist():
+        looked[number] = looked[number].withhold(withheld[number], unknown=unknown[number])
+    return looked
 
 
-@dataclass(frozen=True)
-class _Exploring(Mask):
-    """A mask of a robot that explores a building by an `Exploration`; None: that of the recipe."""
-
-    summary: str
-    exploration: Exploration | None = None
-    reads_connections: bool = True
-
-    def look(
-        self,
-        shape: tuple[int, int],
-        recipe: MaskRecipe,
-        *,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Explore by the exploration of the mask, or of the recipe, and hide the fraction."""
-        plan = self.exploration or recipe.exploration
-        return self.explore(shape, recipe.fraction, plan, connections=connections, rng=rng)
-
-    @staticmethod
-    def explore(
-        shape: tuple[int, int],
-        fraction: float,
-        plan: Exploration,
-        *,
-        closed: float | None = None,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Sample which rooms are not entered, searched, partly seen or glimpsed, and their shares.
-
-        Let x be the share of the hidden objects in rooms not entered, and y the share of the shown
-        objects in searched rooms. Of R rooms, x·f·R are then not entered and y·(1 − f)·R searched,
-        in the mean. The others hide b = f·(1 − x) / (f·(1 − x) + (1 − f)·(1 − y)), which gives f in
-        all. `closed` is x, if it is known.
-        """
-        number = shape[0] - 1
-        if not number:
-            return View.of_rooms(np.zeros(0), classes=shape[1], alone=fraction, exact=plan.exact)
-        low, high = plan.not_entered if closed is None else (closed, closed)
-        closed = rng.uniform(low, high)
-        bare = rng.uniform(*plan.searched)
-        if plan.connected and fraction:  # the robot is in one room at least
-            closed = min(closed, (number - 1) / (fraction * number))
-        lot = rng.random()
-        entered = number - math.floor(closed * fraction * number + lot)
-        searched = min(entered, math.ceil(bare * (1 - fraction) * number - lot))
-        order = _walk(number, entered, plan, connections, rng)
-        inside, outside = order[:entered], order[entered:]
-        half = rng.permutation(inside)[searched:]
-        hide, show = fraction * (1 - closed), (1 - fraction) * (1 - bare)
-        mean = hide / (hide + show) if hide + show else fraction
-        shares = np.zeros(number)
-        shares[outside] = 1.0
-        if len(half):
-            limit = _GLIMPSES_OF_SHOWN * len(half) * (1 - mean)
-            near = _find_beside(inside, outside, number, connections)
-            glimpsed, hidden = _glimpse(near, plan, limit, rng)
-            shares[glimpsed] = hidden
-            more = float((1 - hidden).sum()) / len(half)
-            shares[half] = _spread_shares(mean + more, len(half), plan, rng)
-        was_there = np.zeros(number, dtype=bool)
-        was_there[inside] = True
-        return View.of_rooms(shares, classes=shape[1], entered=was_there, exact=plan.exact)
+def _see_partly(layout: Layout, recipe: MaskRecipe, _: np.random.Generator) -> View:
+    """See every room partly: the mask of the paper."""
+    shares = np.full(layout.rooms, recipe.fraction)
+    return View.of_rooms(
+        shares, classes=layout.classes, entered=True, alone=recipe.fraction, exact=True
+    )
 
 
-class _Search(Mask):
+def _search(layout: Layout, recipe: MaskRecipe, rng: np.random.Generator) -> View:
     """See every room partly, then search none to half of them, each number equally likely.
 
     At most half, because a building that is fully searched has nothing left to predict.
     """
-
-    summary = "moments of a search: every room is half seen, then up to half are searched"
-
-    def look(
-        self,
-        shape: tuple[int, int],
-        recipe: MaskRecipe,
-        *,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Sample which rooms are searched; the others hide the fraction."""
-        nodes = shape[0]
-        half_seen = UNIFORM.look(shape, recipe, connections=connections, rng=rng)
-        rooms = np.zeros(nodes, dtype=bool)
-        number = int(rng.integers((nodes - 1) // 2 + 1))
-        rooms[1 + rng.permutation(nodes - 1)[:number]] = True
-        return replace(half_seen.search(rooms), exact=False)
+    shares = np.full(layout.rooms, recipe.fraction)
+    number = int(rng.integers(layout.rooms // 2 + 1))
+    shares[rng.permutation(layout.rooms)[:number]] = 0
+    return View.of_rooms(shares, classes=layout.classes, entered=True, alone=recipe.fraction)
 
 
-class _Tour(Mask):
-    """Find some rooms of a building, and explore these."""
+def _explore(
+    layout: Layout,
+    fraction: float,
+    plan: Exploration,
+    rng: np.random.Generator,
+    *,
+    closed: float | None = None,
+) -> View:
+    """Sample which rooms are not entered, searched, partly seen or glimpsed, and their shares.
 
-    summary = "a building that is being found: rooms that were not are not in the graph"
-    reads_connections = True
-
-    def look(
-        self,
-        shape: tuple[int, int],
-        recipe: MaskRecipe,
-        *,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Find the fraction of the rooms that the recipe says, at least one, or its number."""
-        number = max(1, round(recipe.fraction * (shape[0] - 1)))
-        hidden, plan = float(rng.uniform(*recipe.exploration.hidden)), recipe.exploration
-        return self.find(
-            recipe.rooms or number, shape, hidden, plan, connections=connections, rng=rng
-        )
-
-    def find(
-        self,
-        number: int,
-        shape: tuple[int, int],
-        fraction: float,
-        plan: Exploration,
-        *,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Find a number of rooms, and enter none to all of them, each number equally likely.
-
-        A robot that has entered none was told of them. The fraction is hidden of those entered.
-        """
-        rooms = shape[0] - 1
-        ways, nodes = connections, np.arange(shape[0])
-        if number < rooms:
-            ways = connections if len(connections) else _follow_list(rooms)
-            walked = _walk(rooms, number, plan, ways, rng)[:number]
-            nodes = np.concatenate([[0], 1 + np.sort(walked)])
-            ways = ways.among(nodes)
-        found = len(nodes) - 1
-        entered = int(rng.integers(found + 1))
-        if not entered and found:
-            nobody = np.zeros(found, dtype=bool)
-            heard_of = View.of_rooms(np.ones(found), classes=shape[1], entered=nobody)
-            return replace(heard_of, nodes=nodes)
-        outside = found - entered
-        hidden = (outside + entered * fraction) / max(found, 1)
-        closed = outside / (hidden * found) if hidden else 0.0
-        size = len(nodes), shape[1]
-        seen = EXPLORE.explore(size, hidden, plan, closed=closed, connections=ways, rng=rng)
-        return replace(seen, nodes=nodes)
+    Let x be the share of the hidden objects in rooms not entered, and y the share of the shown
+    objects in searched rooms. Of R rooms, x·f·R are then not entered and y·(1 − f)·R searched, in
+    the mean. The others hide b = f·(1 − x) / (f·(1 − x) + (1 − f)·(1 − y)), which gives f in all.
+    `closed` is x, if it is known.
+    """
+    number, classes = layout.rooms, layout.classes
+    if not number:
+        return View.of_rooms(np.zeros(0), classes=classes, alone=fraction, exact=plan.exact)
+    low, high = plan.not_entered if closed is None else (closed, closed)
+    closed = rng.uniform(low, high)
+    bare = rng.uniform(*plan.searched)
+    if plan.connected and fraction:  # the robot is in one room at least
+        closed = min(closed, (number - 1) / (fraction * number))
+    lot = rng.random()
+    entered = number - math.floor(closed * fraction * number + lot)
+    searched = min(entered, math.ceil(bare * (1 - fraction) * number - lot))
+    order = _walk(number, entered, plan, layout.connections, rng)
+    inside, outside = order[:entered], order[entered:]
+    half = rng.permutation(inside)[searched:]
+    hide, show = fraction * (1 - closed), (1 - fraction) * (1 - bare)
+    mean = hide / (hide + show) if hide + show else fraction
+    shares, was_there = np.zeros(number), np.zeros(number, dtype=bool)
+    shares[outside], was_there[inside] = 1.0, True
+    if len(half):
+        limit = _GLIMPSES_OF_SHOWN * len(half) * (1 - mean)
+        near = _find_beside(inside, outside, number, layout.connections)
+        glimpsed, hidden = _glimpse(near, plan, limit, rng)
+        shares[glimpsed] = hidden
+        more = float((1 - hidden).sum()) / len(half)
+        shares[half] = _spread_shares(mean + more, len(half), plan, rng)
+    return View.of_rooms(shares, classes=classes, entered=was_there, exact=plan.exact)
 
 
-class _Mixed(Mask):
-    """See each building under one of several other masks, most often `tour`."""
-
-    summary = "six draws in ten tour, the others uniform, rooms, frontier, explore or search"
-    reads_connections = True
-
-    def look(
-        self,
-        shape: tuple[int, int],
-        recipe: MaskRecipe,
-        *,
-        connections: Connections,
-        rng: np.random.Generator,
-    ) -> View:
-        """Choose a mask, and sample its view.
-
-        The shares of each mask are right in the mean, and the choice does not look at the objects.
-        So the shares of the mixture are right, too. The building hides the fraction, less what
-        `search` shows. A tour finds k rooms with log k uniform: robots begin with one.
-        """
-        if rng.random() < _TOURS and shape[0] > 1:
-            number = int(shape[0] ** rng.random())
-            plan = recipe.exploration
-            return TOUR.find(number, shape, recipe.fraction, plan, connections=connections, rng=rng)
-        masks: tuple[Mask, ...] = (UNIFORM, ROOMS, FRONTIER, EXPLORE, SEARCH)
-        chosen = masks[int(rng.integers(len(masks)))]
-        return chosen.look(shape, recipe, connections=connections, rng=rng)
+def _tour(layout: Layout, recipe: MaskRecipe, rng: np.random.Generator) -> View:
+    """Find the fraction of the rooms that the recipe says, at least one, or its number."""
+    number = recipe.rooms or max(1, round(recipe.fraction * layout.rooms))
+    hidden = float(rng.uniform(*recipe.exploration.hidden))
+    return _find_rooms(number, layout, hidden, recipe.exploration, rng)
 
 
+def _find_rooms(
+    number: int, layout: Layout, fraction: float, plan: Exploration, rng: np.random.Generator
+) -> View:
+    """Find a number of rooms, and enter none to all of them, each number equally likely.
+
+    A robot that has entered none was told of them. The fraction is hidden of those entered.
+    """
+    ways, nodes = layout.connections, np.arange(layout.shape[0])
+    if number < layout.rooms:
+        ways = ways if len(ways) else _follow_list(layout.rooms)
+        walked = _walk(layout.rooms, number, plan, ways, rng)[:number]
+        nodes = np.concatenate([[0], 1 + np.sort(walked)])
+        ways = ways.among(nodes)
+    found = len(nodes) - 1
+    entered = int(rng.integers(found + 1))
+    if found and not entered:
+        view = View.of_rooms(np.ones(found), classes=layout.classes, entered=False)
+        return replace(view, nodes=nodes)
+    hidden = (found - entered + entered * fraction) / max(found, 1)
+    closed = (found - entered) / (hidden * found) if hidden else 0.0
+    part = Layout((len(nodes), layout.classes), ways)
+    return replace(_explore(part, hidden, plan, rng, closed=closed), nodes=nodes)
+
+
+def _mix(layout: Layout, recipe: MaskRecipe, rng: np.random.Generator) -> View:
+    """Look by another mask, most often a tour of k rooms, log k uniform: robots begin with one.
+
+    The shares of each mask are right in the mean, and the choice does not look at the objects. So
+    the shares of the mixture are right, too. The building hides the fraction, less what `search`
+    shows.
+    """
+    if rng.random() < _TOURS and layout.rooms:
+        number = int(layout.shape[0] ** rng.random())
+        return _find_rooms(number, layout, recipe.fraction, recipe.exploration, rng)
+    masks = UNIFORM, ROOMS, FRONTIER, EXPLORE, SEARCH
+    return masks[int(rng.integers(len(masks)))].look(layout, recipe, rng)
+
+
+_WHOLE = Exploration(not_entered=(1, 1), searched=(1, 1), glimpsed=0, spread=0, connected=False)
+_BEYOND = Exploration(not_entered=(0.5, 0.5), searched=(0, 0), glimpsed=0, spread=0)
+UNIFORM = Mask(
+    "the paper's: single objects, uniformly; every room is visited", _see_partly, varies=False
+)
+ROOMS = Mask(
+    "whole rooms at random; the others show everything",
+    lambda layout, recipe, rng: _explore(layout, recipe.fraction, _WHOLE, rng),
+)
+FRONTIER = Mask(
+    "rooms beyond a connected set of visited ones, and objects in these",
+    lambda layout, recipe, rng: _explore(layout, recipe.fraction, _BEYOND, rng),
+    reads_connections=True,
+)
+EXPLORE = Mask(
+    "what robots really have: rooms searched, half seen, glimpsed or not entered",
+    lambda layout, recipe, rng: _explore(layout, recipe.fraction, recipe.exploration, rng),
+    reads_connections=True,
+)
+SEARCH = Mask("moments of a search: every room is half seen, then up to half are searched", _search)
+TOUR = Mask(
+    "a building that is being found: rooms that were not are not in the graph",
+    _tour,
+    reads_connections=True,
+)
+MIXED = Mask(
+    "six draws in ten tour, the others uniform, rooms, frontier, explore or search",
+    _mix,
+    reads_connections=True,
+)
 MASKS: Registry[Mask] = Registry(
     "mask",
-    Mask,  # type: ignore[type-abstract]
+    Mask,
     group="bsg_data.masks",
     rows={
         "uniform": "bsg_data.observation.masks:UNIFORM",
@@ -304,87 +261,6 @@ MASKS: Registry[Mask] = Registry(
         "mixed": "bsg_data.observation.masks:MIXED",
     },
 )
-UNIFORM = _Uniform()
-ROOMS = _Exploring(
-    "whole rooms at random; the others show everything",
-    Exploration(not_entered=(1, 1), searched=(1, 1), glimpsed=0, spread=0, connected=False),
-    reads_connections=False,
-)
-FRONTIER = _Exploring(
-    "rooms beyond a connected set of visited ones, and objects in these",
-    Exploration(not_entered=(0.5, 0.5), searched=(0, 0), glimpsed=0, spread=0),
-)
-EXPLORE = _Exploring("what robots really have: rooms searched, half seen, glimpsed or not entered")
-SEARCH, TOUR, MIXED = _Search(), _Tour(), _Mixed()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Layout:
-    """What a mask may know of a building.
-
-    Attributes:
-        shape: (N, C), nodes and classes.
-        connections: between rooms, as far as they are known.
-        nameable: `[C]` classes that the building's source can name; None: all. The others are
-            withheld at all nodes, as from a detector that does not know them.
-    """
-
-    shape: tuple[int, int]
-    connections: Connections = NO_CONNECTIONS
-    nameable: Bools | None = None
-
-
-def sample_view(
-    shape: tuple[int, int],
-    recipe: MaskRecipe,
-    *,
-    scene_id: str,
-    draw: int,
-    connections: Connections | None = None,
-) -> View:
-    """Sample how much a robot has seen of a building of `shape` (N, C), and what is withheld.
-
-    Without connections, none between rooms is known.
-    """
-    layout = Layout(shape, NO_CONNECTIONS if connections is None else connections)
-    (view,) = sample_views([layout], [recipe], MaskStreams([recipe], [scene_id], [draw]))
-    return view
-
-
-def sample_views(
-    layouts: Sequence[Layout], recipes: Sequence[MaskRecipe], streams: MaskStreams
-) -> list[View]:
-    """Sample the views of M draws, each of one building by one recipe; see `sample_view`."""
-    masks = {name: MASKS[name] for name in {recipe.strategy for recipe in recipes}}
-    looked = [
-        masks[recipe.strategy].look(layout.shape, recipe, connections=layout.connections, rng=rng)
-        for layout, recipe, rng in zip(layouts, recipes, streams.of("rooms"), strict=True)
-    ]
-    return _withhold(looked, layouts, recipes, streams)
-
-
-def _withhold(
-    views: list[View],
-    layouts: Sequence[Layout],
-    recipes: Sequence[MaskRecipe],
-    streams: MaskStreams,
-) -> list[View]:
-    """Return views with what their recipes and sources withhold of the classes."""
-    classes = layouts[0].shape[1]
-    withheld, blind = np.zeros((2, len(views), classes), dtype=bool)
-    if any(recipe.withhold for recipe in recipes):
-        for row, rng, recipe in zip(withheld, streams.of("withheld"), recipes, strict=True):
-            row[:] = rng.random(classes) < recipe.withhold
-    if any(recipe.detector for recipe in recipes):
-        for row, rng, recipe in zip(blind, streams.of("detector"), recipes, strict=True):
-            row[:] = sample_unknown(rng, recipe, classes=classes)[0]
-    for row, layout in zip(blind, layouts, strict=True):
-        if layout.nameable is not None:
-            row |= ~layout.nameable
-    changed = np.flatnonzero((withheld | blind).any(axis=1)).tolist()
-    for number in changed:
-        views[number] = views[number].withhold(withheld[number]).blind(blind[number])
-    return views
 
 
 def _walk(

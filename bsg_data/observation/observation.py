@@ -6,7 +6,6 @@ observation has one building or several. The rows of a building are consecutive,
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Bools, Counts, Floats, Ints
-from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.view import View
 from bsg_data.scene.connections import Connections, stack_connections
 from bsg_data.scene.surroundings import Surroundings, stack_surroundings
@@ -54,29 +52,30 @@ class Observation:
     surroundings: Surroundings
 
     @classmethod
-    def of_building(
+    def of_views(
         cls,
-        scene_id: str,
-        view: View,
-        cells: Counts,
+        scene_ids: Sequence[str],
+        views: Sequence[View],
+        inputs: Counts,
         unclassified: Counts,
         *,
         vocabulary: tuple[str, ...],
-        connections: Connections,
-        surroundings: Surroundings,
+        connections: Sequence[Connections],
+        surroundings: Sequence[Surroundings],
     ) -> Observation:
-        """Return what is seen of one building under a view: cells `[N, C]` and `[N, V]`."""
+        """Return what is seen of B buildings under a view each: histograms `[N, C]`, `[N, V]`."""
+        starts = np.cumsum([0, *(len(view.nodes) for view in views)])
         return cls(
-            scene_ids=(scene_id,),
-            starts=np.array([0, len(cells)]),
-            inputs=to_histograms(cells),
-            hidden_share=view.shares_float32,
-            visited=view.visited,
-            withheld=view.withheld,
+            scene_ids=tuple(scene_ids),
+            starts=starts,
+            inputs=inputs,
+            hidden_share=np.concatenate([view.shares_float32 for view in views]),
+            visited=np.concatenate([view.visited for view in views]),
+            withheld=np.concatenate([view.withheld for view in views]),
             vocabulary=vocabulary,
-            unclassified=to_histograms(unclassified),
-            connections=connections,
-            surroundings=surroundings,
+            unclassified=unclassified,
+            connections=stack_connections(connections, starts[:-1].tolist()),
+            surroundings=stack_surroundings(surroundings),
         )
 
     def __len__(self) -> int:
@@ -109,16 +108,8 @@ class Observation:
         return np.where(self.withheld, 1.0, self.hidden_share[:, None].astype(np.float64))
 
     def take(self, buildings: Sequence[int] | Ints) -> Observation:
-        """Return the buildings with these numbers, in this order.
-
-        Raises:
-            IndexError: if a number is out of range, or none is given.
-        """
-        numbers = np.array([operator.index(number) for number in buildings], dtype=np.int64)
-        if not len(numbers) or numbers.min() < 0 or numbers.max() >= len(self):
-            raise IndexError(
-                f"buildings {numbers[:5].tolist()}: expected one or more of 0..{len(self) - 1}"
-            )
+        """Return the buildings with these numbers, in this order."""
+        numbers = np.asarray(buildings, dtype=np.int64)
         rows, starts = self.rows_of(numbers)
         return replace(
             self,
@@ -137,7 +128,9 @@ class Observation:
         """Return the connections of some buildings, renumbered for new starts."""
         if not len(self.connections):
             return self.connections
-        rows, ends = _spread_rows(self._connection_starts, buildings)
+        of_building = self.building[self.connections.pairs[:, 0]]
+        firsts = np.searchsorted(of_building, np.arange(len(self) + 1))
+        rows, ends = _spread_rows(firsts, buildings)
         taken = self.connections.take(rows)
         moved = np.repeat(starts[:-1] - self.starts[buildings], np.diff(ends))
         return replace(taken, pairs=taken.pairs + moved[:, None])
@@ -145,12 +138,6 @@ class Observation:
     def without(self, *evidence: str) -> Observation:
         """Return a copy with some surroundings unknown; see `Surroundings.without`."""
         return replace(self, surroundings=self.surroundings.without(*evidence))
-
-    @cached_property
-    def _connection_starts(self) -> Ints:
-        """Row of the first connection of each building, `[B + 1]`."""
-        of_building = self.building[self.connections.pairs[:, 0]]
-        return np.searchsorted(of_building, np.arange(len(self) + 1))
 
 
 def _spread_rows(starts: Ints, numbers: Ints) -> tuple[Ints, Ints]:

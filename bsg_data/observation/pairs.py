@@ -59,7 +59,7 @@ def sample_pairs(
     looks = numbers if differ else numbers[:1]
     many, again = len(looks), len(numbers) // len(looks)
     layouts = [Layout(cells.shape, connections, nameable)] * many
-    views = sample_views(layouts, [mask] * many, _streams_of(mask, scene_id, looks))
+    views = sample_views(layouts, _streams_of(mask, scene_id, looks))
     there = np.concatenate([view.cut(cells) for view in views])
     hidden = hide_cells(there, views, _streams_of(mask, scene_id, numbers))
     starts = np.cumsum([0, *(len(view.nodes) for view in views * again)])[:-1]

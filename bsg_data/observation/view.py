@@ -1,8 +1,7 @@
 """A view: how much a robot has seen of each node of a building; and what is hidden under it.
 
-A view says nothing of the objects. Under it are hidden the classified objects, the unclassified
-ones, and parts of things. Unclassified objects are hidden separately, so they do not change the
-mask of the classified ones.
+A view says nothing of the objects. Objects outside the classes, and parts of things, are hidden
+under it by other random numbers, so they do not change the mask of the classified ones.
 """
 
 from __future__ import annotations
@@ -21,6 +20,8 @@ from bsg_data.dataset.histograms import Unclassified
 from bsg_data.observation.mask_streams import MaskStreams
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import find_wholes
+
+_NO_KINDS: Ints = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +55,7 @@ class View:
         shares: Floats,
         *,
         classes: int,
-        entered: Bools | None = None,
+        entered: Bools | bool | None = None,
         alone: float = 0.0,
         exact: bool = False,
     ) -> View:
@@ -63,14 +64,14 @@ class View:
         Args:
             shares: `[R]` hidden share of each room.
             classes: number C of the classes.
-            entered: `[R]` whether the robot entered each room; None: all with a share below 1.
+            entered: `[R]` or one for all, whether the robot was there; None: where a share is
+                below 1.
             alone: hidden share of a building without rooms.
             exact: see the attribute.
         """
         nodes = 1 + len(shares)
         share, visited = np.empty(nodes), np.empty(nodes, dtype=bool)
-        share[0], share[1:] = alone, shares
-        share[0] = _share_of_building(share)
+        share[0], share[1:] = _average_rooms(shares, alone), shares
         visited[0], visited[1:] = True, shares < 1 if entered is None else entered
         return cls(visited, share, np.zeros((nodes, classes), dtype=bool), np.arange(nodes), exact)
 
@@ -89,51 +90,29 @@ class View:
         """Return the view with all nodes of a building; rooms that were not found hide all."""
         if len(self.nodes) == nodes:
             return self
-        shares, entered = np.ones(nodes), np.zeros(nodes, dtype=bool)
-        shares[self.nodes], entered[self.nodes] = self.hidden_share, self.visited
-        whole = View.of_rooms(
-            shares[1:], classes=self.withheld.shape[1], entered=entered[1:], exact=self.exact
-        )
-        whole = whole.withhold(np.asarray(self.withheld.any(axis=0)))
-        whole.withheld[self.nodes] = self.withheld
-        return whole
+        share, visited = np.ones(nodes), np.zeros(nodes, dtype=bool)
+        withheld = np.tile(self.withheld.any(axis=0), (nodes, 1))
+        share[self.nodes], visited[self.nodes] = self.hidden_share, self.visited
+        share[0], withheld[self.nodes] = _average_rooms(share[1:], share[0]), self.withheld
+        return View(visited, share, withheld, np.arange(nodes), self.exact)
 
     def take(self, first: int, last: int) -> View:
         """Return the view of the nodes from `first` to before `last`."""
-        rows = slice(first, last)
-        return replace(
-            self,
-            visited=self.visited[rows],
-            hidden_share=self.hidden_share[rows],
-            withheld=self.withheld[rows],
-            nodes=self.nodes[rows],
-        )
+        names = ("visited", "hidden_share", "withheld", "nodes")
+        return replace(self, **{name: getattr(self, name)[first:last] for name in names})
 
-    def search(self, rooms: Bools) -> View:
-        """Return the view after some rooms `[N]` were searched; they hide nothing."""
-        share = np.where(rooms, 0.0, self.hidden_share)
-        share[0] = _share_of_building(share)
-        withheld = self.withheld & ~rooms[:, None]
-        withheld[0] &= share[0] > 0
-        return replace(self, visited=self.visited | rooms, hidden_share=share, withheld=withheld)
+    def withhold(self, classes: Bools, *, unknown: Bools | bool = False) -> View:
+        """Return the view with classes `[C]` withheld at all nodes that hide anything.
 
-    def withhold(self, classes: Bools) -> View:
-        """Return the view with some classes `[C]` withheld at all nodes that hide anything."""
-        return self.blind(classes & (self.hidden_share > 0)[:, None])
-
-    def blind(self, classes: Bools) -> View:
-        """Return the view of a robot whose detector does not know some classes `[C]`."""
-        withheld = self.withheld | classes
-        return View(self.visited, self.hidden_share, withheld, self.nodes, self.exact)
+        Those `unknown` to the robot's detector are withheld at all nodes.
+        """
+        hidden = classes & (self.hidden_share > 0)[:, None]
+        return replace(self, withheld=self.withheld | hidden | unknown)
 
     def agrees(self, other: View) -> bool:
         """Say whether two views are equal, with shares in single precision."""
-        return (
-            np.array_equal(self.nodes, other.nodes)
-            and np.array_equal(self.visited, other.visited)
-            and np.array_equal(self.shares_float32, other.shares_float32)
-            and np.array_equal(self.withheld, other.withheld)
-        )
+        names = ("nodes", "visited", "shares_float32", "withheld")
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     @property
     def shares_float32(self) -> npt.NDArray[np.float32]:
@@ -141,21 +120,11 @@ class View:
         return self.hidden_share.astype(np.float32)
 
 
-def _share_of_building(share: Floats) -> float:
-    """Return the hidden share of a building `[1 + R]`: the mean of its rooms, or its own."""
-    rooms = share[1:]
-    if not len(rooms):
-        return float(share[0])
-    if len(set(rooms.tolist())) == 1:
-        return float(rooms[0])  # exact; a mean of floats would not be
-    return float(rooms.sum() / len(rooms))
-
-
-def sample_hidden(
-    cells: Counts, view: View, recipe: MaskRecipe, *, scene_id: str, draw: int
-) -> Counts:
-    """Sample how many objects of every cell `[N, C]` are hidden; arguments as for `hide_cells`."""
-    return hide_cells(cells, [view], MaskStreams([recipe], [scene_id], [draw]))
+def _average_rooms(shares: Floats, alone: float) -> float:
+    """Return the hidden share of a building from those of its rooms `[R]`; `alone` without any."""
+    if len(set(shares.tolist())) == 1:
+        return float(shares[0])  # exact; a mean of floats would not be
+    return float(shares.sum() / len(shares)) if len(shares) else alone
 
 
 def hide_cells(cells: Counts, views: Sequence[View], streams: MaskStreams) -> Counts:
@@ -227,30 +196,21 @@ def _way_to_hide(
 
 
 def sample_unknown(
-    rng: np.random.Generator,
-    recipe: MaskRecipe,
-    *,
-    classes: int,
-    unclassified: Unclassified | None = None,
+    rng: np.random.Generator, recipe: MaskRecipe, *, classes: int, kinds: Ints = _NO_KINDS
 ) -> tuple[Bools, Ints]:
-    """Sample which classes `[C]` the robot's detector does not know, and which other kinds.
+    """Sample which classes `[C]` the robot's detector does not know, and which of other kinds.
 
     The generator is that of the stream `detector`; with it the classes are the same at every call.
     """
-    kinds = np.zeros(0, dtype=np.int64)
     if rng.random() >= recipe.detector:
-        return np.zeros(classes, dtype=bool), kinds
+        return np.zeros(classes, dtype=bool), _NO_KINDS
     known = rng.random()
-    unknown = rng.random(classes) > known
-    if unclassified is not None:
-        kinds = np.unique(unclassified.kinds)
-    return unknown, kinds[rng.random(len(kinds)) > known]
+    return rng.random(classes) > known, kinds[rng.random(len(kinds)) > known]
 
 
 def see_unclassified(
     unclassified: Sequence[Unclassified],
     views: Sequence[View],
-    recipes: Sequence[MaskRecipe],
     streams: MaskStreams,
     *,
     there: Counts,
@@ -264,35 +224,33 @@ def see_unclassified(
     room, it falls under the ordinary rule. What the robot's detector does not know is not seen.
 
     `unclassified` are the objects outside the classes of the buildings, `there` `[K, C]` the
-    classified ones of the robots' graphs, and `hidden` those of them that are hidden.
+    classified ones of the robots' graphs, and `hidden` those of them that are hidden; both may be
+    cells or histograms.
     """
+    recipes = streams.recipes
     found = [one.cut(view.nodes) for one, view in zip(unclassified, views, strict=True)]
     counts = np.concatenate([one.counts for one in found])
     share = [view.hidden_share[one.rows] for view, one in zip(views, found, strict=True)]
     ends = np.cumsum([0, *(len(one.counts) for one in found)])
-    rate = np.full(len(counts), np.nan)
+    spans = [slice(*span) for span in pairwise(ends.tolist())]
+    rate = np.full(len(counts), np.nan)  # at which parts of a thing are hidden
     if any(recipe.parts for recipe in recipes):
         rate = _find_rates(found, views, recipes, there=there, hidden=hidden, classes=classes)
-    alone = np.where(np.isnan(rate), counts, 0)
+    is_part = ~np.isnan(rate)
+    alone = np.where(is_part, 0, counts)
     (gone,) = _hide(alone, np.concatenate(share), ends, views, streams.of("unclassified"))
-    blocks = list(pairwise(ends.tolist()))
-    if not np.isnan(rate).all():
-        for rng, (first, last) in zip(streams.of("parts"), blocks, strict=True):
-            parts = first + np.flatnonzero(~np.isnan(rate[first:last]))
+    if is_part.any():
+        for rng, span in zip(streams.of("parts"), spans, strict=True):
+            parts = span.start + np.flatnonzero(is_part[span])
             gone[parts] = rng.binomial(counts[parts], rate[parts])
-    seen = [counts[first:last] - gone[first:last] for first, last in blocks]
+    seen = counts - gone
     if any(recipe.detector for recipe in recipes):
-        generators = streams.of("detector")
-        for rng, recipe, whole, one, left in zip(
-            generators, recipes, unclassified, found, seen, strict=True
-        ):
-            _, unknown = sample_unknown(rng, recipe, classes=len(classes), unclassified=whole)
-            if len(unknown):
-                left[np.isin(one.kinds, unknown)] = 0
-    return [
-        Unclassified(one.names, one.nodes, one.rows, one.kinds, left)
-        for one, left in zip(found, seen, strict=True)
-    ]
+        every = zip(streams.of("detector"), recipes, unclassified, found, spans, strict=True)
+        for rng, recipe, whole, one, span in every:
+            kinds = np.unique(whole.kinds)
+            _, unknown = sample_unknown(rng, recipe, classes=len(classes), kinds=kinds)
+            seen[span][np.isin(one.kinds, unknown)] = 0
+    return [replace(one, counts=seen[span]) for one, span in zip(found, spans, strict=True)]
 
 
 def _find_rates(

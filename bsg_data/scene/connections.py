@@ -52,9 +52,7 @@ NO_CONNECTIONS = Connections.of_pairs(())
 
 
 def stack_connections(several: Sequence[Connections], offsets: Sequence[int]) -> Connections:
-    """Return the connections of several buildings, moved by the first node of each."""
-    if not several:
-        return Connections.of_pairs(())
+    """Return the connections of several buildings, one or more, moved by the first node of each."""
     return Connections(
         np.concatenate([one.pairs + first for one, first in zip(several, offsets, strict=True)]),
         np.concatenate([one.methods for one in several]),

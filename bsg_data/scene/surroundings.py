@@ -7,22 +7,19 @@ Each kind of evidence is a field of `Surroundings`. A new kind also needs a fiel
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from bsg_data.arrays import Floats, Ints
-from bsg_data.errors import RecipeError
 from bsg_data.scene.room_label import (
-    Origin,
     RoomType,
     known_label,
     list_room_labels,
     spread_labels,
-    tell_building,
 )
 from bsg_data.scene.scene_graph import Box
 
@@ -35,7 +32,6 @@ BUILDING_KINDS = ("home", "office", "school", "shop", "restaurant", "hotel", "ha
 SAID_KINDS = (*BUILDING_KINDS, "hospital", "warehouse", "museum", "gym", "library", "other")
 KNOWN_SOURCES = ("hm3d", "behavior", "procthor", "mp3d")
 UNKNOWN = -1  # the index of a kind or a source that is not known
-_TELLING = 2  # rooms that tell the kind of a building
 MAX_FLOOR_AREA = 1e5  # square metres, of a room: the largest halls that are built
 _BOX = tuple(f"box_{end}_{axis}" for end in ("min", "max") for axis in "xyz")
 # Columns of a dataset's tables that `Surroundings.of_tables` reads.
@@ -114,18 +110,7 @@ class Surroundings:
         )
 
     def without(self, *evidence: str) -> Surroundings:
-        """Return a copy with some evidence, names of `EVIDENCE`, set to unknown.
-
-        Raises:
-            RecipeError: if a name is unknown.
-        """
-        for name in evidence:
-            if name not in EVIDENCE:
-                raise RecipeError(
-                    f"{name!r} is no evidence; expected one of {', '.join(EVIDENCE)}",
-                    code="evidence-unknown",
-                    where=name,
-                )
+        """Return a copy with some evidence, names of `EVIDENCE`, set to unknown."""
         nothing = self.unknown(nodes=len(self), buildings=len(self.sources))
         return replace(self, **{name: getattr(nothing, name) for name in evidence})
 
@@ -145,7 +130,7 @@ def is_floor_area(area: float | None) -> bool:
     return area is not None and 0 < area <= MAX_FLOOR_AREA
 
 
-def _find_floor_area(
+def find_floor_area(
     said: float | None, *, footprint: Sequence[tuple[float, float]] | None, box: Box | None
 ) -> float | None:
     """Return the floor area of a room in square metres; None if nothing says one.
@@ -162,27 +147,6 @@ def _find_floor_area(
     return area if is_floor_area(area) else None
 
 
-class Shaped(Protocol):
-    """A room whose floor area may be said, or follow from its shape."""
-
-    @property
-    def floor_area(self) -> float | None:
-        """Return the area, square metres."""
-
-    @property
-    def footprint(self) -> Sequence[tuple[float, float]] | None:
-        """Return the corners from above, metres."""
-
-    @property
-    def box(self) -> Box | None:
-        """Return the box, metres."""
-
-
-def area_of(room: Shaped) -> float | None:
-    """Return the floor area of a `KnownRoom`, square metres; see `_find_floor_area`."""
-    return _find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
-
-
 def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
     """Return the area of a polygon (x, y) in square metres, four digits; None if it has none.
 
@@ -194,34 +158,6 @@ def measure_area(corners: Sequence[tuple[float, float]]) -> float | None:
         return None
     polygon = shapely.Polygon(corners)
     return round((polygon if polygon.is_valid else polygon.convex_hull).area, 4) or None
-
-
-def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Origin | None:
-    """Return the kind of building that its rooms tell, by the names of each; None if unclear.
-
-    Two rooms or more tell it, and more than half of all that tell one. Offices, which other
-    buildings have too, are heard last. A home is never guessed: an unknown kind is read as one.
-
-    >>> guess_building_kind([["ward 1"], ["nurse station"], ["office"]]).label
-    'hospital'
-    >>> guess_building_kind([["office"], ["printer room"], ["bedroom"], ["kitchen"]])
-    """
-    told: dict[str, list[str]] = {}
-    for names in rooms:
-        kind, name = next(
-            ((kind, name) for name in names if (kind := tell_building(name))), ("", "")
-        )
-        told.setdefault(kind, []).append(name)
-    told.pop("", None)
-    if any(
-        len(names) >= _TELLING for kind, names in told.items() if kind not in ("home", "office")
-    ):
-        told.pop("office", None)
-    kind = max(told, key=lambda one: len(told[one]), default="home")
-    total = sum(map(len, told.values()))
-    if kind == "home" or not _TELLING <= len(told[kind]) > total / 2:
-        return None
-    return Origin(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
 
 
 def _measure_rooms(rooms: pa.Table) -> Floats:
@@ -236,7 +172,7 @@ def _measure_rooms(rooms: pa.Table) -> Floats:
         ends = [room[name] for name in _BOX]
         box = None if None in ends else Box(tuple(ends[:3]), tuple(ends[3:]))
         pairs = tuple(zip(corners[::2], corners[1::2], strict=False))
-        area = _find_floor_area(None, footprint=pairs, box=box)
+        area = find_floor_area(None, footprint=pairs, box=box)
         areas[row] = np.nan if area is None else area
     return areas
 

@@ -11,8 +11,8 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import Unclassified, count_cells, to_histograms
 from bsg_data.files import AnyPath
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.masks import Layout, sample_views
-from bsg_data.observation.view import View, hide_cells, sample_unknown, see_unclassified
+from bsg_data.observation.masks import Layout, sample_masks
+from bsg_data.observation.view import View, sample_unknown, see_unclassified
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_map import is_nameless
 from bsg_data.scene.class_space import ClassSpace
@@ -76,19 +76,16 @@ def _mask(
     ways = Connections.of_pairs((edge.source, edge.target) for edge in graph.adjacency)
     whole, unclassified, columns = _count(graph, class_space)
     streams = MaskStreams([recipe], [graph.scene_id], [draw])
-    views = sample_views([Layout(whole.shape, ways)], [recipe], streams)
-    cells = views[0].cut(whole)
-    hidden = hide_cells(cells, views, streams)
+    views, cells, hidden = sample_masks([whole], [Layout(whole.shape, ways)], streams)
     (shown,) = see_unclassified(
         [unclassified],
         views,
-        [recipe],
         streams,
         there=cells,
         hidden=hidden,
         classes=class_space.classes,
     )
-    seen, view = shown.spread(unclassified.columns, len(unclassified.categories)), views[0]
+    seen, view = shown.count(unclassified.names), views[0]
     rows = {node: row for row, node in enumerate(view.nodes.tolist())}
     rooms = [room for room in graph.rooms if room.room_index in rows]
     partial = PartialGraph(

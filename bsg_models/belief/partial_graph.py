@@ -38,7 +38,7 @@ from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.connections import Connections
 from bsg_data.scene.room_label import Origin, RoomType, check_room_type
 from bsg_data.scene.scene_graph import Box
-from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, area_of
+from bsg_data.scene.surroundings import MAX_FLOOR_AREA, Surroundings, find_floor_area
 from bsg_data.words.shown import show_value
 from bsg_models.belief.hidden_share import ShareBelief
 
@@ -214,6 +214,11 @@ class KnownRoom:
         """
         return _believe_share(self.hidden_share, self.hidden_share_sd)
 
+    @property
+    def area(self) -> float | None:
+        """The floor area, square metres, as said or by the shape; None if nothing says one."""
+        return find_floor_area(self.floor_area, footprint=self.footprint, box=self.box)
+
 
 _believe_share = lru_cache(ShareBelief)  # every answer asks again, and most rooms share a belief
 _Report = TypeVar("_Report", KnownRoom, SeenObject)
@@ -342,19 +347,20 @@ class PartialGraph:
         if self.detector is not None:
             known = {index for _, index in self.detector if index is not None}
             without = without | ~np.isin(np.arange(cells.shape[1]), [*known])
-        return Observation.of_building(
-            self.scene_id,
-            View(visited, share, without, np.arange(len(cells))),
-            cells,
-            self._count_unclassified(vocabulary),
+        surroundings = Surroundings.of_rooms(
+            [room.area for room in self.rooms],
+            [room.room_type for room in self.rooms],
+            building_kind=self.building_kind,
+            source=self.source,
+        )
+        return Observation.of_views(
+            [self.scene_id],
+            [View(visited, share, without, np.arange(len(cells)))],
+            to_histograms(cells),
+            to_histograms(self._count_unclassified(vocabulary)),
             vocabulary=vocabulary,
-            connections=Connections.of_pairs(self.adjacency),
-            surroundings=Surroundings.of_rooms(
-                [area_of(room) for room in self.rooms],
-                [room.room_type for room in self.rooms],
-                building_kind=self.building_kind,
-                source=self.source,
-            ),
+            connections=[Connections.of_pairs(self.adjacency)],
+            surroundings=[surroundings],
         )
 
     def _cells(self) -> Counts:

@@ -20,7 +20,6 @@ from bsg_data.arrays import Bools, Floats, Ints
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.histograms import to_histograms
 from bsg_data.observation.mask_streams import MaskStreams
-from bsg_data.observation.masked_buildings import count_by_vocabulary
 from bsg_data.observation.masks import Layout, sample_views
 from bsg_data.observation.observation import Observation
 from bsg_data.observation.view import hide_cells, see_unclassified
@@ -84,23 +83,20 @@ class ModelBeliefs:
         self._model, self._is_missed = model, is_missed
         self._blind = ~data.nameable(scene_id)
         self._cells, unclassified = data.cells(scene_id), data.unclassified(scene_id)
-        outside = count_by_vocabulary(unclassified, model.vocabulary)
+        outside = unclassified.count(model.vocabulary)
         numbers, self._draws = np.unique(draws, return_inverse=True)
         self._artifacts = artifacts
-        many, recipes = len(numbers), [mask] * len(numbers)
-        streams = MaskStreams(recipes, [scene_id] * many, numbers.tolist())
+        many = len(numbers)
+        streams = MaskStreams([mask] * many, [scene_id] * many, numbers.tolist())
         layout = Layout(self._cells.shape, data.connections(scene_id))
-        views = [
-            view.in_building(len(self._cells))
-            for view in sample_views([layout] * many, recipes, streams)
-        ]
+        looked = sample_views([layout] * many, streams)
+        views = [view.in_building(len(self._cells)) for view in looked]
         there = np.concatenate([self._cells] * many)
         hidden = hide_cells(there, views, streams)
         classes = data.manifest.class_space.classes
         seen = see_unclassified(
             [unclassified] * many,
             views,
-            recipes,
             streams,
             there=there,
             hidden=hidden,
@@ -108,21 +104,20 @@ class ModelBeliefs:
         )
         # of each draw of the mask, D in all
         self._left = (there - hidden).reshape(many, *self._cells.shape).astype(_COUNT)
-        self._left_unclassified = np.stack(
-            [count_by_vocabulary(some, model.vocabulary).astype(_COUNT) for some in seen]
-        )
+        left = [some.count(model.vocabulary).astype(_COUNT) for some in seen]
+        self._left_unclassified = np.stack(left)
         self._views = [
             np.stack([getattr(view, name) for view in views])
             for name in ("visited", "hidden_share", "withheld")
         ]
-        self._first = Observation.of_building(
-            scene_id,
-            views[0],
-            self._cells,
-            outside,
+        self._first = Observation.of_views(
+            [scene_id],
+            views[:1],
+            to_histograms(self._cells),
+            to_histograms(outside),
             vocabulary=model.vocabulary,
-            connections=data.connections(scene_id),
-            surroundings=data.surroundings(scene_id),
+            connections=[data.connections(scene_id)],
+            surroundings=[data.surroundings(scene_id)],
         )
         self._cells, self._unclassified = self._cells.astype(_COUNT), outside.astype(_COUNT)
         self._remembered: dict[bytes, tuple[Floats, Floats | None]] = {}

@@ -26,7 +26,6 @@ import numpy as np
 
 from bsg_data.arrays import Bools, Floats
 from bsg_data.scene.room_label import normalise_room, owner_of
-from bsg_data.scene.surroundings import area_of
 from bsg_models.belief.partial_graph import KnownRoom, PartialGraph
 from bsg_models.zoo.model import one_thread
 from bsg_robot.answers.kind_table import KindTable, log_presence_of
@@ -142,7 +141,7 @@ def infer_kinds(graph: PartialGraph, table: KindTable) -> RoomKinds:
             found[number] = _weigh_seen(things, table)
         if room.visited or things:
             unseen[:, number] = misses.weigh(room, things)
-        entered[number] = bool(things) or room.visited or area_of(room) is not None
+        entered[number] = bool(things) or room.visited or room.area is not None
     is_told = np.asarray(told.any(axis=1))
     known = entered | is_told
     usual = _expect_building(graph, table)
@@ -313,7 +312,7 @@ def _weigh_shapes(graph: PartialGraph, table: KindTable) -> Floats:
         beside[one] += 1
         beside[two] += 1
     for row, room in zip(logs, graph.rooms, strict=True):
-        if area := area_of(room):
+        if area := room.area:
             off = (np.log(area) - np.log(table.floor_area)) / table.spread
             row -= np.minimum(off**2 / 2, 8.0) + np.log(table.spread)
     visited = np.array([room.visited for room in graph.rooms], dtype=bool)

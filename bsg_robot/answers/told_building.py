@@ -16,7 +16,6 @@ from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath
 from bsg_data.records import read_number
 from bsg_data.scene.room_label import RoomType, read_room_type
-from bsg_data.scene.surroundings import area_of
 from bsg_data.words.nearest import ask_if_meant
 from bsg_data.words.normal import normalise_name
 from bsg_data.words.shown import SHOWN, show_value
@@ -341,7 +340,7 @@ class ToldBuilding:
                 floor_in_view=floor_in_view,
                 walls_in_view=walls_in_view,
                 seconds_inside=seconds_inside,
-                floor_area=area_of(self.graph.rooms[index - 1]),
+                floor_area=self.graph.rooms[index - 1].area,
             )
         elif hidden_share is not None and not isinstance(hidden_share, ShareBelief):
             hidden_share = ShareBelief(hidden_share)

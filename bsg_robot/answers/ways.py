@@ -13,7 +13,6 @@ from pydantic import Field, PlainValidator, WithJsonSchema
 from bsg_data.arrays import Bools, Floats
 from bsg_data.errors import RecipeError
 from bsg_data.records import read_number
-from bsg_data.scene.surroundings import area_of
 from bsg_data.words.shown import SHOWN, show_value
 from bsg_models.belief.partial_graph import KnownRoom, Number, PartialGraph
 from bsg_models.search.knowledge import find_costs
@@ -241,7 +240,7 @@ def cost_looks(graph: PartialGraph, ways: Ways, look: AnyLook | None = None) -> 
     look = check_look(look)
     if look is not None and not isinstance(look, Mapping):
         return np.full(2 + len(graph.rooms), look)
-    metres = [metres_of_look(area_of(room), share=room.hidden_share) for room in graph.rooms]
+    metres = [metres_of_look(room.area, share=room.hidden_share) for room in graph.rooms]
     costs = np.array([0.0, *metres, metres_of_look(None)]) * ways.metre
     for name, cost in (look or {}).items():
         costs[-1 if name == EXPLORE else find_room(graph, name)] = cost

@@ -28,7 +28,7 @@ docs/belief.md describes the format. A room's fields are those of `KnownRoom`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeGuard
@@ -71,12 +71,12 @@ from bsg_data.scene.room_label import (
     read_building_kind,
     read_room_type,
     say_again,
+    tell_building,
 )
 from bsg_data.scene.surroundings import (
     BUILDING_KINDS,
     SAID_KINDS,
-    area_of,
-    guess_building_kind,
+    find_floor_area,
 )
 from bsg_data.scene.synonyms import vocabulary_words
 from bsg_data.words.nearest import ask_if_meant, nearest_names
@@ -106,6 +106,7 @@ from bsg_robot.things.things import classify_seen
 OwnLabels = Sequence[tuple[str, str | None]]  # the user's words for rooms, each with its label
 _OF_SOMEBODY = {"bedroom": 0.55, "child's bedroom": 0.4}  # a room that has somebody's name alone
 _MOST_WORDS = 5  # named in a note
+_TELLING = 2  # rooms that tell the kind of a building
 _ENTRIES = {
     "rooms": "room",
     "objects": "object",
@@ -156,7 +157,8 @@ def _know(room: _Room) -> KnownRoom:
             f"has hidden_share and {twice[0]}, which serves to estimate it; leave out one of them"
         )
     if room.hidden_share is None:
-        share = estimate_hidden_share(visited=room.visited, floor_area=area_of(room), **looks)
+        area = find_floor_area(room.floor_area, footprint=room.footprint, box=room.box)
+        share = estimate_hidden_share(visited=room.visited, floor_area=area, **looks)
     else:
         share = ShareBelief(room.hidden_share, room.hidden_share_sd)
     facts = {name: getattr(room, name) for name in _ROOM_FIELDS}
@@ -583,6 +585,33 @@ def understand_rooms(graph: PartialGraph) -> PartialGraph:
         unread=(str(said),) if is_unread else graph.unread,
         origins={**graph.origins, "": (origin,) if origin else ()},
     )
+
+
+def guess_building_kind(rooms: Iterable[Sequence[str]]) -> Origin | None:
+    """Return the kind of building that its rooms tell, by the names of each; None if unclear.
+
+    Two rooms or more tell it, and more than half of all that tell one. Offices, which other
+    buildings have too, are heard last. A home is never guessed: an unknown kind is read as one.
+
+    >>> guess_building_kind([["ward 1"], ["nurse station"], ["office"]]).label
+    'hospital'
+    >>> guess_building_kind([["office"], ["printer room"], ["bedroom"], ["kitchen"]])
+    """
+    told: dict[str, list[str]] = {}
+    for names in rooms:
+        kind, name = next(
+            ((kind, name) for name in names if (kind := tell_building(name))), ("", "")
+        )
+        told.setdefault(kind, []).append(name)
+    told.pop("", None)
+    others = [names for kind, names in told.items() if kind not in ("home", "office")]
+    if any(len(names) >= _TELLING for names in others):
+        told.pop("office", None)
+    kind = max(told, key=lambda one: len(told[one]), default="home")
+    total = sum(map(len, told.values()))
+    if kind == "home" or not _TELLING <= len(told[kind]) > total / 2:
+        return None
+    return Origin(kind, ", ".join(told[kind][:_TELLING]), by_name=True)
 
 
 def _read_rooms(graph: PartialGraph, kind: str | None) -> PartialGraph:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from pathlib import Path
 
@@ -13,8 +12,6 @@ from bsg_data.build import build_dataset
 from bsg_data.dataset.card import write_card
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.sources.catalogue import open_source
-from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.synthetic.buildings import write_synthetic
 
 
 @pytest.mark.filterwarnings("ignore")  # what mlcroissant uses of rdflib and pandas is deprecated
@@ -90,13 +87,3 @@ def test_names_of_a_hostile_manifest_are_no_markup(dataset: Path) -> None:
     assert "&lt;script" in body
     assert "<script" not in body
     assert "](y)" not in body.replace("\\](y)", "")
-
-
-def test_synthetic_buildings_are_not_matterports(tmp_path: Path) -> None:
-    list(write_synthetic(tmp_path / "made", scenes=1, seed=0))
-    build_dataset(HM3DFolder(tmp_path / "made"), tmp_path / "out")
-    card = (tmp_path / "out" / "README.md").read_text("utf-8")
-    assert "license: apache-2.0" in card
-    assert "Matterport" not in card
-    croissant = json.loads((tmp_path / "out" / "croissant.json").read_text("utf-8"))
-    assert "apache.org" in croissant["license"]

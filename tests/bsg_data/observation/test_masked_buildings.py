@@ -25,64 +25,82 @@ from bsg_data.recipes import MaskRecipe, PairsRecipe
 VOCABULARY = ("floor", "wall")
 
 
-@pytest.fixture
-def masked() -> MaskedBuildings:
-    """A building with two rooms, one with none, one with a room."""
-    seen = stack(
-        [
-            observe_building([[3], [1], [2]], scene_id="a"),
-            observe_building([[7]], scene_id="b"),
-            observe_building([[4], [4]], scene_id="c"),
-        ]
-    )
+def store(dataset: Path, mask: MaskRecipe, draws: int) -> tuple[Dataset, MaskedBuildings]:
+    """Write pairs, and read those of train."""
+    write_pairs(dataset, PairsRecipe(mask=mask, draws=draws), force=True)
+    data = Dataset.open(dataset)
+    return data, stack_masked(list(stream_masked(data, "train", vocabulary=VOCABULARY)))
+
+
+def test_buildings_are_taken_with_their_targets_and_draws() -> None:
+    seen = [
+        observe_building([[3], [1], [2]], scene_id="a"),
+        observe_building([[7]], scene_id="b"),
+        observe_building([[4], [4]], scene_id="c"),
+    ]
     targets = np.array([[6], [2], [4], [7], [9], [9]])
-    return MaskedBuildings(seen, targets, np.array([0, 5, 2]), np.array([0, 1, 2, 0, 0, 1]))
-
-
-def test_buildings_are_taken_with_their_targets_and_draws(masked: MaskedBuildings) -> None:
-    some = masked.take([2, 0])
+    nodes = np.array([0, 1, 2, 0, 0, 1])
+    some = MaskedBuildings(stack(seen), targets, np.array([0, 5, 2]), nodes).take([2, 0])
     assert some.seen.scene_ids == ("c", "a")
     assert some.targets.ravel().tolist() == [9, 9, 6, 2, 4]
     assert some.hidden.ravel().tolist() == [5, 5, 3, 1, 2]
     assert some.draws.tolist() == [2, 0]
 
 
-@pytest.mark.parametrize("strategy", ["uniform", "mixed"])
-def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(dataset: Path, strategy: str) -> None:
-    recipe = MaskRecipe(strategy=strategy, fraction=0.6, seed=2, withhold=0.2)
-    write_pairs(dataset, PairsRecipe(mask=recipe, draws=2), force=True)
-    data = Dataset.open(dataset)
-    stored = read_all(data, "train", vocabulary=VOCABULARY)
+@pytest.mark.parametrize(
+    "mask",
+    [
+        MaskRecipe(fraction=0.6, seed=2, withhold=0.2),
+        MaskRecipe(strategy="mixed", fraction=0.6, seed=2, withhold=0.2),
+        MaskRecipe(strategy="rooms", detector=1.0, parts=True),
+    ],
+)
+def test_stored_pairs_are_what_is_sampled_of_the_same_recipe(
+    dataset: Path, mask: MaskRecipe
+) -> None:
+    data, stored = store(dataset, mask, draws=3)
     scenes = data.splits["train"]
-    assert stored.seen.scene_ids == tuple(scene for scene in scenes for _ in range(2))
-    for draw in range(2):
-        fresh = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=VOCABULARY)
+    assert stored.seen.scene_ids == tuple(scene for scene in scenes for _ in range(3))
+    for draw in range(3):
+        fresh = sample_masked(data, scenes, mask=mask, draw=draw, vocabulary=VOCABULARY)
         same = stored.take(np.flatnonzero(stored.draws == draw))
         np.testing.assert_array_equal(fresh.targets, same.targets)
         np.testing.assert_array_equal(fresh.draws, same.draws)
-        bare = sample_masked(data, scenes, mask=recipe, draw=draw).seen.unclassified
-        assert bare.shape == (len(fresh.seen.inputs), 0)
-        assert bare.dtype == fresh.seen.unclassified.dtype
-        wall = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=("zzqx", "wall"))
-        np.testing.assert_array_equal(wall.seen.unclassified[:, 1], fresh.seen.unclassified[:, 1])
-        assert not wall.seen.unclassified[:, 0].any()
         for name in ("starts", "inputs", "hidden_share", "visited", "withheld", "unclassified"):
             np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)
-        ours, theirs = fresh.seen.surroundings, same.seen.surroundings
-        assert same_surroundings(ours, theirs)
+        assert same_surroundings(fresh.seen.surroundings, same.seen.surroundings)
+
+
+def test_a_vocabulary_changes_no_mask(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    none, wall, both = (
+        sample_masked(data, data.scene_ids, mask=MaskRecipe(), draw=1, vocabulary=words).seen
+        for words in ((), ("zzqx", "wall"), VOCABULARY)
+    )
+    assert none.unclassified.shape == (len(both.inputs), 0)
+    assert none.unclassified.dtype == both.unclassified.dtype
+    np.testing.assert_array_equal(none.inputs, both.inputs)
+    np.testing.assert_array_equal(wall.unclassified[:, 1], both.unclassified[:, 1])
+    assert not wall.unclassified[:, 0].any()
+
+
+def test_a_detector_overlooks_words_in_every_room(dataset: Path) -> None:
+    _, stored = store(dataset, MaskRecipe(strategy="rooms", detector=1.0), draws=4)
+    assert not stored.seen.inputs[stored.seen.withheld].any()
+    words = stored.seen.unclassified[stored.seen.is_building] > 0  # each building has every word
+    assert 0 < words.mean() < 1
 
 
 def test_pairs_that_another_numpy_drew_are_read_as_they_tell(
     dataset: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is stored of the view holds for the objects outside the classes, too."""
-    write_pairs(dataset, PairsRecipe(mask=MaskRecipe(strategy="rooms"), draws=1), force=True)
 
     def views_of(layouts: list[Layout], *_: object) -> list[View]:
-        return [View.of_rooms(np.zeros(one.shape[0] - 1), classes=one.shape[1]) for one in layouts]
+        return [View.of_rooms(np.zeros(one.rooms), classes=one.classes) for one in layouts]
 
     monkeypatch.setattr("bsg_data.observation.masked_buildings.sample_views", views_of)
-    seen = read_all(Dataset.open(dataset), "train", vocabulary=("wall",)).seen
+    seen = store(dataset, MaskRecipe(strategy="rooms"), draws=1)[1].seen
     assert not seen.unclassified[seen.hidden_share == 1].any()
     assert seen.unclassified.any()
 
@@ -91,30 +109,10 @@ def test_the_fraction_of_a_building_does_not_depend_on_its_objects(dataset: Path
     data = Dataset.open(dataset)
     recipes = vary_fractions(MaskRecipe(), (0.2, 0.4), 0, len(data.scene_ids))
     masked = sample_masked(data, data.scene_ids, mask=recipes, draw=0)
-    share = masked.seen.hidden_share[masked.seen.is_building]
+    first = masked.seen.is_building
+    share = masked.seen.hidden_share[first].astype(float)
     assert len(set(share.tolist())) > 3
     assert ((share > 0.199) & (share < 0.401)).all()
-    np.testing.assert_allclose(share, share.astype(float).round(2), atol=1e-6)
-    there = masked.targets[masked.seen.is_building].sum(axis=1)
-    hidden = masked.hidden[masked.seen.is_building].sum(axis=1)
-    assert hidden.tolist() == np.floor(share.astype(float).round(2) * there + 1e-9).tolist()
-
-
-def read_all(data: Dataset, split: str, *, vocabulary: tuple[str, ...] = ()) -> MaskedBuildings:
-    return stack_masked(list(stream_masked(data, split, vocabulary=vocabulary)))
-
-
-def test_a_detector_overlooks_words_in_every_room_and_stored_pairs_agree(dataset: Path) -> None:
-    recipe = MaskRecipe(strategy="rooms", detector=1.0)
-    write_pairs(dataset, PairsRecipe(mask=recipe, draws=4), force=True)
-    data = Dataset.open(dataset)
-    stored = read_all(data, "train", vocabulary=VOCABULARY)
-    assert not stored.seen.inputs[stored.seen.withheld].any()
-    words = stored.seen.unclassified[stored.seen.is_building] > 0  # each building has every word
-    assert 0 < words.mean() < 1
-    for draw in range(4):
-        scenes = data.splits["train"]
-        fresh = sample_masked(data, scenes, mask=recipe, draw=draw, vocabulary=VOCABULARY)
-        same = stored.take(np.flatnonzero(stored.draws == draw))
-        for name in ("inputs", "withheld", "unclassified"):
-            np.testing.assert_array_equal(getattr(fresh.seen, name), getattr(same.seen, name), name)
+    np.testing.assert_allclose(share, share.round(2), atol=1e-6)
+    there, hidden = masked.targets[first].sum(axis=1), masked.hidden[first].sum(axis=1)
+    assert hidden.tolist() == np.floor(share.round(2) * there + 1e-9).tolist()

@@ -21,19 +21,18 @@ from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.splits import split_dataset
 from bsg_data.errors import DatasetError
 from bsg_data.observation.mask_hash import hash_splits
-from bsg_data.observation.masks import sample_view
 from bsg_data.observation.pairs import (
     list_column,
     read_views,
     stream_pairs,
     write_pairs,
 )
-from bsg_data.observation.view import sample_hidden
 from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Edge, SceneGraph
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.source import SceneRef
+from bsg_data.testing import draw_mask
 
 
 @pytest.mark.parametrize(("strategy", "withhold"), [("uniform", 0.2), ("mixed", 0)])
@@ -49,9 +48,7 @@ def test_pairs_are_the_masks_of_their_recipe_in_order(
         expected, first = [], 0
         for scene in scenes:
             for draw in range(3):
-                view = sample_view(cells[scene].shape, mask, scene_id=scene, draw=draw)
-                found = view.cut(cells[scene])
-                hidden = sample_hidden(found, view, mask, scene_id=scene, draw=draw)
+                view, found, hidden = draw_mask(cells[scene], mask, scene_id=scene, draw=draw)
                 inputs = to_histograms(found - hidden)
                 expected += [
                     (scene, draw, node, bool(view.visited[row]), tuple(inputs[row]))

@@ -16,10 +16,10 @@ from bsg_data.dataset.histograms import to_histograms
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import RecipeError
-from bsg_data.observation.masks import MASKS, sample_view
-from bsg_data.observation.view import sample_hidden
+from bsg_data.observation.masks import MASKS
 from bsg_data.recipes import MaskRecipe
 from bsg_data.scene.class_space import load_class_space
+from bsg_data.testing import draw_mask
 from bsg_models.belief.hidden_share import VAGUE, ShareBelief
 from bsg_models.belief.masked_graph import list_withheld, mask_scene
 from bsg_models.belief.partial_graph import (
@@ -177,9 +177,7 @@ def test_a_mask_leaves_the_histograms_of_its_pairs(
     cells = read_cells(dataset)
     for graph in read_scene_graphs(dataset):
         whole = cells[graph.scene_id]
-        view = sample_view(whole.shape, recipe, scene_id=graph.scene_id, draw=2)
-        own = view.cut(whole)
-        hidden = sample_hidden(own, view, recipe, scene_id=graph.scene_id, draw=2)
+        view, own, hidden = draw_mask(whole, recipe, scene_id=graph.scene_id, draw=2)
         left = mask_scene(graph, recipe, draw=2, class_space=manifest.class_space)
         np.testing.assert_array_equal(left.histograms(), to_histograms(own - hidden))
         arrays = left.observation(withheld=list_withheld(recipe, left, draw=2))

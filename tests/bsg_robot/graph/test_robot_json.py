@@ -33,6 +33,7 @@ from bsg_robot.graph.reports import reclassify
 from bsg_robot.graph.robot_json import (
     RobotGraphError,
     encode_robot_graph,
+    guess_building_kind,
     list_unmapped,
     note_room_types,
     parse_robot_graph,
@@ -422,6 +423,26 @@ def test_the_name_of_a_room_is_its_kind_if_nothing_else_says_one() -> None:
         again = parse_robot_graph(saved, path=Path("x"), class_map=reader)
         assert again == graph == understand_rooms(graph)
         assert len(note_room_types(again)) == 1, "of the room that is still unknown"
+
+
+@pytest.mark.parametrize(
+    ("rooms", "kind"),
+    [
+        ("patient room 1, nurse station, medication room, toilet", "hospital"),
+        ("printer room, open-plan, toilets, meeting room 1, kitchenette", "office"),
+        ("classroom A, classroom B, staff room", "school"),
+        ("sales floor, checkout, store room", "shop"),
+        ("restaurant, commercial kitchen, toilets", "restaurant"),
+        ("kitchen, bedroom, bathroom, office", None),
+        ("aisle 1, aisle 2, loading dock, packing area, office", "warehouse"),
+        ("aisle 1, aisle 2, checkout, sales floor", "shop"),
+        ("patient room, ward, classroom 1, classroom 2", None),
+        ("", None),
+    ],
+)
+def test_rooms_tell_the_kind_of_a_building_if_two_or_more_do(rooms: str, kind: str | None) -> None:
+    found = guess_building_kind([name] for name in rooms.split(", "))
+    assert (found and found.label) == kind
 
 
 def test_rooms_tell_the_kind_of_a_building_that_nobody_says() -> None:
