@@ -114,6 +114,8 @@ def decode(data: bytes | str) -> str:
     if isinstance(data, str):
         return data.removeprefix("\ufeff")
     encoding = next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
+    if encoding == "utf-8" and b"\0" in data[:4]:
+        raise ValueError(f"{_guess_encoding(data)}; save it as UTF-8")
     try:
         return data.decode(encoding)
     except UnicodeDecodeError as error:

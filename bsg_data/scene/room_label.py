@@ -259,11 +259,11 @@ def _mend(key: str) -> str | None:
     shifted = [one for one in near if len(one) != len(key) or sorted(one) == sorted(key)]
     keys = shifted or (near if len(key) >= _REPLACED else [])
     words = [listed[one] for one in keys]
-    kinds = {rows[_ANY_SOURCE, word] for word in words}
-    # A "badroom" is rather a bedroom than a band room: a rare kind must be the only one that is near.
-    is_usual = [known_label(kind) == kind for kind in kinds]
-    near_kinds = {rows[_ANY_SOURCE, listed[one]] for one in near}
-    return words[0] if len(kinds) == 1 and (all(is_usual) or near_kinds == kinds) else None
+    kinds = {str(rows[_ANY_SOURCE, word]) for word in words}
+    # A "badroom" is rather a bedroom than a band room: a rare kind must be all that is near.
+    is_usual = all(known_label(kind) == kind for kind in kinds)
+    is_alone = kinds == {rows[_ANY_SOURCE, listed[one]] for one in near}
+    return words[0] if len(kinds) == 1 and (is_usual or is_alone) else None
 
 
 @cache
