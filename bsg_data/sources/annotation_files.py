@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache, wraps
 from operator import attrgetter
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -27,6 +28,7 @@ _SHOWN = 120  # characters of a faulty line
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 SPLITS = ("train", "val", "test", "minival", "example")
 Content = TypeVar("Content")
+Rest = ParamSpec("Rest")
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -177,8 +179,23 @@ def fingerprint(path: Path) -> str:
     return f"{stat.st_size} bytes, changed at {stat.st_mtime_ns}"
 
 
+def once_for_each_state(
+    read: Callable[Concatenate[Path, Rest], Content],
+) -> Callable[Concatenate[Path, Rest], Content]:
+    """Remember what was read of the last files, while their sizes and times of change stay."""
+
+    @lru_cache(maxsize=2)
+    def remember(path: Path, _: tuple[int, int], *rest: Any) -> Content:
+        return read(path, *rest)  # type: ignore[call-arg]
+
+    def read_again(path: Path, *rest: Rest.args, **named: Rest.kwargs) -> Content:
+        return remember(path, state_of(path), *rest, **named)
+
+    return wraps(read)(read_again)
+
+
 def state_of(path: Path) -> tuple[int, int]:
-    """Return the size of a file and when it changed: while they stay, what was read of it holds."""
+    """Return the size of a file and when it changed."""
     try:
         stat = path.stat()
     except OSError as error:
@@ -188,10 +205,11 @@ def state_of(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-def read_listed(path: Path, *, expected: str) -> bytes:
-    """Read a file that has the fingerprint of when it was listed; unpacked."""
-    require_fingerprint(path, fingerprint(path), expected)
-    return read_bytes(path)
+def read_listed(root: Path, ref: SceneRef) -> tuple[Path, bytes]:
+    """Return the file of a scene, below a root or that itself, and what it held when listed."""
+    path = root if root.is_file() else root / ref.location
+    require_fingerprint(path, fingerprint(path), ref.fingerprint)
+    return path, read_bytes(path)
 
 
 def fetch_listed(
@@ -207,16 +225,15 @@ def fetch_listed(
     return content
 
 
-def require_fingerprint(path: Path | str, found: str, expected: str) -> None:
+def require_fingerprint(where: Path | str, found: str, expected: str) -> None:
     """Refuse a file that changed after it was listed."""
     if found != expected:
-        raise _changed(path, "")
+        raise _changed(where, "")
 
 
 def _changed(where: Path | str, why: str) -> SourceChangedError:
-    return SourceChangedError(
-        f"{where}: changed after the scenes were listed{why}", code="source-changed", where=where
-    )
+    message = f"{where}: changed after the scenes were listed{why}"
+    return SourceChangedError(message, code="source-changed", where=where)
 
 
 def malformed(path: Path, number: int, line: str, *, expected: str) -> AnnotationError:

@@ -94,8 +94,7 @@ class _CobieSheets:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; what refers to nothing is counted in the reading's `left_out`."""
-        path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         sheets = _read_sheets(data, path)
         spaces = _list_spaces(sheets["space"])
         if not spaces:

@@ -128,8 +128,7 @@ class HM3DFolder:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
-        path = self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         annotation, faults = parse_annotation(data, path=path)
         left_out = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
         graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)

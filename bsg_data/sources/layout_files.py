@@ -14,7 +14,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +27,8 @@ from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.records import MAX_METRES, ForeignRecord, Keyed, Listed, Metres, Position, name_fault
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.scene.surroundings import measure_area
-from bsg_data.sources.label_table import LabelTable, read_label_table
+from bsg_data.sources.annotation_files import once_for_each_state
+from bsg_data.sources.label_table import read_labels
 from bsg_data.spelling import show_value
 
 CONFIG_SUFFIX = ".semantic_config.json"
@@ -199,24 +199,15 @@ def _read_regions(path: Path) -> RoomLayout:
     return RoomLayout(rooms, by_region=True)
 
 
-@dataclass(frozen=True, slots=True)
-class LayoutTable:
-    """The labels of the rooms of many buildings."""
-
-    layouts: Mapping[str, RoomLayout]  # by scene id or key of a building
-    unread: tuple[str, ...]  # columns that are not read
-
-
-@lru_cache(maxsize=1)
-def read_layout_table(path: Path, size: int, changed: int) -> LayoutTable:
-    """Read a table `scene,region,label`, once for each state of the file."""
-    table: LabelTable[tuple[str, int]] = read_label_table(path, _COLUMNS, _read_key)
+@once_for_each_state
+def read_layout_table(path: Path) -> tuple[dict[str, RoomLayout], list[str]]:
+    """Return scene id or key of a building → its layout, and the columns that are not read."""
+    labels, unread = read_labels(path, _COLUMNS, _read_key)
     rooms: dict[str, dict[int, LaidRoom]] = {}
-    for (scene, region), (label, _) in table.labels.items():
+    for (scene, region), (label, _) in sorted(labels.items()):
         if label:  # else nothing is known of the room
             rooms.setdefault(scene, {})[region] = LaidRoom(label)
-    layouts = {scene: RoomLayout(rooms[scene], by_region=True) for scene in sorted(rooms)}
-    return LayoutTable(layouts, table.unread)
+    return {scene: RoomLayout(held, by_region=True) for scene, held in rooms.items()}, unread
 
 
 def _read_key(where: str, cells: list[str]) -> tuple[str, int]:

@@ -115,8 +115,7 @@ class _MatterportHouses:
 
         Regions of junk are no rooms, and their objects belong to the building.
         """
-        path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         house = _parse_house(data, path=path)
         boxes = [box for _, _, box in house.objects]
         annotation = Annotation(

@@ -11,7 +11,6 @@ Doors, windows and walls are no objects there, and so none here.
 
 from __future__ import annotations
 
-import codecs
 import hashlib
 import json
 import os
@@ -54,8 +53,7 @@ _OF_ROOM = re.compile(r"(?:^|\|)([0-9]{1,6})(?:\||$)")  # 4|0|0, small|4|5, Appl
 _BETWEEN = re.compile(r"[\s,]*")  # what stands between two houses of an array
 _DECODER = json.JSONDecoder()
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_BLOCK = 2**20  # characters of an array that are read at once
-_MOST_STREAMS = 100  # files that a thread keeps open; ProcTHOR-10K has three
+_MOST_OPEN = 100  # files that stay open; ProcTHOR-10K has three
 _Houses = Iterator[tuple[int, bytes]]  # number and text
 
 _Name = Annotated[str, Field(min_length=1, max_length=200)]
@@ -110,15 +108,9 @@ class _House(ForeignRecord):
         return rooms
 
 
-class _Streams(threading.local):
-    """The files that a thread is reading, the one last read from at the end."""
-
-    def __init__(self) -> None:
-        # file → its state, the number of the house that was last read, and the houses after it
-        self.open: dict[Path, tuple[tuple[int, ...], int, _Houses]] = {}
-
-
-_streams = _Streams()
+# process, thread, file and its state → the number of the house last read, and the houses after it:
+# after a fork, two would move the place in one file
+_open: dict[tuple[object, ...], tuple[int, _Houses]] = {}
 
 
 @dataclass(frozen=True)
@@ -225,33 +217,19 @@ def _stream(file: Path) -> _Houses:
 
 
 def _split(opened: BinaryIO) -> Iterator[bytes]:
-    """Yield the houses of an array, or one house that has more than a line; hold few at a time."""
-    source = codecs.getreader("utf-8-sig")(opened)
-    text, more = source.read(_BLOCK).lstrip(), True
+    """Yield the houses of an array, or one house that has more than a line."""
+    text = opened.read().decode("utf-8-sig").strip()
     is_array = text.startswith("[")
     at = int(is_array)
-    while (at := _BETWEEN.match(text, at).end()) < len(text) or more:  # type: ignore[union-attr]
+    while (at := _BETWEEN.match(text, at).end()) < len(text):  # type: ignore[union-attr]
         if is_array and text.startswith("]", at):
             break
-        try:
-            _, stop = _DECODER.raw_decode(text, at)
-        except json.JSONDecodeError as fault:
-            if not more:
-                raise ValueError(fault.msg) from fault
-            stop = len(text)
-        if more and stop == len(text):  # what follows may belong to it
-            block = source.read(max(_BLOCK, stop - at))
-            text, at, more = text[at:] + block, 0, bool(block)
-        else:
-            yield text[at:stop].encode()
-            at = stop
-    rest = (text[at:] + source.read(_BLOCK)).strip()
-    if is_array and rest != "]":
-        raise ValueError(
-            "something stands after the array"
-            if rest
-            else "the array has no end; the file was cut off"
-        )
+        _, stop = _DECODER.raw_decode(text, at)
+        yield text[at:stop].encode()
+        at = stop
+    if is_array and text[at:] != "]":
+        after = "something stands after the array"
+        raise ValueError(after if text[at:] else "the array has no end; the file was cut off")
 
 
 def _fetch(file: Path, number: int) -> bytes:
@@ -261,15 +239,14 @@ def _fetch(file: Path, number: int) -> bytes:
     several files in turns, those of a file in their order. So each thread goes on in each file
     where it was, and begins again only for an earlier house.
     """
-    state = (os.getpid(), *state_of(file))  # after a fork, two would move one file's position
-    known, last, houses = _streams.open.pop(file, (None, 0, None))
-    if houses is None or known != state or number <= last:
-        houses = _stream(file)
+    key = (os.getpid(), threading.get_ident(), file, state_of(file))
+    last, houses = _open.pop(key, (number, iter(())))
+    houses = _stream(file) if number <= last else houses
     for found, text in houses:
         if found == number:
-            _streams.open[file] = (state, found, houses)
-            if len(_streams.open) > _MOST_STREAMS:
-                del _streams.open[next(iter(_streams.open))]
+            _open[key] = number, houses
+            for oldest in list(_open)[:-_MOST_OPEN]:
+                _open.pop(oldest, None)
             return text
     raise SourceError(f"{file.name}:{number}: is not there", code="house-missing", where=file)
 

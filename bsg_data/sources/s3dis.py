@@ -10,7 +10,6 @@ import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar
 
@@ -19,7 +18,7 @@ from pydantic import AfterValidator, RootModel
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import Listed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
+from bsg_data.sources.annotation_files import fetch_listed, once_for_each_state, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -57,18 +56,13 @@ class _S3DISAreas:
 
     def find(self) -> FoundScenes:
         """List the areas."""
-        areas = _read_areas(self.path, *state_of(self.path))
-        refs = [SceneRef(name, name, _digest(content)) for name, content in sorted(areas.items())]
+        areas = sorted(_read_areas(self.path).items())
+        refs = [SceneRef(name, name, _digest(content)) for name, content in areas]
         return FoundScenes(tuple(refs))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one area."""
-        area = fetch_listed(
-            ref,
-            self.path,
-            lambda: _read_areas(self.path, *state_of(self.path))[ref.scene_id],
-            _digest,
-        )
+        area = fetch_listed(ref, self.path, lambda: _read_areas(self.path)[ref.scene_id], _digest)
         regions = {room: region for region, room in enumerate(sorted({room for room, _ in area}))}
         annotation = Annotation(
             [regions[room] for room, _ in area],
@@ -82,9 +76,8 @@ class _S3DISAreas:
         return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
 
-@lru_cache(maxsize=2)
-def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
-    """Read the list, once for each state of the file."""
+@once_for_each_state
+def _read_areas(path: Path) -> Mapping[str, _Area]:
     expected = "a list of category_number_room_number_area, such as chair_1_office_3_1"
     document, code = read_json(path), "listing-malformed"
     areas: dict[str, list[tuple[str, str]]] = {}

@@ -62,8 +62,7 @@ class _RobotGraphs:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
-        path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
         space = self._space()

@@ -83,7 +83,7 @@ def test_damage_of_parquet_is_one_error(
     ("data", "said"),
     [
         (b'a\n"b', "line 2: a quote is not closed"),
-        (b"a\n\xff", "line 2: not UTF-8"),
+        (b"a\n\xff", "line 2: byte 0xFF is not UTF-8"),
         ("a\n".encode("utf-16") + b"\0", "not UTF-16"),
     ],
 )

@@ -184,7 +184,7 @@ def test_workers_do_not_move_the_place_of_one_another(tmp_path: Path) -> None:
 
 
 def test_more_files_than_stay_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bsg_data.sources.procthor._MOST_STREAMS", 2)
+    monkeypatch.setattr("bsg_data.sources.procthor._MOST_OPEN", 2)
     for number, one in enumerate(many(4)):
         write_lines(tmp_path / f"{number}.jsonl.gz", one, house(objects=[]))
     assert sorted(len(graph.objects) for graph in read_all(tmp_path)) == [0, 1, 1, 1, 1]
