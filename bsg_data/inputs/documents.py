@@ -17,7 +17,6 @@ from typing import Any, NoReturn
 import yaml
 
 from bsg_data.errors import SourceError
-from bsg_data.files import encode_json
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
 from bsg_data.inputs.bounds import MAX_VALUES
 from bsg_data.spelling import SHOWN, show_value
@@ -75,7 +74,7 @@ def parse_json(data: bytes | str, *, once: bool = True) -> Any:
         hook = _require_once if once else None
         document = json.loads(text, object_pairs_hook=hook, parse_constant=_refuse_number)
         if _HALF.search(text):
-            encode_json(document, ensure_ascii=False).encode()
+            json.dumps(document, ensure_ascii=False).encode()  # noqa: TID251
     except RecursionError:
         raise ValueError("nested too deep") from None
     except UnicodeEncodeError:

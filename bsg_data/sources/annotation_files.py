@@ -27,9 +27,9 @@ from bsg_data.sources.source import FoundScenes, SceneRef
 _SHOWN = 120  # characters of a faulty line
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 SPLITS = ("train", "val", "test", "minival", "example")
-Content = TypeVar("Content")
-Rest = ParamSpec("Rest")
-Model = TypeVar("Model", bound=BaseModel)
+_Content = TypeVar("_Content")
+_Rest = ParamSpec("_Rest")
+_Model = TypeVar("_Model", bound=BaseModel)
 
 
 def find_files(path: Path, suffix: str, *, expected: str, is_path: bool = False) -> FoundScenes:
@@ -180,15 +180,15 @@ def fingerprint(path: Path) -> str:
 
 
 def once_for_each_state(
-    read: Callable[Concatenate[Path, Rest], Content],
-) -> Callable[Concatenate[Path, Rest], Content]:
+    read: Callable[Concatenate[Path, _Rest], _Content],
+) -> Callable[Concatenate[Path, _Rest], _Content]:
     """Remember what was read of the last files, while their sizes and times of change stay."""
 
     @lru_cache(maxsize=2)
-    def remember(path: Path, _: tuple[int, int], *rest: Any) -> Content:
+    def remember(path: Path, _: tuple[int, int], *rest: Any) -> _Content:
         return read(path, *rest)  # type: ignore[call-arg]
 
-    def read_again(path: Path, *rest: Rest.args, **named: Rest.kwargs) -> Content:
+    def read_again(path: Path, *rest: _Rest.args, **named: _Rest.kwargs) -> _Content:
         return remember(path, state_of(path), *rest, **named)
 
     return wraps(read)(read_again)
@@ -213,8 +213,8 @@ def read_listed(root: Path, ref: SceneRef) -> tuple[Path, bytes]:
 
 
 def fetch_listed(
-    ref: SceneRef, path: Path, read: Callable[[], Content], digest: Callable[[Content], str]
-) -> Content:
+    ref: SceneRef, path: Path, read: Callable[[], _Content], digest: Callable[[_Content], str]
+) -> _Content:
     """Return what a file of many scenes says of one, which must be what was listed."""
     where = f"{path}: {ref.location}"
     try:
@@ -250,8 +250,8 @@ def show_line(line: str) -> str:
 
 
 def validate(
-    model: type[Model], document: object, *, where: Path | str, expected: str, code: str
-) -> Model:
+    model: type[_Model], document: object, *, where: Path | str, expected: str, code: str
+) -> _Model:
     """Return the record of a document; the error names the key of its first fault."""
     try:
         return model.model_validate(document)

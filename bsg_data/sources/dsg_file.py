@@ -34,10 +34,12 @@ _NO_LABEL = 2**32 - 1
 _BOX_TYPES = ("INVALID", "AABB", "OBB", "RAABB")  # older files have their numbers
 _INDEX = 2**56 - 1
 
-Number = Annotated[int, Field(ge=0, lt=2**64, strict=True)]
-Small = Annotated[int, Field(ge=-(2**31), lt=2**32, strict=True)]
+_Number = Annotated[int, Field(ge=0, lt=2**64, strict=True)]
+_Small = Annotated[int, Field(ge=-(2**31), lt=2**32, strict=True)]
 _Metres = Annotated[float, Field(ge=-_FURTHEST, le=_FURTHEST)]
-Triple = tuple[_Metres | None, _Metres | None, _Metres | None]  # null stands for what is not finite
+_Triple = tuple[
+    _Metres | None, _Metres | None, _Metres | None
+]  # null stands for what is not finite
 
 
 class _Quaternion(ForeignRecord):
@@ -49,40 +51,40 @@ class _Quaternion(ForeignRecord):
 
 class _BoundingBox(ForeignRecord):
     type: str | int = "INVALID"
-    min: Triple | None = None
-    max: Triple | None = None
-    dimensions: Triple | None = None
-    centre: Annotated[Triple | None, Field(alias="world_P_center")] = None
+    min: _Triple | None = None
+    max: _Triple | None = None
+    dimensions: _Triple | None = None
+    centre: Annotated[_Triple | None, Field(alias="world_P_center")] = None
     turn: Annotated[_Quaternion, Field(alias="world_R_center")] = _Quaternion()
 
 
 class _Attributes(ForeignRecord):
     type: Annotated[str, Field(max_length=200)] = ""
     name: Annotated[str, Field(max_length=1000)] = ""
-    position: Triple | None = None
-    semantic_label: Small | None = None
+    position: _Triple | None = None
+    semantic_label: _Small | None = None
     bounding_box: _BoundingBox | None = None
     metadata: Any = None
 
 
 class _Node(ForeignRecord):
-    id: Number
-    layer: Small
-    partition: Small = 0
+    id: _Number
+    layer: _Small
+    partition: _Small = 0
     attributes: _Attributes
 
 
 class _Edge(ForeignRecord):
-    source: Number
-    target: Number
+    source: _Number
+    target: _Number
 
 
 class _LayerKey(ForeignRecord):
-    layer: Small
-    partition: Small = 0
+    layer: _Small
+    partition: _Small = 0
 
 
-_Labels = Annotated[Listed[tuple[Small, str]], Field(max_length=MAX_GRAPH_LABELS)]
+_Labels = Annotated[Listed[tuple[_Small, str]], Field(max_length=MAX_GRAPH_LABELS)]
 
 
 class _Metadata(ForeignRecord):
@@ -93,10 +95,10 @@ class _Metadata(ForeignRecord):
 class _Graph(ForeignRecord):
     nodes: Annotated[Listed[_Node], Field(max_length=MAX_GRAPH_NODES)]
     edges: Annotated[Listed[_Edge], Field(max_length=MAX_GRAPH_EDGES)]
-    layer_names: Keyed[str, _LayerKey | Small] = Field(default_factory=dict)
-    layer_ids: Listed[Small] = ()
+    layer_names: Keyed[str, _LayerKey | _Small] = Field(default_factory=dict)
+    layer_ids: Listed[_Small] = ()
     layer_keys: Listed[_LayerKey] = ()
-    mesh_layer_id: Small | None = None
+    mesh_layer_id: _Small | None = None
     metadata: _Metadata | None = None
 
 
@@ -251,7 +253,7 @@ def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> 
     return tuple(found)
 
 
-def _point(values: Triple | None) -> Point | None:
+def _point(values: _Triple | None) -> Point | None:
     if values is None:
         return None
     x, y, z = (math.nan if value is None else value for value in values)

@@ -12,12 +12,12 @@ from bsg_data.inputs.text_table import hint_separator, read_csv
 from bsg_data.spelling import SHOWN, list_some, meant_names, show_value
 
 _NAMED = 20  # columns that an error names
-Key = TypeVar("Key")
+_Key = TypeVar("_Key")
 
 
 def read_labels(
-    path: Path, columns: Mapping[str, tuple[str, ...]], key_of: Callable[[str, list[str]], Key]
-) -> tuple[dict[Key, tuple[str, str]], list[str]]:
+    path: Path, columns: Mapping[str, tuple[str, ...]], key_of: Callable[[str, list[str]], _Key]
+) -> tuple[dict[_Key, tuple[str, str]], list[str]]:
     """Read a table; rows of one key must have one label.
 
     Args:
@@ -34,7 +34,7 @@ def read_labels(
     rows = read_csv(path)
     header = [name.strip() for name in next(rows, (0, list[str]()))[1]]
     wanted = _find_columns(path, header, columns)
-    labels: dict[Key, tuple[str, str]] = {}
+    labels: dict[_Key, tuple[str, str]] = {}
     for number, row in rows:
         if any(map(str.strip, row)):
             where = f"{path}, line {number}"

@@ -148,7 +148,7 @@ class _ProcTHORHouses:
         things = [*_unpack(house.objects)]
         annotation = Annotation(
             _find_regions(things, house.rooms),
-            [name_asset(thing.asset) for thing in things],
+            [_name_asset(thing.asset) for thing in things],
             centroids=[_upright(thing.position) for thing in things],
             rooms=_describe_rooms(house, ref.location),
             doors=_list_doors(house),
@@ -175,17 +175,17 @@ def _digest(text: bytes) -> str:
     return hashlib.sha256(text).hexdigest()
 
 
-def name_asset(asset: str) -> str:
+def _name_asset(asset: str) -> str:
     """Return what kind of thing an asset is, by its name.
 
     The words before the first number tell it. `RoboTHOR` says where an asset is from, and a single
     letter which variant it is.
 
-    >>> name_asset("Dining_Table_208_2"), name_asset("RoboTHOR_mug_ai2_1_v"), name_asset("bin_4")
+    >>> _name_asset("Dining_Table_208_2"), _name_asset("RoboTHOR_mug_ai2_1_v"), _name_asset("bin_4")
     ('dining table', 'mug ai', 'bin')
-    >>> name_asset("DecorativeBox2"), name_asset("Countertop_L_10x8")
+    >>> _name_asset("DecorativeBox2"), _name_asset("Countertop_L_10x8")
     ('decorative box', 'countertop')
-    >>> name_asset("CD_1"), name_asset("0a1b2c3d4e5f")
+    >>> _name_asset("CD_1"), _name_asset("0a1b2c3d4e5f")
     ('cd', '')
     """
     words = []
