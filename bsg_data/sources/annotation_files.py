@@ -8,9 +8,9 @@ from dataclasses import replace
 from functools import lru_cache, wraps
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, ValidationError
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import (
@@ -22,14 +22,24 @@ from bsg_data.errors import (
 )
 from bsg_data.inputs.bounded_file import PACKED, hash_file, read_bytes
 from bsg_data.records import name_fault
+from bsg_data.scene.scene_graph import is_scene_id
 from bsg_data.sources.source import FoundScenes, SceneRef
 
 _SHOWN = 120  # characters of a faulty line
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 SPLITS = ("train", "val", "test", "minival", "example")
 _Content = TypeVar("_Content")
-_Rest = ParamSpec("_Rest")
+_Read = TypeVar("_Read", bound=Callable[..., Any])
 _Model = TypeVar("_Model", bound=BaseModel)
+
+
+def _require_scene_id(name: str) -> str:
+    if not is_scene_id(name):
+        raise ValueError(f"expected a name that a file can have, found {name!r}")
+    return name
+
+
+SceneName = Annotated[str, AfterValidator(_require_scene_id)]
 
 
 def find_files(path: Path, suffix: str, *, expected: str, is_path: bool = False) -> FoundScenes:
@@ -179,19 +189,18 @@ def fingerprint(path: Path) -> str:
     return f"{stat.st_size} bytes, changed at {stat.st_mtime_ns}"
 
 
-def once_for_each_state(
-    read: Callable[Concatenate[Path, _Rest], _Content],
-) -> Callable[Concatenate[Path, _Rest], _Content]:
+def once_for_each_state(read: _Read) -> _Read:
     """Remember what was read of the last files, while their sizes and times of change stay."""
 
     @lru_cache(maxsize=2)
-    def remember(path: Path, _: tuple[int, int], *rest: Any) -> _Content:
-        return read(path, *rest)  # type: ignore[call-arg]
+    def remember(path: Path, _: tuple[int, int], *rest: Any) -> Any:
+        return read(path, *rest)
 
-    def read_again(path: Path, *rest: _Rest.args, **named: _Rest.kwargs) -> _Content:
-        return remember(path, state_of(path), *rest, **named)
+    @wraps(read)
+    def read_again(path: Path, *rest: Any) -> Any:
+        return remember(path, state_of(path), *rest)
 
-    return wraps(read)(read_again)
+    return cast(_Read, read_again)
 
 
 def state_of(path: Path) -> tuple[int, int]:

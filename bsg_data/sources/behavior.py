@@ -19,15 +19,14 @@ from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import ForeignRecord, Keyed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import is_scene_id
-from bsg_data.sources.annotation_files import fetch_listed, once_for_each_state, validate
+from bsg_data.sources.annotation_files import SceneName, fetch_listed, once_for_each_state, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -67,13 +66,6 @@ _TOILET_STALLS = frozenset(
 )
 
 
-def _require_scene_id(name: str) -> str:
-    if not is_scene_id(name):
-        raise ValueError("cannot be the name of a scene")
-    return name
-
-
-_Scene = Annotated[str, AfterValidator(_require_scene_id)]
 _Name = Annotated[str, Field(max_length=200)]  # the longest real one has 38 characters
 _Count = Annotated[int, Field(ge=0, le=_MAX_OBJECTS)]
 _RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
@@ -81,7 +73,7 @@ _Floors = dict[int, dict[str, _RoomLists]]  # floor → scene → its rooms
 
 
 class _Listing(ForeignRecord, strict=True):
-    scenes: Annotated[Keyed[_Scene, Keyed[str, Keyed[_Name, _Count]]], Field(min_length=1)]
+    scenes: Annotated[Keyed[SceneName, Keyed[str, Keyed[_Name, _Count]]], Field(min_length=1)]
 
 
 def _find_floor(scene: str) -> tuple[str, int]:

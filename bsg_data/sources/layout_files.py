@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import surround
@@ -81,11 +81,10 @@ class _Size(ForeignRecord):
 
 def _require_both(one: str, other: str, values: Mapping[str, Any]) -> None:
     """Refuse half a box."""
-    given = [name for name in (one, other) if values[name] is not None]
-    if len(given) == 1:
-        absent = other if given == [one] else one
+    given, absent = (one, other) if values[other] is None else (other, one)
+    if values[given] is not None and values[absent] is None:
         raise ValueError(
-            f"has half a box: {given[0]} without {absent}; give both, or neither for a label alone"
+            f"has half a box: {given} without {absent}; give both, or neither for a label alone"
         )
 
 
@@ -117,21 +116,11 @@ class _Layout(ForeignRecord):
 
 
 class _Region(ForeignRecord):
-    name: str
+    name: Annotated[str, Field(pattern="^region_[0-9]{1,9}$")]  # with its id in the annotation
     label: Annotated[str, Field(max_length=200)] = NO_LABEL
     poly_loop: Annotated[Listed[_Point], Field(min_length=3)] | None = None
     min_bounds: _Point | None = None
     max_bounds: _Point | None = None
-
-    @field_validator("name")
-    @classmethod
-    def _has_a_region_id(cls, name: str) -> str:
-        if not re.fullmatch("region_[0-9]{1,9}", name):
-            raise ValueError(
-                "expected region_N, with the region id N of the annotation; found "
-                f"{show_value(name)}"
-            )
-        return name
 
     @model_validator(mode="after")
     def _has_an_ordered_box(self) -> _Region:

@@ -284,13 +284,12 @@ def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[i
     return numbers
 
 
-def _describe_rooms(house: _House, where: str) -> Iterator[AnnotatedRoom]:
+def _describe_rooms(house: _House, where: str) -> list[AnnotatedRoom]:
     tops: dict[str | None, float] = {}
     for wall in house.walls:
         highest = max((corner.y for corner in wall.polygon), default=-np.inf)
         tops[wall.room_id] = max(highest, tops.get(wall.room_id, highest))
-    for room in house.rooms:
-        yield _describe(room, tops.get(room.id, -np.inf), where)
+    return [_describe(room, tops.get(room.id, -np.inf), where) for room in house.rooms]
 
 
 def _describe(room: _Room, top: float, where: str) -> AnnotatedRoom:
@@ -314,12 +313,11 @@ def _describe(room: _Room, top: float, where: str) -> AnnotatedRoom:
     )
 
 
-def _list_doors(house: _House) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of rooms that doors join; other doors lead outside."""
+def _list_doors(house: _House) -> list[tuple[int, int]]:
+    """Return the pairs of rooms that doors join; other doors lead outside."""
     rooms = {room.id: room.number for room in house.rooms}
-    for door in house.doors:
-        if door.room0 != door.room1 and door.room0 in rooms and door.room1 in rooms:
-            yield rooms[door.room0], rooms[door.room1]
+    ends = ((rooms.get(door.room0), rooms.get(door.room1)) for door in house.doors)
+    return [(a, b) for a, b in ends if a is not None and b is not None and a != b]
 
 
 def _upright(position: Position) -> tuple[float, float, float]:

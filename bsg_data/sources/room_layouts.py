@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -40,6 +39,7 @@ from bsg_data.sources.source import (
     Source,
     Wrapper,
 )
+from bsg_data.spelling import list_some
 
 _SHOWN = 10  # region ids, or columns, in a message
 _Named = tuple[str, Path]  # how a layout names its scene, and the file where it is
@@ -78,8 +78,9 @@ def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
     beyond = [number for number in layout.rooms if number not in index_of]
     if not beyond:
         return index_of
-    count, room = f"{len(graph.rooms)} rooms of {graph.scene_id}", min(beyond)
-    said = f"region {room} is no region id of the {count} ({_join(sorted(index_of))})"
+    there, room = list_some([*map(str, sorted(index_of))], _SHOWN), min(beyond)
+    count = f"{len(graph.rooms)} rooms of {graph.scene_id}"
+    said = f"region {room} is no region id of the {count} ({there})"
     raise LayoutError(
         f"{said if by_region else f'room_{room} is not among the {count}'}; the layout "
         f"({len(layout.rooms)} rooms) is of another scene or another version",
@@ -176,7 +177,7 @@ class WithLayouts(Wrapper):
         path = self.layouts
         if _is_table(path):
             layouts, unread = read_layout_table(path)
-            reason = f"columns that are not read: {_join(unread)}"
+            reason = f"columns that are not read: {list_some(unread, _SHOWN)}"
             skips = [SkippedScene("all", path.name, reason)] if unread else []
             return [(scene, path) for scene in layouts], skips
         files, left = list_files(path, SUFFIXES, expected=_EXPECTED)
@@ -220,8 +221,3 @@ def _name_scene(path: Path) -> str:
 
 def _read(name: str, path: Path) -> RoomLayout:
     return read_layout_table(path)[0][name] if _is_table(path) else read_layout(path)
-
-
-def _join(values: Sequence[object]) -> str:
-    more = f" and {len(values) - _SHOWN:,} more" if len(values) > _SHOWN else ""
-    return ", ".join(map(str, values[:_SHOWN])) + more

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, RootModel
+from pydantic import Field, RootModel
 
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import Listed
@@ -30,18 +30,11 @@ from bsg_data.sources.source import (
 )
 from bsg_data.terms import Terms
 
-_INSTANCE = re.compile(r"([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)")
+_INSTANCE = re.compile(r"^([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)$")
 _UNLABELLED = "<UNK>_0_<UNK>_0_0"  # the first of the list, for pixels without a label
 
 
-def _require_instance(name: str) -> str:
-    if not _INSTANCE.fullmatch(name):
-        raise ValueError(f"found {name[:80]!r}")
-    return name
-
-
-_Instance = Annotated[str, AfterValidator(_require_instance)]
-_Listing = RootModel[Listed[_Instance]]
+_Listing = RootModel[Listed[Annotated[str, Field(pattern=_INSTANCE)]]]
 _Area = tuple[tuple[str, str], ...]  # (room, category) of every instance, sorted
 
 

@@ -32,8 +32,8 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.parquet import refusing_damage
 from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
 from bsg_data.records import Metres, name_fault
-from bsg_data.scene.scene_graph import Box, Point, is_scene_id
-from bsg_data.sources.annotation_files import once_for_each_state
+from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.sources.annotation_files import SceneName, once_for_each_state
 from bsg_data.spelling import ask_if_meant, list_some, meant_names
 
 _SUFFIXES = (*SUFFIXES, ".parquet")
@@ -61,12 +61,6 @@ def _on_one_line(name: str) -> str:
     return name
 
 
-def _as_scene(name: str) -> str:
-    if not is_scene_id(name):
-        raise ValueError(f"expected a name that a file can have, found {name!r}")
-    return name
-
-
 def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
@@ -76,7 +70,7 @@ _Listed = Annotated[list[_Kind | None], FailFast()]
 # Other formats than CSV have numbers in columns of names.
 _Name = Annotated[str, Field(max_length=_LONGEST), AfterValidator(_on_one_line)]
 _TYPES: Mapping[str, Any] = {  # of the columns that are read
-    "scene": Annotated[_Name, AfterValidator(_as_scene)],  # the name of a building
+    "scene": Annotated[SceneName, Field(max_length=_LONGEST)],  # the name of a building
     "room": _Name,  # none for an object of the building
     "category": _Name,  # the name of the object; none for a room alone
     "count": Annotated[int, Field(ge=0, le=_MOST)],  # how many such objects there are; none: one
@@ -130,7 +124,7 @@ Scene = tuple[Sequence[Row], Facts]
 
 @once_for_each_state
 def read_scenes(
-    path: Path, named: tuple[tuple[str, str], ...]
+    path: Path, named: tuple[tuple[str, int | str], ...]
 ) -> tuple[Mapping[str, Scene], Sequence[str]]:
     """Read the scenes, and notes of what differs from the file.
 
@@ -143,7 +137,7 @@ def read_scenes(
         expected = f"a file that ends in {', '.join(_SUFFIXES)}"
         raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
     read = _read_parquet if name.endswith(".parquet") else _read_text
-    cells = read(path, dict(named), notes)
+    cells = read(path, {field: str(column) for field, column in named}, notes)
     spelt: dict[str, list[Row]] = {}
     for scene, row in _list_rows(cells, notes):
         spelt.setdefault(scene, []).append(row)

@@ -128,21 +128,20 @@ def read_cells(path: Path, cells: str) -> list[SheetRow]:
     return [row for _, row in read_sheets(data, lambda title: title == "Space")]
 
 
-@pytest.mark.parametrize(
-    ("cell", "text"),
-    [
-        ('<c t="s"><v>0</v></c>', "Name"),  # of runs, without how it is pronounced
-        ('<c t="inlineStr"><is><t>a\n b</t></is></c>', "a b"),
-        ('<c t="str"><f>A1&amp;"x"</f><v>007</v></c>', "007"),
-        ("<c><v>1E2</v></c>", "100"),
-        ("<c><v>0.5</v></c>", "0.5"),
-        ('<c t="b"><v>1</v></c>', "True"),
-        ('<c t="d"><v>2026-01-02</v></c>', "2026-01-02"),
-    ],
-)
-def test_a_cell_is_the_text_that_programs_show(tmp_path: Path, cell: str, text: str) -> None:
-    cells = f'<c r="B1"/>{cell}<c t="e"><v>#REF!</v></c>'
-    assert read_cells(tmp_path / "a.xlsx", cells) == [{0: text}]
+CELLS = {
+    '<c t="s"><v>0</v></c>': "Name",  # of runs, without how it is pronounced
+    '<c t="inlineStr"><is><t>a\n b</t></is></c>': "a b",
+    '<c t="str"><f>A1&amp;"x"</f><v>007</v></c>': "007",
+    "<c><v>1E2</v></c>": "100",
+    "<c><v>0.5</v></c>": "0.5",
+    '<c t="b"><v>1</v></c>': "True",
+    '<c t="d"><v>2026-01-02</v></c>': "2026-01-02",
+}
+
+
+def test_a_cell_is_the_text_that_programs_show(tmp_path: Path) -> None:
+    cells = "".join([*CELLS, '<c t="e"><v>#REF!</v></c>'])
+    assert read_cells(tmp_path / "a.xlsx", cells) == [dict(enumerate(CELLS.values()))]
 
 
 @pytest.mark.parametrize(
