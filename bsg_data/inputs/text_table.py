@@ -17,10 +17,10 @@ _MARKS = {  # in a header that is one column → what to do
     "\t": "its columns are separated by tabs: name the file .tsv",
     ",": "its columns are separated by commas: name the file .csv",
 }
-Row = tuple[int, list[str]]  # the number of its last line, and its fields
+_Row = tuple[int, list[str]]  # the number of its last line, and its fields
 
 
-def read_csv(path: Path) -> Iterator[Row]:
+def read_csv(path: Path) -> Iterator[_Row]:
     """Yield the rows of a table that are not empty, the header first; all have as many fields.
 
     Raises:
@@ -43,7 +43,7 @@ def read_csv(path: Path) -> Iterator[Row]:
         raise SourceError(message, code="csv-malformed", where=path) from error
 
 
-def parse_csv(data: bytes, *, separator: str = ",") -> Iterator[Row]:
+def parse_csv(data: bytes, *, separator: str = ",") -> Iterator[_Row]:
     """Yield the rows of a table, also empty ones; a ValueError names the line."""
     lines = io.TextIOWrapper(io.BytesIO(data), find_encoding(data), newline="")
     reader = csv.reader(lines, strict=True, delimiter=separator)

@@ -44,15 +44,15 @@ from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import Annotation, FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.terms import Terms
 
-HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
-CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"
+_HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
+_CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"
 MATTERPORT = Terms(
     licence="LicenseRef-matterport-academic",
     licence_url=(
         "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
     ),
-    homepage=HOMEPAGE,
-    citation=CITATION,
+    homepage=_HOMEPAGE,
+    citation=_CITATION,
     sentence=(
         "What is derived from Habitat-Matterport 3D stays under Matterport's terms of use for "
         "academic research."
@@ -351,7 +351,7 @@ SYNTHETIC_ROW = SourceRow(
     terms=Terms(
         licence="Apache-2.0",
         licence_url="https://www.apache.org/licenses/LICENSE-2.0",
-        homepage=HOMEPAGE,
+        homepage=_HOMEPAGE,
         citation="Saucedo et al., Belief Scene Graphs, ICRA 2024, arXiv:2402.03840",
         sentence="The buildings are synthetic: no building like them exists, and none was scanned.",
     ),

@@ -46,7 +46,7 @@ _Lines = list[tuple[int, str]]  # numbers and texts
 
 
 @dataclass(frozen=True)
-class HM3DStatistics:
+class _HM3DStatistics:
     """The public zip of HM3DSem's statistics."""
 
     path: Path
@@ -138,6 +138,6 @@ def _parse_row(line: str, regions: set[int], seen: set[int]) -> Iterator[tuple[i
 
 ROW = SourceRow(
     summary="the public zip of HM3DSem's statistics: corrected names, no meshes",
-    open=HM3DStatistics,
+    open=_HM3DStatistics,
     terms=MATTERPORT,
 )

@@ -19,7 +19,7 @@ from refusals import refuses
 from bsg_data.errors import DatasetError, SourceError
 from bsg_data.inputs.bounded_file import read_bytes, read_member
 from bsg_data.inputs.parquet import refusing_damage
-from bsg_data.inputs.spreadsheet import SheetRow, read_sheets
+from bsg_data.inputs.spreadsheet import _SheetRow, read_sheets
 from bsg_data.inputs.text_table import parse_csv, read_csv
 
 
@@ -113,7 +113,7 @@ _SHARED = (
 )
 
 
-def read_cells(path: Path, cells: str) -> list[SheetRow]:
+def read_cells(path: Path, cells: str) -> list[_SheetRow]:
     """Return the rows of a workbook with these cells, and with one text that cells share."""
     book = openpyxl.Workbook()
     book.active.title = "Space"

@@ -22,7 +22,7 @@ from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.scene.scene_graph import Box, Edge, SceneGraph
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
+from bsg_data.sources.hm3d_stats import HEADER, MEMBER
 from bsg_data.sources.room_layouts import WithLayouts
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
 from bsg_data.synthetic.buildings import write_synthetic
@@ -191,7 +191,7 @@ def test_a_scene_id_does_not_lead_out_of_the_folder_of_layouts(tmp_path: Path) -
     rows = [f"{scene},1,1,1,chair_1" for scene in ("../secret", "00006-aaaaaaaaaaa")]
     with zipfile.ZipFile(tmp_path / "s.zip", "w") as archive:
         archive.writestr(MEMBER, "\n".join([",".join(HEADER), *rows]) + "\n")
-    source = WithLayouts(HM3DStatistics(tmp_path / "s.zip"), tmp_path / "layouts")
+    source = WithLayouts(open_source("hm3d-stats", tmp_path / "s.zip"), tmp_path / "layouts")
     assert [(ref.scene_id, ref.layout is None) for ref in source.find().scenes] == [
         ("../secret", True),
         ("00006-aaaaaaaaaaa", False),
