@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +29,7 @@ from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.scene.surroundings import measure_area
 from bsg_data.sources.annotation_files import once_for_each_state
 from bsg_data.sources.label_table import read_labels
+from bsg_data.sources.source import AnnotatedRoom
 from bsg_data.spelling import show_value
 
 CONFIG_SUFFIX = ".semantic_config.json"
@@ -47,20 +48,10 @@ class LayoutError(SourceError):
 
 
 @dataclass(frozen=True, slots=True)
-class LaidRoom:
-    """What a layout says of a room; metres, Z up."""
-
-    label: str | None = None
-    box: Box | None = None
-    footprint: tuple[tuple[float, float], ...] | None = None  # None: that of the box
-    floor_area: float | None = None  # square metres; None: that of the box
-
-
-@dataclass(frozen=True, slots=True)
 class RoomLayout:
     """The layout of one building."""
 
-    rooms: Mapping[int, LaidRoom]  # by region id, or by k
+    rooms: Mapping[int, AnnotatedRoom]  # by region id, or by k
     by_region: bool  # whether the keys are region ids
     # pairs of k, ascending and once each; None if the layout says nothing of connections
     connections: tuple[tuple[int, int], ...] | None = None
@@ -100,14 +91,13 @@ class _LayoutRoom(ForeignRecord):
             raise ValueError("expected a label, or centroid and dims, or all three; found none")
         return self
 
-    @property
-    def laid(self) -> LaidRoom:
-        """The room in our axes."""
-        if self.centroid is None or self.dims is None:
-            return LaidRoom(self.label)
-        x, y, z = _upright((self.centroid.x, self.centroid.y, self.centroid.z))
-        a, b, c = self.dims.x / 2, self.dims.z / 2, self.dims.y / 2
-        return LaidRoom(self.label, Box((x - a, y - b, z - c), (x + a, y + b, z + c)))
+    def describe(self, number: int) -> AnnotatedRoom:
+        box = None
+        if self.centroid and self.dims:
+            x, y, z = _upright((self.centroid.x, self.centroid.y, self.centroid.z))
+            a, b, c = self.dims.x / 2, self.dims.z / 2, self.dims.y / 2
+            box = Box((x - a, y - b, z - c), (x + a, y + b, z + c))
+        return AnnotatedRoom(region=number, source_label=self.label, box=box)
 
 
 class _Layout(ForeignRecord):
@@ -131,19 +121,20 @@ class _Region(ForeignRecord):
                     raise ValueError(f"max_bounds.{axis}: expected {low} or more, found {high}")
         return self
 
-    @property
-    def laid(self) -> LaidRoom:
-        """The room in our axes; its box is as wide as its footprint."""
+    def describe(self, number: int) -> AnnotatedRoom:
+        """Return the room; its box is as wide as its footprint."""
         label = None if self.label in ("", NO_LABEL) else self.label
+        told = AnnotatedRoom(region=number, source_label=label)
         if self.min_bounds is None or self.max_bounds is None:
-            return LaidRoom(label)
+            return told
         ends = np.array([_upright(self.min_bounds), _upright(self.max_bounds)])
         if self.poly_loop is None:
-            return LaidRoom(label, Box.around(ends))
+            return replace(told, box=Box.around(ends))
         corners = [_upright(corner)[:2] for corner in self.poly_loop]
         footprint = surround(np.array(corners))
         box = Box.around(np.array([(x, y, z) for x, y in footprint for z in ends[:, 2]]))
-        return LaidRoom(label, box, footprint, measure_area(corners))
+        area = measure_area(corners) or measure_area(box.footprint)
+        return replace(told, box=box, footprint=footprint, floor_area=area)
 
 
 class _Regions(ForeignRecord):
@@ -167,7 +158,8 @@ def read_layout(path: Path) -> RoomLayout:
 
 def _read_yaml(path: Path) -> RoomLayout:
     parsed = _Layout.model_validate(parse_yaml(read_bytes(path, error=LayoutError)))
-    rooms = {int(name[len("room_") :]): room.laid for name, room in parsed.rooms.items()}
+    numbered = ((int(name[len("room_") :]), room) for name, room in parsed.rooms.items())
+    rooms = {number: room.describe(number) for number, room in numbered}
     if parsed.connections is None:
         return RoomLayout(rooms, by_region=False)
     for one, other in parsed.connections:
@@ -179,12 +171,12 @@ def _read_yaml(path: Path) -> RoomLayout:
 
 def _read_regions(path: Path) -> RoomLayout:
     parsed = _Regions.model_validate(read_json(path, error=LayoutError))
-    rooms: dict[int, LaidRoom] = {}
+    rooms: dict[int, AnnotatedRoom] = {}
     for region in parsed.region_annotations:
         number = int(region.name[len("region_") :])
         if number in rooms:
             raise ValueError(f"region_annotations: {region.name} is there twice")
-        rooms[number] = region.laid
+        rooms[number] = region.describe(number)
     return RoomLayout(rooms, by_region=True)
 
 
@@ -192,10 +184,11 @@ def _read_regions(path: Path) -> RoomLayout:
 def read_layout_table(path: Path) -> tuple[dict[str, RoomLayout], list[str]]:
     """Return scene id or key of a building → its layout, and the columns that are not read."""
     labels, unread = read_labels(path, _COLUMNS, _read_key)
-    rooms: dict[str, dict[int, LaidRoom]] = {}
+    rooms: dict[str, dict[int, AnnotatedRoom]] = {}
     for (scene, region), (label, _) in sorted(labels.items()):
         if label:  # else nothing is known of the room
-            rooms.setdefault(scene, {})[region] = LaidRoom(label)
+            told = AnnotatedRoom(region=region, source_label=label)
+            rooms.setdefault(scene, {})[region] = told
     return {scene: RoomLayout(held, by_region=True) for scene, held in rooms.items()}, unread
 
 

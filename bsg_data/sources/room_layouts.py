@@ -13,8 +13,7 @@ from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs import text_table
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.scene.scene_graph import Room, SceneGraph
-from bsg_data.scene.surroundings import measure_area
+from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.annotation_files import (
     fingerprint,
     list_files,
@@ -25,14 +24,12 @@ from bsg_data.sources.assembly import connect, place_room
 from bsg_data.sources.layout_files import (
     CONFIG_SUFFIX,
     SUFFIXES,
-    LaidRoom,
     LayoutError,
     RoomLayout,
     read_layout,
     read_layout_table,
 )
 from bsg_data.sources.source import (
-    AnnotatedRoom,
     FoundScenes,
     Reading,
     SceneRef,
@@ -59,8 +56,10 @@ def _lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     index_of = _find_rooms(graph, layout)
     rooms, is_placed = list(graph.rooms), graph.up_axis is not None
     for number, laid in layout.rooms.items():
-        room = _label(rooms[index_of[number] - 1], laid)
-        rooms[room.room_index - 1] = room if is_placed else _place(room, laid)
+        room, word = rooms[index_of[number] - 1], laid.source_label
+        if word is not None:
+            room = replace(room, source_label=word, label=label_of(LAYOUTS, word))
+        rooms[room.room_index - 1] = place_room(room, laid) if laid.box and not is_placed else room
     is_moved = not is_placed and any(laid.box for laid in layout.rooms.values())
     laid_out = replace(graph, rooms=find_storeys(rooms) if is_moved else tuple(rooms))
     if layout.connections is None:
@@ -87,24 +86,6 @@ def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
         code="layout-foreign",
         where=graph.scene_id,
     )
-
-
-def _label(room: Room, laid: LaidRoom) -> Room:
-    if laid.label is None:
-        return room
-    return replace(room, source_label=laid.label, label=label_of(LAYOUTS, laid.label))
-
-
-def _place(room: Room, laid: LaidRoom) -> Room:
-    if laid.box is None:
-        return room
-    told = AnnotatedRoom(
-        region=room.region_id,
-        box=laid.box,
-        footprint=laid.footprint,
-        floor_area=laid.floor_area or measure_area(laid.box.footprint),
-    )
-    return place_room(room, told)
 
 
 class WithLayouts(Wrapper):
