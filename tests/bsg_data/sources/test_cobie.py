@@ -6,7 +6,6 @@ from typing import Any
 
 import openpyxl
 import pytest
-from conftest import SHARED
 from refusals import refuses
 
 from bsg_data.errors import SourceError
@@ -16,7 +15,6 @@ from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.source import Reading
 from bsg_data.testing import SourceContract
 
-SAMPLE = SHARED.parent / "sources" / "clinic_cobie.xlsx"
 SHEETS: dict[str, list[list[Any]]] = {
     "Facility": [["Name", "Category", "AreaUnits"], ["F", "11-13 24 14: Clinic", "square feet"]],
     "Floor": [["Name", "Elevation"], ["Upper", 3.5], ["Ground", 0], ["Roof", 9]],
@@ -227,13 +225,3 @@ def test_spaces_of_one_name_on_two_floors_are_two_rooms_and_their_things_in_none
     assert [obj.room_index for obj in reading.graph.objects] == [0, 0]
     said = "2 components are in 107, as spaces of several floors are called: in no room"
     assert said in [skip.reason for skip in reading.left_out]
-
-
-@pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
-def test_the_real_clinic() -> None:
-    reading = read(SAMPLE)
-    graph = reading.graph
-    assert (len(graph.rooms), len(graph.objects), len(graph.adjacency)) == (269, 5_071, 223)
-    assert {obj.role for obj in graph.objects} == {"classified", "left-out", "structure"}
-    assert sum(room.label is not None for room in graph.rooms) > 220
-    assert [skip.reason[:8] for skip in reading.left_out] == ["1 spaces"]

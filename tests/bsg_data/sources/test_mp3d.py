@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 from pathlib import Path
 
-import numpy as np
 import pytest
 from conftest import REPOSITORY
 from house_files import HOUSE, change
@@ -16,7 +15,6 @@ from bsg_data.sources.catalogue import SOURCES, open_source
 from bsg_data.sources.mp3d import _parse_house
 from bsg_data.testing import SourceContract
 
-SAMPLES = REPOSITORY.parent / "shared" / "sources"
 TRIMMED = REPOSITORY.parent / "shared" / "cases" / "01-mp3d-house-trimmed" / "flat.house"
 ROW = SOURCES["mp3d"]
 PATH = Path("house.house")
@@ -135,25 +133,3 @@ def test_a_house_that_somebody_trimmed() -> None:
     graph = read(TRIMMED)
     assert [room.label for room in graph.rooms] == ["kitchen"]
     assert [obj.category for obj in graph.objects] == ["chair", "sink"]
-
-
-@pytest.mark.skipif(not list(SAMPLES.glob("*.house.gz")), reason="no samples here")
-def test_the_real_houses_are_read() -> None:
-    source = open_source("mp3d", SAMPLES)
-    graphs = {
-        ref.scene_id: source.read(ref, load_class_map(ROW.class_map)).graph
-        for ref in source.find().scenes
-    }
-    sizes = {name: (len(graph.rooms), len(graph.objects)) for name, graph in graphs.items()}
-    assert sizes == {"17DRP5sb8fy": (10, 187), "x8F5xyUWy9e": (14, 277)}, "a Z of 15 is no room"
-    for graph in graphs.values():
-        for room in graph.rooms:
-            assert room.box is not None
-            assert room.label is not None
-            size = np.subtract(room.box.maximum, room.box.minimum)
-            assert 1.5 < size[2] < 6, "z is up: rooms are as high as rooms are"
-            assert room.floor_area is not None
-            assert 0 < room.floor_area <= size[0] * size[1] + 1e-6
-        joined = {end for edge in graph.adjacency for end in (edge.source, edge.target)}
-        assert len(joined) == len(graph.rooms), "every room is reached"
-        assert "unmapped" not in {obj.role for obj in graph.objects}
