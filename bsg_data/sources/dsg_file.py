@@ -166,8 +166,8 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     things = {node.id for node in objects}
     joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
     return DSGFile(
-        rooms=_describe(rooms, graph, {}),
-        objects=_describe(objects, graph, room_of),
+        rooms=tuple(_describe(rooms, graph, {})),
+        objects=tuple(_describe(objects, graph, room_of)),
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
         links=sum(edge.source in things and edge.target in things for edge in edges),
         lost=len(graph.edges) - len(edges),
@@ -226,19 +226,18 @@ def _find_rooms(
     return found
 
 
-def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> tuple[DSGNode, ...]:
+def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> Iterator[DSGNode]:
     indices = [node.id & _INDEX for node in nodes]
     if len(set(indices)) < len(indices) or max(indices, default=0) >= 2**31:
         indices = list(range(len(nodes)))
     spaces = graph.metadata.labelspaces if graph.metadata else {}
     names = {space: dict(labels) for space, labels in spaces.items()}
-    found = []
     for node, index in zip(nodes, indices, strict=True):
         held = node.attributes
         label = None if held.semantic_label == _NO_LABEL else held.semantic_label
         named = names.get(f"_l{node.layer}p{node.partition}", {})
         name = held.name.strip()
-        one = DSGNode(
+        yield DSGNode(
             id=node.id,
             index=index,
             name=None if _SYMBOL.fullmatch(name) or not name else name,
@@ -249,8 +248,6 @@ def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> 
             room=room_of.get(node.id),
             said=_what_is_said(_what_is_said(held.metadata).get("bsg")),
         )
-        found.append(one)
-    return tuple(found)
 
 
 def _point(values: _Triple | None) -> Point | None:
