@@ -275,6 +275,5 @@ def decode(data: bytes, *, path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         number = data.count(b"\n", 0, error.start) + 1
-        start = data.rfind(b"\n", 0, error.start) + 1
-        line = data[start : start + _SHOWN].partition(b"\n")[0].decode("utf-8", "backslashreplace")
+        line = data.split(b"\n", number)[number - 1].decode("utf-8", "backslashreplace")
         raise malformed(path, number, line, expected="UTF-8 text") from error
