@@ -111,7 +111,7 @@ def build_dataset(
     """Build the dataset of a source and return its manifest.
 
     Args:
-        source: an `HM3DFolder`, an `HM3DStatistics` or any other `Source`.
+        source: an `HM3DFolder`, or any other `Source`.
         out: folder of the dataset: absent, empty, or, with `force`, a dataset to replace.
         class_map: version of a published map, or path of your own; None: the map of the source.
         strict: fail on the first malformed scene or unmapped name instead of reporting it.

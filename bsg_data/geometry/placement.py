@@ -23,8 +23,8 @@ from bsg_data.scene.surroundings import measure_area
 if TYPE_CHECKING:
     from bsg_data.geometry.semantic_mesh import MeshSurvey
 
-STOREY_GAP = 1.0  # metres: floors of rooms that are nearer are on one storey,
-STOREY_SPAN = 2.0  # as long as none of them is higher than this above the lowest
+_STOREY_GAP = 1.0  # metres: floors of rooms that are nearer are on one storey,
+_STOREY_SPAN = 2.0  # as long as none of them is higher than this above the lowest
 FLOOR, CEILING = "floor", "ceiling"  # corrected categories
 STAIRS = frozenset({"stair", "stair step", "staircase", "stairs"})
 _STRAIGHT = 1e-3  # metres
@@ -202,7 +202,7 @@ def find_storeys(rooms: Sequence[Room]) -> tuple[Room, ...]:
     known = sorted(room.floor_z for room in rooms if room.floor_z is not None)
     starts = known[:1]
     for below, height in pairwise(known):
-        if height - below > STOREY_GAP or height - starts[-1] > STOREY_SPAN:
+        if height - below > _STOREY_GAP or height - starts[-1] > _STOREY_SPAN:
             starts.append(height)
     return tuple(
         room

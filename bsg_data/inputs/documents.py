@@ -17,7 +17,6 @@ from typing import Any, NoReturn
 import yaml
 
 from bsg_data.errors import SourceError
-from bsg_data.files import encode_json
 from bsg_data.inputs.bounded_file import Refusal, read_bytes
 from bsg_data.inputs.bounds import MAX_VALUES
 from bsg_data.words.shown import SHOWN, show_value
@@ -75,7 +74,7 @@ def parse_json(data: bytes | str, *, once: bool = True) -> Any:
         hook = _require_once if once else None
         document = json.loads(text, object_pairs_hook=hook, parse_constant=_refuse_number)
         if _HALF.search(text):
-            encode_json(document, ensure_ascii=False).encode()
+            json.dumps(document, ensure_ascii=False).encode()  # noqa: TID251
     except RecursionError:
         raise ValueError("nested too deep") from None
     except UnicodeEncodeError:
@@ -113,7 +112,7 @@ def decode(data: bytes | str) -> str:
     """Return text of UTF-8, or of another Unicode that its mark names; without the mark."""
     if isinstance(data, str):
         return data.removeprefix("\ufeff")
-    encoding = next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
+    encoding = find_encoding(data)
     if encoding == "utf-8" and b"\0" in data[:4]:
         raise ValueError(f"{_guess_encoding(data)}; save it as UTF-8")
     try:
@@ -127,6 +126,11 @@ def decode(data: bytes | str) -> str:
             f"line {line}: byte 0x{byte:02X} is not UTF-8 but {_guess_encoding(data)}; save it as "
             "UTF-8"
         ) from None
+
+
+def find_encoding(data: bytes) -> str:
+    """Return the encoding that the mark at the beginning names; without one, UTF-8."""
+    return next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
 
 
 def _guess_encoding(data: bytes) -> str:

@@ -18,10 +18,10 @@ from python_calamine import CalamineError, CalamineWorkbook
 _CELL = re.compile(rb'<(?:[\w.-]+:)?c\s[^>/]*?\br="([A-Za-z]+)([0-9]+)"[^>/]*>')
 _MOST = 2**25  # cells of a sheet, if it were full
 _ODD = (RuntimeError, NotImplementedError, EOFError, struct.error)  # of a zip
-SheetRow = dict[int, str]  # number of the column, from the first that is used → text, if any
+_SheetRow = dict[int, str]  # number of the column, from the first that is used → text, if any
 
 
-def read_sheets(data: bytes, is_read: Callable[[str], bool]) -> Iterator[tuple[str, SheetRow]]:
+def read_sheets(data: bytes, is_read: Callable[[str], bool]) -> Iterator[tuple[str, _SheetRow]]:
     """Yield the rows that are not empty of the sheets whose titles are read, each with the title.
 
     Numbers are written without `.0`, and spaces and line breaks of texts are single spaces. The

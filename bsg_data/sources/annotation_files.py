@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache, wraps
 from operator import attrgetter
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, ValidationError
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import (
@@ -21,13 +22,24 @@ from bsg_data.errors import (
 )
 from bsg_data.inputs.bounded_file import PACKED, hash_file, read_bytes
 from bsg_data.records import name_fault
+from bsg_data.scene.scene_graph import is_scene_id
 from bsg_data.sources.source import FoundScenes, SceneRef
 
 _SHOWN = 120  # characters of a faulty line
 # minival is part of val: a building in both is val's. The order decides which copy is kept.
 SPLITS = ("train", "val", "test", "minival", "example")
-Content = TypeVar("Content")
-Model = TypeVar("Model", bound=BaseModel)
+_Content = TypeVar("_Content")
+_Read = TypeVar("_Read", bound=Callable[..., Any])
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def _require_scene_id(name: str) -> str:
+    if not is_scene_id(name):
+        raise ValueError(f"expected a name that a file can have, found {name!r}")
+    return name
+
+
+SceneName = Annotated[str, AfterValidator(_require_scene_id)]
 
 
 def find_files(path: Path, suffix: str, *, expected: str, is_path: bool = False) -> FoundScenes:
@@ -177,8 +189,22 @@ def fingerprint(path: Path) -> str:
     return f"{stat.st_size} bytes, changed at {stat.st_mtime_ns}"
 
 
+def once_for_each_state(read: _Read) -> _Read:
+    """Remember what was read of the last files, while their sizes and times of change stay."""
+
+    @lru_cache(maxsize=2)
+    def remember(path: Path, _: tuple[int, int], *rest: Any) -> Any:
+        return read(path, *rest)
+
+    @wraps(read)
+    def read_again(path: Path, *rest: Any) -> Any:
+        return remember(path, state_of(path), *rest)
+
+    return cast(_Read, read_again)
+
+
 def state_of(path: Path) -> tuple[int, int]:
-    """Return the size of a file and when it changed: while they stay, what was read of it holds."""
+    """Return the size of a file and when it changed."""
     try:
         stat = path.stat()
     except OSError as error:
@@ -188,15 +214,16 @@ def state_of(path: Path) -> tuple[int, int]:
     return stat.st_size, stat.st_mtime_ns
 
 
-def read_listed(path: Path, *, expected: str) -> bytes:
-    """Read a file that has the fingerprint of when it was listed; unpacked."""
-    require_fingerprint(path, fingerprint(path), expected)
-    return read_bytes(path)
+def read_listed(root: Path, ref: SceneRef) -> tuple[Path, bytes]:
+    """Return the file of a scene, below a root or that itself, and what it held when listed."""
+    path = root if root.is_file() else root / ref.location
+    require_fingerprint(path, fingerprint(path), ref.fingerprint)
+    return path, read_bytes(path)
 
 
 def fetch_listed(
-    ref: SceneRef, path: Path, read: Callable[[], Content], digest: Callable[[Content], str]
-) -> Content:
+    ref: SceneRef, path: Path, read: Callable[[], _Content], digest: Callable[[_Content], str]
+) -> _Content:
     """Return what a file of many scenes says of one, which must be what was listed."""
     where = f"{path}: {ref.location}"
     try:
@@ -207,16 +234,15 @@ def fetch_listed(
     return content
 
 
-def require_fingerprint(path: Path | str, found: str, expected: str) -> None:
+def require_fingerprint(where: Path | str, found: str, expected: str) -> None:
     """Refuse a file that changed after it was listed."""
     if found != expected:
-        raise _changed(path, "")
+        raise _changed(where, "")
 
 
 def _changed(where: Path | str, why: str) -> SourceChangedError:
-    return SourceChangedError(
-        f"{where}: changed after the scenes were listed{why}", code="source-changed", where=where
-    )
+    message = f"{where}: changed after the scenes were listed{why}"
+    return SourceChangedError(message, code="source-changed", where=where)
 
 
 def malformed(path: Path, number: int, line: str, *, expected: str) -> AnnotationError:
@@ -233,8 +259,8 @@ def show_line(line: str) -> str:
 
 
 def validate(
-    model: type[Model], document: object, *, where: Path | str, expected: str, code: str
-) -> Model:
+    model: type[_Model], document: object, *, where: Path | str, expected: str, code: str
+) -> _Model:
     """Return the record of a document; the error names the key of its first fault."""
     try:
         return model.model_validate(document)
@@ -249,6 +275,5 @@ def decode(data: bytes, *, path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         number = data.count(b"\n", 0, error.start) + 1
-        start = data.rfind(b"\n", 0, error.start) + 1
-        line = data[start : start + _SHOWN].partition(b"\n")[0].decode("utf-8", "backslashreplace")
+        line = data.split(b"\n", number)[number - 1].decode("utf-8", "backslashreplace")
         raise malformed(path, number, line, expected="UTF-8 text") from error

@@ -46,7 +46,7 @@ def assemble(
         source_version=ref.source_version,
         source_split=ref.source_split,
         annotation_sha256=annotation.sha256 or ref.fingerprint,
-        rooms=set_levels(
+        rooms=_set_levels(
             _make_room(told.get(region) or AnnotatedRoom(region=region), index, kind)
             for region, index in room_of.items()
         ),
@@ -61,7 +61,7 @@ def assemble(
     return connect(graph, doors, method=annotation.method) if doors else graph
 
 
-def set_levels(rooms: Iterable[Room]) -> tuple[Room, ...]:
+def _set_levels(rooms: Iterable[Room]) -> tuple[Room, ...]:
     """Return the rooms with the levels that the heights of their floors show, if none has any."""
     listed = tuple(rooms)
     is_told = any(room.floor_index is not None for room in listed)

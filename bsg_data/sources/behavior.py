@@ -15,19 +15,18 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import ForeignRecord, Keyed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.scene.scene_graph import is_scene_id
-from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
+from bsg_data.sources.annotation_files import SceneName, fetch_listed, once_for_each_state, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -67,20 +66,14 @@ _TOILET_STALLS = frozenset(
 )
 
 
-def _require_scene_id(name: str) -> str:
-    if not is_scene_id(name):
-        raise ValueError("cannot be the name of a scene")
-    return name
-
-
-_Scene = Annotated[str, AfterValidator(_require_scene_id)]
 _Name = Annotated[str, Field(max_length=200)]  # the longest real one has 38 characters
 _Count = Annotated[int, Field(ge=0, le=_MAX_OBJECTS)]
 _RoomLists = Mapping[str, Mapping[str, int]]  # room → `category-model` → how many
+_Floors = dict[int, dict[str, _RoomLists]]  # floor → scene → its rooms
 
 
 class _Listing(ForeignRecord, strict=True):
-    scenes: Annotated[Keyed[_Scene, Keyed[str, Keyed[_Name, _Count]]], Field(min_length=1)]
+    scenes: Annotated[Keyed[SceneName, Keyed[str, Keyed[_Name, _Count]]], Field(min_length=1)]
 
 
 def _find_floor(scene: str) -> tuple[str, int]:
@@ -116,82 +109,67 @@ class _BehaviorRooms:
 
     def find(self) -> FoundScenes:
         """List the buildings, and the scenes whose rooms another scene has with the garden."""
-        houses = self._houses()
-        refs = tuple(
-            SceneRef(
-                scene_id=building,
-                location=", ".join(scene for scenes in floors.values() for scene in scenes),
-                fingerprint=_digest(self._floors(floors)),
-            )
-            for building, floors in houses.items()
-        )
-        return FoundScenes(refs, duplicates=tuple(self._find_doubles(houses)))
+        houses = _read_houses(self.path, self.as_listed)
+        refs = [
+            SceneRef(name, ", ".join(chain.from_iterable(floors.values())), _digest(_join(floors)))
+            for name, floors in houses.items()
+        ]
+        each = chain.from_iterable(floors.values() for floors in houses.values())
+        return FoundScenes(tuple(refs), duplicates=tuple(chain(*map(_find_doubles, each))))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; the regions are its rooms, floor by floor, in the order of names."""
         floors = fetch_listed(
-            ref, self.path, lambda: self._floors(self._houses()[ref.scene_id]), _digest
+            ref,
+            self.path,
+            lambda: _join(_read_houses(self.path, self.as_listed)[ref.scene_id]),
+            _digest,
         )
         rooms: list[AnnotatedRoom] = []
-        regions: list[int] = []
-        names: list[str] = []
+        objects: list[tuple[int, str]] = []
         for number, listed in floors.items():
             for name, content in sorted(listed.items(), key=lambda one: _split_room(one[0])):
-                held = [*_list_objects(content, f"{self.path}: {ref.location}, {name}")]
-                regions += [len(rooms)] * len(held)
-                names += held
-                word = _split_room(name)[0]
+                held = _list_objects(content, f"{self.path}: {ref.location}, {name}")
+                objects += ((len(rooms), category) for category in held)
+                word, _ = _split_room(name)
                 rooms.append(
                     AnnotatedRoom(region=len(rooms), source_label=word, floor_index=number)
                 )
-        kind = _find_building_kind(ref.scene_id)
-        annotation = Annotation(regions, names, rooms=rooms, building_kind=kind)
+        annotation = Annotation(
+            [region for region, _ in objects],
+            [category for _, category in objects],
+            rooms=rooms,
+            building_kind=_find_building_kind(ref.scene_id),
+        )
         return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
-    def _floors(self, floors: Mapping[int, list[str]]) -> dict[int, _RoomLists]:
-        return {number: self._rooms(scenes) for number, scenes in floors.items()}
 
-    def _houses(self) -> dict[str, dict[int, list[str]]]:
-        return _group_scenes(self.path, *state_of(self.path), as_listed=self.as_listed)
-
-    def _rooms(self, scenes: list[str]) -> _RoomLists:
-        """Return the rooms of a floor, each as the first of its scenes has it."""
-        rooms: dict[str, Mapping[str, int]] = {}
-        for scene in reversed(scenes):
-            rooms.update(self._scenes[scene])
-        return rooms
-
-    def _find_doubles(self, houses: dict[str, dict[int, list[str]]]) -> Iterator[SkippedScene]:
-        for first, *others in (scenes for floors in houses.values() for scenes in floors.values()):
-            for scene in others:
-                if set(self._scenes[scene]) <= set(self._scenes[first]):
-                    reason = f"{first} has all its rooms, and the garden"
-                    yield SkippedScene(scene_id=scene, location=scene, reason=reason)
-
-    @property
-    def _scenes(self) -> Mapping[str, _RoomLists]:
-        return _read_listing(self.path, *state_of(self.path))
-
-
-@lru_cache(maxsize=2)
-def _read_listing(path: Path, size: int, changed: int) -> Mapping[str, _RoomLists]:
-    """Read the list, once for each state of the file."""
+@once_for_each_state
+def _read_houses(path: Path, as_listed: bool) -> dict[str, _Floors]:
+    """Read the list: building → floor → scene → its rooms, the scene with the garden first."""
     expected = f"scenes → room → category-model → number, as in {_FILE} of the package bddl"
-    document = read_json(path)
-    code = "listing-malformed"
-    return validate(_Listing, document, where=path, expected=expected, code=code).scenes
-
-
-@lru_cache(maxsize=2)
-def _group_scenes(
-    path: Path, size: int, changed: int, *, as_listed: bool
-) -> dict[str, dict[int, list[str]]]:
-    """Return building → floor → its scenes, the one with the garden first."""
-    houses: dict[str, dict[int, list[str]]] = {}
-    for scene in sorted(_read_listing(path, size, changed)):  # `garden` stands before `int`
+    document, code = read_json(path), "listing-malformed"
+    scenes = validate(_Listing, document, where=path, expected=expected, code=code).scenes
+    houses: dict[str, _Floors] = {}
+    for scene in sorted(scenes):  # `garden` stands before `int`
         building, floor = (scene, 0) if as_listed else _find_floor(scene)
-        houses.setdefault(building, {}).setdefault(floor, []).append(scene)
+        houses.setdefault(building, {}).setdefault(floor, {})[scene] = scenes[scene]
     return {name: dict(sorted(houses[name].items())) for name in sorted(houses)}
+
+
+def _join(floors: _Floors) -> dict[int, _RoomLists]:
+    """Return the rooms of each floor, each as the first of its scenes has it."""
+    return {
+        number: {name: one for rooms in reversed(scenes.values()) for name, one in rooms.items()}
+        for number, scenes in floors.items()
+    }
+
+
+def _find_doubles(scenes: Mapping[str, _RoomLists]) -> Iterator[SkippedScene]:
+    first, *others = scenes
+    for scene in others:
+        if set(scenes[scene]) <= set(scenes[first]):
+            yield SkippedScene(scene, scene, f"{first} has all its rooms, and the garden")
 
 
 def _list_objects(content: Mapping[str, int], where: str) -> Iterator[str]:

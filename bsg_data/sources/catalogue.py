@@ -54,19 +54,11 @@ def open_source(name: str, path: AnyPath, **options: object) -> Source:
     """
     path = Path(path)
     row = SOURCES[name]
-    try:
-        inspect.signature(row.open).bind(path, **options)
-    except TypeError as error:
-        known = _list_options(row)
-        unknown = next((option for option in options if option not in known), "")
-        said = f" has no option {unknown!r}" if unknown else f": {error}"
-        asked = ask_if_meant(unknown, known)
-        listed = f"its options are {', '.join(known) or 'none'}"
-        raise SourceError(
-            f"source {name!r}{said}; {asked or listed}",
-            code="option-unknown",
-            where=name,
-        ) from error
+    known = _list_options(row)
+    for unknown in (option for option in options if option not in known):
+        hint = ask_if_meant(unknown, known) or f"its options are {', '.join(known) or 'none'}"
+        message = f"source {name!r} has no option {unknown!r}; {hint}"
+        raise SourceError(message, code="option-unknown", where=name)
     source = row.open(path, **options)
     if not isinstance(source, Source) or source.kind not in SOURCES:
         raise SourceError(
@@ -91,17 +83,13 @@ def parse_options(name: str, words: Mapping[str, str]) -> dict[str, object]:
     Returns:
         Option → value.
     """
-    kinds = _list_options(SOURCES[name])
-    options: dict[str, object] = {}
+    kinds, options = _list_options(SOURCES[name]), dict[str, object]()
     for option, word in words.items():
         try:  # `open_source` refuses one that the source does not have
             options[option] = TypeAdapter(kinds.get(option, str)).validate_python(word)
         except ValidationError as error:
-            raise SourceError(
-                f"option {option}: {error.errors()[0]['msg']}; found {word!r}",
-                code="option-malformed",
-                where=option,
-            ) from error
+            message = f"option {option}: {error.errors()[0]['msg']}; found {word!r}"
+            raise SourceError(message, code="option-malformed", where=option) from error
     return options
 
 

@@ -12,7 +12,7 @@ import hashlib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -54,10 +54,8 @@ _FORMULA = re.compile(r"#[A-Z0/]+[!?]")  # the error of a formula: `#REF!`, `#NA
 _CODE = re.compile(r"[\w. -]{1,60}")  # before a colon: `13-41 11 14 21`, `SL_35_80_89`
 # In m², by the words of areas, and of lengths where a facility says those.
 _UNITS = {
-    **dict.fromkeys(
-        ("squarefeet", "squarefoot", "sqft", "sq.ft", "sq.ft.", "ft2", "ft²"), 0.3048**2
-    ),
-    **dict.fromkeys(("feet", "foot", "ft"), 0.3048**2),
+    **dict.fromkeys(("squarefeet", "squarefoot", "sqft", "sq.ft", "sq.ft.", "ft2"), 0.3048**2),
+    **dict.fromkeys(("ft²", "feet", "foot", "ft"), 0.3048**2),
     **dict.fromkeys(("squaremeters", "squaremetres", "squaremeter", "squaremetre", "sqm"), 1.0),
     **dict.fromkeys(("sq.m", "sq.m.", "m2", "m²", "m", "meters", "metres", "meter", "metre"), 1.0),
 }
@@ -95,8 +93,7 @@ class _CobieSheets:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one building; what refers to nothing is counted in the reading's `left_out`."""
-        path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         sheets = _read_sheets(data, path)
         spaces = _list_spaces(sheets["space"])
         if not spaces:
@@ -114,17 +111,13 @@ class _CobieSheets:
             rooms=rooms,
             doors=doors,
             method="door",
-            building_kind=_find_facility_kind(sheets["facility"]),
+            building_kind=_find_kind(sheets),
             sha256=hashlib.sha256(data).hexdigest(),
         )
         graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
-        return Reading(graph, left_out=tuple(_report(notes, ref)))
-
-
-def _report(notes: Mapping[str, int], ref: SceneRef) -> Iterator[SkippedScene]:
-    for what, number in notes.items():
-        if number:
-            yield SkippedScene(ref.scene_id, ref.location, f"{number:,} {what}")
+        said = (f"{number:,} {what}" for what, number in notes.items() if number)
+        left_out = tuple(SkippedScene(ref.scene_id, ref.location, reason) for reason in said)
+        return Reading(graph, left_out=left_out)
 
 
 def _read_sheets(data: bytes, path: Path) -> dict[str, list[_Row]]:
@@ -195,8 +188,8 @@ def _list_rooms(
 ) -> list[AnnotatedRoom]:
     lost = len(sheets["space"]) - len(spaces)
     notes["spaces have no name or that of an earlier one of their floor: they are left out"] += lost
-    levels, unit = _rank_floors(sheets, spaces), _find_unit(sheets["facility"])
-    is_unit_said = "areaunits" in _first(sheets["facility"])
+    said_unit = _get_facility(sheets).get("areaunits")
+    levels, unit = _rank_floors(sheets, spaces), _UNITS.get(_key(said_unit or "m2"))
     rooms = []
     for number, row in enumerate(spaces):
         label, common = _name_room(row)
@@ -210,7 +203,7 @@ def _list_rooms(
             notes["spaces have an area in an unknown unit: it is left out"] += 1
         elif said and area is None:
             notes["spaces have an area that is no possible number: it is left out"] += 1
-        elif area and not is_unit_said:
+        elif area and not said_unit:
             notes["spaces have an area without a unit: it is read as m²"] += 1
         rooms.append(
             AnnotatedRoom(
@@ -261,19 +254,14 @@ def _rank_floors(sheets: _Sheets, spaces: Iterable[_Row]) -> dict[str, int]:
     return {name: ranks[z] for name, z in known.items()}
 
 
-def _find_unit(facilities: list[_Row]) -> float | None:
-    """Return the unit of areas in m²; None if it is neither of feet nor of metres."""
-    return _UNITS.get(_key(_first(facilities).get("areaunits", "m2")))
+def _get_facility(sheets: _Sheets) -> _Row:
+    return next(iter(sheets["facility"]), {})
 
 
-def _find_facility_kind(facilities: list[_Row]) -> str | None:
-    words = re.findall(r"[a-z]+", _first(facilities).get("category", "").casefold())
+def _find_kind(sheets: _Sheets) -> str | None:
+    words = re.findall(r"[a-z]+", _get_facility(sheets).get("category", "").casefold())
     singular = (word.removesuffix("s") for word in words)
     return next((_FACILITIES[word] for word in singular if word in _FACILITIES), None)
-
-
-def _first(rows: list[_Row]) -> _Row:
-    return rows[0] if rows else {}
 
 
 def _number(text: str | None) -> float | None:

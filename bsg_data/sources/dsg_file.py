@@ -33,9 +33,9 @@ _NO_LABEL = 2**32 - 1
 _BOX_TYPES = ("INVALID", "AABB", "OBB", "RAABB")  # older files have their numbers
 _INDEX = 2**56 - 1
 
-Number = Annotated[int, Field(ge=0, lt=2**64, strict=True)]
-Small = Annotated[int, Field(ge=-(2**31), lt=2**32, strict=True)]
-Triple = tuple[Metres | None, Metres | None, Metres | None]  # null stands for what is not finite
+_Number = Annotated[int, Field(ge=0, lt=2**64, strict=True)]
+_Small = Annotated[int, Field(ge=-(2**31), lt=2**32, strict=True)]
+_Triple = tuple[Metres | None, Metres | None, Metres | None]  # null stands for what is not finite
 
 
 class _Quaternion(ForeignRecord):
@@ -47,40 +47,40 @@ class _Quaternion(ForeignRecord):
 
 class _BoundingBox(ForeignRecord):
     type: str | int = "INVALID"
-    min: Triple | None = None
-    max: Triple | None = None
-    dimensions: Triple | None = None
-    centre: Annotated[Triple | None, Field(alias="world_P_center")] = None
+    min: _Triple | None = None
+    max: _Triple | None = None
+    dimensions: _Triple | None = None
+    centre: Annotated[_Triple | None, Field(alias="world_P_center")] = None
     turn: Annotated[_Quaternion, Field(alias="world_R_center")] = _Quaternion()
 
 
 class _Attributes(ForeignRecord):
     type: Annotated[str, Field(max_length=200)] = ""
     name: Annotated[str, Field(max_length=1000)] = ""
-    position: Triple | None = None
-    semantic_label: Small | None = None
+    position: _Triple | None = None
+    semantic_label: _Small | None = None
     bounding_box: _BoundingBox | None = None
     metadata: Any = None
 
 
 class _Node(ForeignRecord):
-    id: Number
-    layer: Small
-    partition: Small = 0
+    id: _Number
+    layer: _Small
+    partition: _Small = 0
     attributes: _Attributes
 
 
 class _Edge(ForeignRecord):
-    source: Number
-    target: Number
+    source: _Number
+    target: _Number
 
 
 class _LayerKey(ForeignRecord):
-    layer: Small
-    partition: Small = 0
+    layer: _Small
+    partition: _Small = 0
 
 
-_Labels = Annotated[Listed[tuple[Small, str]], Field(max_length=MAX_GRAPH_LABELS)]
+_Labels = Annotated[Listed[tuple[_Small, str]], Field(max_length=MAX_GRAPH_LABELS)]
 
 
 class _Metadata(ForeignRecord):
@@ -91,10 +91,10 @@ class _Metadata(ForeignRecord):
 class _Graph(ForeignRecord):
     nodes: Annotated[Listed[_Node], Field(max_length=MAX_GRAPH_NODES)]
     edges: Annotated[Listed[_Edge], Field(max_length=MAX_GRAPH_EDGES)]
-    layer_names: Keyed[str, _LayerKey | Small] = Field(default_factory=dict)
-    layer_ids: Listed[Small] = ()
+    layer_names: Keyed[str, _LayerKey | _Small] = Field(default_factory=dict)
+    layer_ids: Listed[_Small] = ()
     layer_keys: Listed[_LayerKey] = ()
-    mesh_layer_id: Small | None = None
+    mesh_layer_id: _Small | None = None
     metadata: _Metadata | None = None
 
 
@@ -162,8 +162,8 @@ def parse_dsg(document: Any, *, path: Path) -> DSGFile:
     things = {node.id for node in objects}
     joined = {(min(a, b), max(a, b)) for a, b in ends if a is not None and b is not None}
     return DSGFile(
-        rooms=_describe(rooms, graph, {}),
-        objects=_describe(objects, graph, room_of),
+        rooms=tuple(_describe(rooms, graph, {})),
+        objects=tuple(_describe(objects, graph, room_of)),
         adjacency=tuple(sorted((a, b) for a, b in joined if a != b)),
         links=sum(edge.source in things and edge.target in things for edge in edges),
         lost=len(graph.edges) - len(edges),
@@ -222,19 +222,18 @@ def _find_rooms(
     return found
 
 
-def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> tuple[DSGNode, ...]:
+def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> Iterator[DSGNode]:
     indices = [node.id & _INDEX for node in nodes]
     if len(set(indices)) < len(indices) or max(indices, default=0) >= 2**31:
         indices = list(range(len(nodes)))
     spaces = graph.metadata.labelspaces if graph.metadata else {}
     names = {space: dict(labels) for space, labels in spaces.items()}
-    found = []
     for node, index in zip(nodes, indices, strict=True):
         held = node.attributes
         label = None if held.semantic_label == _NO_LABEL else held.semantic_label
         named = names.get(f"_l{node.layer}p{node.partition}", {})
         name = held.name.strip()
-        one = DSGNode(
+        yield DSGNode(
             id=node.id,
             index=index,
             name=None if _SYMBOL.fullmatch(name) or not name else name,
@@ -245,11 +244,9 @@ def _describe(nodes: list[_Node], graph: _Graph, room_of: Mapping[int, int]) -> 
             room=room_of.get(node.id),
             said=_what_is_said(_what_is_said(held.metadata).get("bsg")),
         )
-        found.append(one)
-    return tuple(found)
 
 
-def _point(values: Triple | None) -> Point | None:
+def _point(values: _Triple | None) -> Point | None:
     if values is None:
         return None
     x, y, z = (math.nan if value is None else value for value in values)

@@ -44,15 +44,15 @@ from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import Annotation, FoundScenes, Reading, SceneRef, SourceRow
 from bsg_data.terms import Terms
 
-HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
-CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"
+_HOMEPAGE = "https://aihabitat.org/datasets/hm3d-semantics/"
+_CITATION = "Yadav et al., Habitat-Matterport 3D Semantics Dataset, CVPR 2023, arXiv:2210.05633"
 MATTERPORT = Terms(
     licence="LicenseRef-matterport-academic",
     licence_url=(
         "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
     ),
-    homepage=HOMEPAGE,
-    citation=CITATION,
+    homepage=_HOMEPAGE,
+    citation=_CITATION,
     sentence=(
         "What is derived from Habitat-Matterport 3D stays under Matterport's terms of use for "
         "academic research."
@@ -129,8 +129,7 @@ class HM3DFolder:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its annotation text, and its geometry from the mesh beside that."""
-        path = self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         annotation, faults = parse_annotation(data, path=path)
         left_out = tuple(SkippedScene(ref.scene_id, ref.location, why) for why in faults)
         graph = assemble(annotation, ref=ref, kind=self.kind, class_map=class_map)
@@ -358,7 +357,7 @@ SYNTHETIC_ROW = SourceRow(
     terms=Terms(
         licence="Apache-2.0",
         licence_url="https://www.apache.org/licenses/LICENSE-2.0",
-        homepage=HOMEPAGE,
+        homepage=_HOMEPAGE,
         citation="Saucedo et al., Belief Scene Graphs, ICRA 2024, arXiv:2402.03840",
         sentence="The buildings are synthetic: no building like them exists, and none was scanned.",
     ),

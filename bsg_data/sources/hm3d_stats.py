@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
-from bsg_data.errors import AnnotationError
 from bsg_data.inputs.bounded_file import read_member
 from bsg_data.inputs.text_table import parse_csv
 from bsg_data.scene.class_map import ClassMap
@@ -24,11 +23,12 @@ from bsg_data.sources.annotation_files import (
     fetch_listed,
     keep_one_copy,
     malformed,
-    state_of,
+    once_for_each_state,
 )
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.hm3d import MATTERPORT, split_by_number, split_scene_id, version_of
 from bsg_data.sources.source import Annotation, FoundScenes, Reading, SceneRef, SourceRow
+from bsg_data.words.shown import SHOWN
 
 MEMBER = "Per_Scene_Region_Neighborhoods.csv"
 HEADER = (
@@ -39,11 +39,14 @@ HEADER = (
     "Object Instances in Region",
 )
 _WHOLE = re.compile(r"-?[0-9]{1,9}")
-_TOKEN = re.compile(r"(.*)_([0-9]{1,9})", re.DOTALL)
+_ID = re.compile(r"[0-9]{1,9}")
+
+
+_Lines = list[tuple[int, str]]  # numbers and texts
 
 
 @dataclass(frozen=True)
-class HM3DStatistics:
+class _HM3DStatistics:
     """The public zip of HM3DSem's statistics."""
 
     path: Path
@@ -62,13 +65,15 @@ class HM3DStatistics:
                 source_version=version_of(self.path.name),
                 building=split_scene_id(name)[1],
             )
-            for name, lines in self._lines.items()
+            for name, lines in _read_scene_lines(self.path).items()
         ]
         return keep_one_copy(refs, path=self.path, expected="the table of regions has no row")
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene from its rows."""
-        lines = fetch_listed(ref, self.path, lambda: self._lines[ref.location], _digest)
+        lines = fetch_listed(
+            ref, self.path, lambda: _read_scene_lines(self.path)[ref.location], _digest
+        )
         listed = [*_parse_scene(lines, path=self.path)]
         annotation = Annotation(
             [region for _, region, _ in listed],
@@ -77,20 +82,14 @@ class HM3DStatistics:
         )
         return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
-    @property
-    def _lines(self) -> dict[str, list[tuple[int, str]]]:
-        return _read_scene_lines(self.path, *state_of(self.path))
 
-
-@lru_cache(maxsize=2)
-def _read_scene_lines(
-    path: Path, size: int = 0, changed: int = 0
-) -> dict[str, list[tuple[int, str]]]:
-    """Read the numbered lines of every scene, sorted by id, once for each state of the zip."""
-    scenes: dict[str, list[tuple[int, str]]] = {}
+@once_for_each_state
+def _read_scene_lines(path: Path) -> dict[str, _Lines]:
+    """Read the numbered lines of every scene, sorted by id."""
+    scenes: dict[str, _Lines] = {}
     text = decode(read_member(path, MEMBER), path=path / MEMBER)
     header, *lines = text.replace("\r\n", "\n").split("\n")
-    if tuple(header.split(",")[: len(HEADER)]) != HEADER:
+    if not header.startswith(",".join(HEADER)):
         raise malformed(path / MEMBER, 1, header, expected=",".join(HEADER))
     for number, line in enumerate(lines, start=2):
         if line.strip():
@@ -98,50 +97,47 @@ def _read_scene_lines(
     return dict(sorted(scenes.items()))
 
 
-def _digest(lines: list[tuple[int, str]]) -> str:
+def _digest(lines: _Lines) -> str:
     """Return the sha256 of the lines of one scene, joined by line feeds."""
     return hashlib.sha256("\n".join(line for _, line in lines).encode()).hexdigest()
 
 
-def _parse_scene(lines: list[tuple[int, str]], *, path: Path) -> Iterator[tuple[int, int, str]]:
+def _parse_scene(lines: _Lines, *, path: Path) -> Iterator[tuple[int, int, str]]:
     """Yield id, region and name of the objects of one scene."""
     regions: set[int] = set()
     seen: set[int] = set()
     for number, line in lines:
-
-        def fault(text: str, expected: str, number: int = number) -> AnnotationError:
-            return malformed(path / MEMBER, number, text, expected=expected)
-
-        row = _split_row(line, fault)
-        region, tokens = int(row[1]), row[4].split(":") if row[4] else []
-        if region in regions:
-            raise fault(line, f"region {region} of this scene once")
-        regions.add(region)
-        if len(tokens) != int(row[3]):
-            raise fault(line, f"{row[3]} instances as the row says ({len(tokens)} are listed)")
-        for token in tokens:
-            match = _TOKEN.fullmatch(token)
-            if match is None:
-                raise fault(token, "<name>_<instance id>")
-            if (instance_id := int(match[2])) in seen:
-                raise fault(token, "an instance id that no earlier region of the scene has")
-            seen.add(instance_id)
-            yield instance_id, region, match[1]
+        try:
+            yield from _parse_row(line, regions, seen)
+        except ValueError as error:
+            raise malformed(path / MEMBER, number, line, expected=str(error)) from error
 
 
-def _split_row(line: str, fault: Callable[[str, str], AnnotationError]) -> list[str]:
-    try:
-        _, row = next(parse_csv([line]))
-    except ValueError as error:
-        why = str(error).partition(": ")[2]
-        raise fault(line, f"a row of comma separated values ({why})") from error
-    if len(row) != len(HEADER) or not _WHOLE.fullmatch(row[1]) or not _WHOLE.fullmatch(row[3]):
-        raise fault(line, f"{','.join(HEADER)}, with whole numbers as region and # Objects")
-    return row
+def _parse_row(line: str, regions: set[int], seen: set[int]) -> Iterator[tuple[int, int, str]]:
+    """Yield the objects of a region; a ValueError says what was expected."""
+    row: list[str] = []
+    with suppress(ValueError):  # a quote that is not closed
+        _, row = next(parse_csv(line.encode()))
+    if len(row) != len(HEADER) or not all(map(_WHOLE.fullmatch, (row[1], row[3]))):
+        raise ValueError(f"{','.join(HEADER)}, with whole numbers as region and # Objects")
+    region, count, tokens = int(row[1]), int(row[3]), row[4].split(":") if row[4] else []
+    if region in regions:
+        raise ValueError(f"region {region} of this scene once")
+    regions.add(region)
+    if len(tokens) != count:
+        raise ValueError(f"{count} instances as the row says ({len(tokens)} are listed)")
+    for token in tokens:
+        name, _, instance = token.rpartition("_")
+        if not _ID.fullmatch(instance):
+            raise ValueError(f"<name>_<instance id>, not {token[:SHOWN]!r}")
+        if int(instance) in seen:
+            raise ValueError(f"instance ids of no earlier region of the scene, not {instance}")
+        seen.add(int(instance))
+        yield int(instance), region, name
 
 
 ROW = SourceRow(
     summary="the public zip of HM3DSem's statistics: corrected names, no meshes",
-    open=HM3DStatistics,
+    open=_HM3DStatistics,
     terms=MATTERPORT,
 )

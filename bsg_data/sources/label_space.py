@@ -116,15 +116,9 @@ def load_label_space(name: AnyPath) -> LabelSpace:
 
 
 def _parse_csv(data: bytes) -> list[dict[str, Any]]:
-    header: list[str] = []
-    found = []
-    for _, row in parse_csv(data):
-        if header and row:
-            found.append(
-                {key: cell for key, cell in zip(header, row, strict=False) if key and cell}
-            )
-        header = header or row
-    return found
+    header, *rows = [row for _, row in parse_csv(data) if row] or [[]]
+    pairs = (zip(header, row, strict=False) for row in rows)
+    return [{key: cell for key, cell in one if key and cell} for one in pairs]
 
 
 def name_object(node: DSGNode, space: LabelSpace | None) -> str:

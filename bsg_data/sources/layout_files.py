@@ -13,13 +13,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from bsg_data.errors import SourceError
 from bsg_data.geometry.placement import surround
@@ -28,7 +27,9 @@ from bsg_data.inputs.documents import parse_yaml, read_json
 from bsg_data.records import MAX_METRES, ForeignRecord, Keyed, Listed, Metres, Position, name_fault
 from bsg_data.scene.scene_graph import Box, Point
 from bsg_data.scene.surroundings import measure_area
-from bsg_data.sources.label_table import LabelTable, read_label_table
+from bsg_data.sources.annotation_files import once_for_each_state
+from bsg_data.sources.label_table import read_labels
+from bsg_data.sources.source import AnnotatedRoom
 from bsg_data.words.shown import show_value
 
 CONFIG_SUFFIX = ".semantic_config.json"
@@ -47,20 +48,10 @@ class LayoutError(SourceError):
 
 
 @dataclass(frozen=True, slots=True)
-class LaidRoom:
-    """What a layout says of a room; metres, Z up."""
-
-    label: str | None = None
-    box: Box | None = None
-    footprint: tuple[tuple[float, float], ...] | None = None  # None: that of the box
-    floor_area: float | None = None  # square metres; None: that of the box
-
-
-@dataclass(frozen=True, slots=True)
 class RoomLayout:
     """The layout of one building."""
 
-    rooms: Mapping[int, LaidRoom]  # by region id, or by k
+    rooms: Mapping[int, AnnotatedRoom]  # by region id, or by k
     by_region: bool  # whether the keys are region ids
     # pairs of k, ascending and once each; None if the layout says nothing of connections
     connections: tuple[tuple[int, int], ...] | None = None
@@ -81,11 +72,10 @@ class _Size(ForeignRecord):
 
 def _require_both(one: str, other: str, values: Mapping[str, Any]) -> None:
     """Refuse half a box."""
-    given = [name for name in (one, other) if values[name] is not None]
-    if len(given) == 1:
-        absent = other if given == [one] else one
+    given, absent = (one, other) if values[other] is None else (other, one)
+    if values[given] is not None and values[absent] is None:
         raise ValueError(
-            f"has half a box: {given[0]} without {absent}; give both, or neither for a label alone"
+            f"has half a box: {given} without {absent}; give both, or neither for a label alone"
         )
 
 
@@ -101,14 +91,13 @@ class _LayoutRoom(ForeignRecord):
             raise ValueError("expected a label, or centroid and dims, or all three; found none")
         return self
 
-    @property
-    def laid(self) -> LaidRoom:
-        """The room in our axes."""
-        if self.centroid is None or self.dims is None:
-            return LaidRoom(self.label)
-        x, y, z = _upright((self.centroid.x, self.centroid.y, self.centroid.z))
-        a, b, c = self.dims.x / 2, self.dims.z / 2, self.dims.y / 2
-        return LaidRoom(self.label, Box((x - a, y - b, z - c), (x + a, y + b, z + c)))
+    def describe(self, number: int) -> AnnotatedRoom:
+        box = None
+        if self.centroid and self.dims:
+            x, y, z = _upright((self.centroid.x, self.centroid.y, self.centroid.z))
+            a, b, c = self.dims.x / 2, self.dims.z / 2, self.dims.y / 2
+            box = Box((x - a, y - b, z - c), (x + a, y + b, z + c))
+        return AnnotatedRoom(region=number, source_label=self.label, box=box)
 
 
 class _Layout(ForeignRecord):
@@ -117,21 +106,11 @@ class _Layout(ForeignRecord):
 
 
 class _Region(ForeignRecord):
-    name: str
+    name: Annotated[str, Field(pattern="^region_[0-9]{1,9}$")]  # with its id in the annotation
     label: Annotated[str, Field(max_length=200)] = NO_LABEL
     poly_loop: Annotated[Listed[_Point], Field(min_length=3)] | None = None
     min_bounds: _Point | None = None
     max_bounds: _Point | None = None
-
-    @field_validator("name")
-    @classmethod
-    def _has_a_region_id(cls, name: str) -> str:
-        if not re.fullmatch("region_[0-9]{1,9}", name):
-            raise ValueError(
-                "expected region_N, with the region id N of the annotation; found "
-                f"{show_value(name)}"
-            )
-        return name
 
     @model_validator(mode="after")
     def _has_an_ordered_box(self) -> _Region:
@@ -142,19 +121,20 @@ class _Region(ForeignRecord):
                     raise ValueError(f"max_bounds.{axis}: expected {low} or more, found {high}")
         return self
 
-    @property
-    def laid(self) -> LaidRoom:
-        """The room in our axes; its box is as wide as its footprint."""
+    def describe(self, number: int) -> AnnotatedRoom:
+        """Return the room; its box is as wide as its footprint."""
         label = None if self.label in ("", NO_LABEL) else self.label
+        told = AnnotatedRoom(region=number, source_label=label)
         if self.min_bounds is None or self.max_bounds is None:
-            return LaidRoom(label)
+            return told
         ends = np.array([_upright(self.min_bounds), _upright(self.max_bounds)])
         if self.poly_loop is None:
-            return LaidRoom(label, Box.around(ends))
+            return replace(told, box=Box.around(ends))
         corners = [_upright(corner)[:2] for corner in self.poly_loop]
         footprint = surround(np.array(corners))
         box = Box.around(np.array([(x, y, z) for x, y in footprint for z in ends[:, 2]]))
-        return LaidRoom(label, box, footprint, measure_area(corners))
+        area = measure_area(corners) or measure_area(box.footprint)
+        return replace(told, box=box, footprint=footprint, floor_area=area)
 
 
 class _Regions(ForeignRecord):
@@ -178,7 +158,8 @@ def read_layout(path: Path) -> RoomLayout:
 
 def _read_yaml(path: Path) -> RoomLayout:
     parsed = _Layout.model_validate(parse_yaml(read_bytes(path, error=LayoutError)))
-    rooms = {int(name[len("room_") :]): room.laid for name, room in parsed.rooms.items()}
+    numbered = ((int(name[len("room_") :]), room) for name, room in parsed.rooms.items())
+    rooms = {number: room.describe(number) for number, room in numbered}
     if parsed.connections is None:
         return RoomLayout(rooms, by_region=False)
     for one, other in parsed.connections:
@@ -190,33 +171,25 @@ def _read_yaml(path: Path) -> RoomLayout:
 
 def _read_regions(path: Path) -> RoomLayout:
     parsed = _Regions.model_validate(read_json(path, error=LayoutError))
-    rooms: dict[int, LaidRoom] = {}
+    rooms: dict[int, AnnotatedRoom] = {}
     for region in parsed.region_annotations:
         number = int(region.name[len("region_") :])
         if number in rooms:
             raise ValueError(f"region_annotations: {region.name} is there twice")
-        rooms[number] = region.laid
+        rooms[number] = region.describe(number)
     return RoomLayout(rooms, by_region=True)
 
 
-@dataclass(frozen=True, slots=True)
-class LayoutTable:
-    """The labels of the rooms of many buildings."""
-
-    layouts: Mapping[str, RoomLayout]  # by scene id or key of a building
-    unread: tuple[str, ...]  # columns that are not read
-
-
-@lru_cache(maxsize=1)
-def read_layout_table(path: Path, size: int, changed: int) -> LayoutTable:
-    """Read a table `scene,region,label`, once for each state of the file."""
-    table: LabelTable[tuple[str, int]] = read_label_table(path, _COLUMNS, _read_key)
-    rooms: dict[str, dict[int, LaidRoom]] = {}
-    for (scene, region), (label, _) in table.labels.items():
+@once_for_each_state
+def read_layout_table(path: Path) -> tuple[dict[str, RoomLayout], list[str]]:
+    """Return scene id or key of a building → its layout, and the columns that are not read."""
+    labels, unread = read_labels(path, _COLUMNS, _read_key)
+    rooms: dict[str, dict[int, AnnotatedRoom]] = {}
+    for (scene, region), (label, _) in sorted(labels.items()):
         if label:  # else nothing is known of the room
-            rooms.setdefault(scene, {})[region] = LaidRoom(label)
-    layouts = {scene: RoomLayout(rooms[scene], by_region=True) for scene in sorted(rooms)}
-    return LayoutTable(layouts, table.unread)
+            told = AnnotatedRoom(region=region, source_label=label)
+            rooms.setdefault(scene, {})[region] = told
+    return {scene: RoomLayout(held, by_region=True) for scene, held in rooms.items()}, unread
 
 
 def _read_key(where: str, cells: list[str]) -> tuple[str, int]:

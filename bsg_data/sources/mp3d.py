@@ -11,7 +11,6 @@ earlier lines. Metres; z points up.
 from __future__ import annotations
 
 import hashlib
-import io
 import math
 import re
 from collections import Counter
@@ -31,7 +30,7 @@ from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import label_of
 from bsg_data.scene.scene_graph import Box
 from bsg_data.scene.surroundings import measure_area
-from bsg_data.sources.annotation_files import find_files, malformed, read_listed
+from bsg_data.sources.annotation_files import decode, find_files, malformed, read_listed
 from bsg_data.sources.assembly import assemble, connect
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -45,7 +44,7 @@ from bsg_data.terms import Terms
 from bsg_data.words.shown import SHOWN
 
 # The letters of regions, in the words of the format's description.
-REGION_LABELS = {
+_REGION_LABELS = {
     "a": "bathroom",
     "b": "bedroom",
     "c": "closet",
@@ -115,8 +114,7 @@ class _MatterportHouses:
 
         Regions of junk are no rooms, and their objects belong to the building.
         """
-        path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         house = _parse_house(data, path=path)
         boxes = [box for _, _, box in house.objects]
         annotation = Annotation(
@@ -147,7 +145,7 @@ class _Region:
 
 
 @dataclass(slots=True)
-class House:
+class _House:
     """What the lines of a `.house` file said so far; all in the order of their indices."""
 
     counted: Counter[str] = field(default_factory=Counter)  # lines by their kinds
@@ -208,14 +206,13 @@ class House:
         self.counted[kind] += 1
 
 
-def _parse_house(data: bytes, *, path: Path) -> House:
+def _parse_house(data: bytes, *, path: Path) -> _House:
     """Parse a `.house` file; the error names the first malformed line."""
-    lines = _read_lines(data, path)
-    first = found = next(lines, (1, ""))[1]
+    first, *lines = decode(data, path=path).split("\n")
     if first.strip() != _HEADER:
         raise malformed(path, 1, first, expected=repr(_HEADER))
-    house, header = House(), 1
-    for number, line in lines:
+    house, header, found = _House(), 1, first
+    for number, line in enumerate(lines, start=2):
         if fields := line.split():
             if fields[0] == "H":
                 header, found = number, line
@@ -239,17 +236,6 @@ def _parse_house(data: bytes, *, path: Path) -> House:
                 for region in house.regions:
                     region.polygons.clear()
     return house
-
-
-def _read_lines(data: bytes, path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the lines of a file with their numbers, which begin at 1."""
-    for number, line in enumerate(io.BytesIO(data), start=1):
-        try:
-            text = line.decode("utf-8-sig" if number == 1 else "utf-8")
-        except ValueError as error:
-            shown = line.decode("utf-8", "backslashreplace").rstrip("\n")
-            raise malformed(path, number, shown, expected="UTF-8 text") from error
-        yield number, text.rstrip("\n")
 
 
 def _kind_of(line: Sequence[str]) -> str:
@@ -307,7 +293,7 @@ def _enclose(oriented: Floats) -> Box | None:
     return Box.around(np.array([centre - reach, centre + reach]))
 
 
-def _describe_rooms(house: House) -> Iterator[AnnotatedRoom]:
+def _describe_rooms(house: _House) -> Iterator[AnnotatedRoom]:
     """Yield the rooms, with the box and the footprint of their regions, if these have any.
 
     Levels count from 0 at the bottom. Where the file gives some room none, heights tell them.
@@ -327,7 +313,7 @@ def _describe_rooms(house: House) -> Iterator[AnnotatedRoom]:
             box = Box.around(np.array([(x, y, z) for x, y in footprint for z in heights]))
         yield AnnotatedRoom(
             region=region,
-            source_label=REGION_LABELS.get(held.label),
+            source_label=_REGION_LABELS.get(held.label),
             label=label_of("mp3d", held.label),
             box=box,
             footprint=footprint,

@@ -11,7 +11,6 @@ Doors, windows and walls are no objects there, and so none here.
 
 from __future__ import annotations
 
-import codecs
 import hashlib
 import json
 import os
@@ -54,8 +53,7 @@ _OF_ROOM = re.compile(r"(?:^|\|)([0-9]{1,6})(?:\||$)")  # 4|0|0, small|4|5, Appl
 _BETWEEN = re.compile(r"[\s,]*")  # what stands between two houses of an array
 _DECODER = json.JSONDecoder()
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_BLOCK = 2**20  # characters of an array that are read at once
-_MOST_STREAMS = 100  # files that a thread keeps open; ProcTHOR-10K has three
+_MOST_OPEN = 100  # files that stay open; ProcTHOR-10K has three
 _Houses = Iterator[tuple[int, bytes]]  # number and text
 
 _Name = Annotated[str, Field(min_length=1, max_length=200)]
@@ -110,15 +108,9 @@ class _House(ForeignRecord):
         return rooms
 
 
-class _Streams(threading.local):
-    """The files that a thread is reading, the one last read from at the end."""
-
-    def __init__(self) -> None:
-        # file → its state, the number of the house that was last read, and the houses after it
-        self.open: dict[Path, tuple[tuple[int, ...], int, _Houses]] = {}
-
-
-_streams = _Streams()
+# process, thread, file and its state → the number of the house last read, and the houses after it:
+# after a fork, two would move the place in one file
+_open: dict[tuple[object, ...], tuple[int, _Houses]] = {}
 
 
 @dataclass(frozen=True)
@@ -156,7 +148,7 @@ class _ProcTHORHouses:
         things = [*_unpack(house.objects)]
         annotation = Annotation(
             _find_regions(things, house.rooms),
-            [name_asset(thing.asset) for thing in things],
+            [_name_asset(thing.asset) for thing in things],
             centroids=[_upright(thing.position) for thing in things],
             rooms=_describe_rooms(house, ref.location),
             doors=_list_doors(house),
@@ -183,17 +175,17 @@ def _digest(text: bytes) -> str:
     return hashlib.sha256(text).hexdigest()
 
 
-def name_asset(asset: str) -> str:
+def _name_asset(asset: str) -> str:
     """Return what kind of thing an asset is, by its name.
 
     The words before the first number tell it. `RoboTHOR` says where an asset is from, and a single
     letter which variant it is.
 
-    >>> name_asset("Dining_Table_208_2"), name_asset("RoboTHOR_mug_ai2_1_v"), name_asset("bin_4")
+    >>> _name_asset("Dining_Table_208_2"), _name_asset("RoboTHOR_mug_ai2_1_v"), _name_asset("bin_4")
     ('dining table', 'mug ai', 'bin')
-    >>> name_asset("DecorativeBox2"), name_asset("Countertop_L_10x8")
+    >>> _name_asset("DecorativeBox2"), _name_asset("Countertop_L_10x8")
     ('decorative box', 'countertop')
-    >>> name_asset("CD_1"), name_asset("0a1b2c3d4e5f")
+    >>> _name_asset("CD_1"), _name_asset("0a1b2c3d4e5f")
     ('cd', '')
     """
     words = []
@@ -225,33 +217,19 @@ def _stream(file: Path) -> _Houses:
 
 
 def _split(opened: BinaryIO) -> Iterator[bytes]:
-    """Yield the houses of an array, or one house that has more than a line; hold few at a time."""
-    source = codecs.getreader("utf-8-sig")(opened)
-    text, more = source.read(_BLOCK).lstrip(), True
+    """Yield the houses of an array, or one house that has more than a line."""
+    text = opened.read().decode("utf-8-sig").strip()
     is_array = text.startswith("[")
     at = int(is_array)
-    while (at := _BETWEEN.match(text, at).end()) < len(text) or more:  # type: ignore[union-attr]
+    while (at := _BETWEEN.match(text, at).end()) < len(text):  # type: ignore[union-attr]
         if is_array and text.startswith("]", at):
             break
-        try:
-            _, stop = _DECODER.raw_decode(text, at)
-        except json.JSONDecodeError as fault:
-            if not more:
-                raise ValueError(fault.msg) from fault
-            stop = len(text)
-        if more and stop == len(text):  # what follows may belong to it
-            block = source.read(max(_BLOCK, stop - at))
-            text, at, more = text[at:] + block, 0, bool(block)
-        else:
-            yield text[at:stop].encode()
-            at = stop
-    rest = (text[at:] + source.read(_BLOCK)).strip()
-    if is_array and rest != "]":
-        raise ValueError(
-            "something stands after the array"
-            if rest
-            else "the array has no end; the file was cut off"
-        )
+        _, stop = _DECODER.raw_decode(text, at)
+        yield text[at:stop].encode()
+        at = stop
+    if is_array and text[at:] != "]":
+        after = "something stands after the array"
+        raise ValueError(after if text[at:] else "the array has no end; the file was cut off")
 
 
 def _fetch(file: Path, number: int) -> bytes:
@@ -261,15 +239,14 @@ def _fetch(file: Path, number: int) -> bytes:
     several files in turns, those of a file in their order. So each thread goes on in each file
     where it was, and begins again only for an earlier house.
     """
-    state = (os.getpid(), *state_of(file))  # after a fork, two would move one file's position
-    known, last, houses = _streams.open.pop(file, (None, 0, None))
-    if houses is None or known != state or number <= last:
-        houses = _stream(file)
+    key = (os.getpid(), threading.get_ident(), file, state_of(file))
+    last, houses = _open.pop(key, (number, iter(())))
+    houses = _stream(file) if number <= last else houses
     for found, text in houses:
         if found == number:
-            _streams.open[file] = (state, found, houses)
-            if len(_streams.open) > _MOST_STREAMS:
-                del _streams.open[next(iter(_streams.open))]
+            _open[key] = number, houses
+            for oldest in list(_open)[:-_MOST_OPEN]:
+                _open.pop(oldest, None)
             return text
     raise SourceError(f"{file.name}:{number}: is not there", code="house-missing", where=file)
 
@@ -307,13 +284,12 @@ def _find_rooms(positions: Sequence[Position], rooms: Sequence[_Room]) -> list[i
     return numbers
 
 
-def _describe_rooms(house: _House, where: str) -> Iterator[AnnotatedRoom]:
+def _describe_rooms(house: _House, where: str) -> list[AnnotatedRoom]:
     tops: dict[str | None, float] = {}
     for wall in house.walls:
         highest = max((corner.y for corner in wall.polygon), default=-np.inf)
         tops[wall.room_id] = max(highest, tops.get(wall.room_id, highest))
-    for room in house.rooms:
-        yield _describe(room, tops.get(room.id, -np.inf), where)
+    return [_describe(room, tops.get(room.id, -np.inf), where) for room in house.rooms]
 
 
 def _describe(room: _Room, top: float, where: str) -> AnnotatedRoom:
@@ -337,12 +313,11 @@ def _describe(room: _Room, top: float, where: str) -> AnnotatedRoom:
     )
 
 
-def _list_doors(house: _House) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of rooms that doors join; other doors lead outside."""
+def _list_doors(house: _House) -> list[tuple[int, int]]:
+    """Return the pairs of rooms that doors join; other doors lead outside."""
     rooms = {room.id: room.number for room in house.rooms}
-    for door in house.doors:
-        if door.room0 != door.room1 and door.room0 in rooms and door.room1 in rooms:
-            yield rooms[door.room0], rooms[door.room1]
+    ends = ((rooms.get(door.room0), rooms.get(door.room1)) for door in house.doors)
+    return [(a, b) for a, b in ends if a is not None and b is not None and a != b]
 
 
 def _upright(position: Position) -> tuple[float, float, float]:

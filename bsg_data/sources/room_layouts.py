@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -14,34 +13,30 @@ from bsg_data.geometry.placement import find_storeys
 from bsg_data.inputs import text_table
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.scene.scene_graph import Room, SceneGraph
-from bsg_data.scene.surroundings import measure_area
+from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.annotation_files import (
     fingerprint,
     list_files,
     require_fingerprint,
     require_lasting,
-    state_of,
 )
 from bsg_data.sources.assembly import connect, place_room
 from bsg_data.sources.layout_files import (
     CONFIG_SUFFIX,
     SUFFIXES,
-    LaidRoom,
     LayoutError,
-    LayoutTable,
     RoomLayout,
     read_layout,
     read_layout_table,
 )
 from bsg_data.sources.source import (
-    AnnotatedRoom,
     FoundScenes,
     Reading,
     SceneRef,
     Source,
     Wrapper,
 )
+from bsg_data.words.shown import list_some
 
 _SHOWN = 10  # region ids, or columns, in a message
 _Named = tuple[str, Path]  # how a layout names its scene, and the file where it is
@@ -61,9 +56,10 @@ def _lay_out(graph: SceneGraph, layout: RoomLayout) -> SceneGraph:
     index_of = _find_rooms(graph, layout)
     rooms, is_placed = list(graph.rooms), graph.up_axis is not None
     for number, laid in layout.rooms.items():
-        row = index_of[number] - 1
-        room = _label(rooms[row], laid)
-        rooms[row] = room if is_placed else _place(room, laid)
+        room, word = rooms[index_of[number] - 1], laid.source_label
+        if word is not None:
+            room = replace(room, source_label=word, label=label_of(LAYOUTS, word))
+        rooms[room.room_index - 1] = place_room(room, laid) if laid.box and not is_placed else room
     is_moved = not is_placed and any(laid.box for laid in layout.rooms.values())
     laid_out = replace(graph, rooms=find_storeys(rooms) if is_moved else tuple(rooms))
     if layout.connections is None:
@@ -81,8 +77,9 @@ def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
     beyond = [number for number in layout.rooms if number not in index_of]
     if not beyond:
         return index_of
-    count, room = f"{len(graph.rooms)} rooms of {graph.scene_id}", min(beyond)
-    said = f"region {room} is no region id of the {count} ({_join(sorted(index_of))})"
+    there, room = list_some([*map(str, sorted(index_of))], _SHOWN), min(beyond)
+    count = f"{len(graph.rooms)} rooms of {graph.scene_id}"
+    said = f"region {room} is no region id of the {count} ({there})"
     raise LayoutError(
         f"{said if by_region else f'room_{room} is not among the {count}'}; the layout "
         f"({len(layout.rooms)} rooms) is of another scene or another version",
@@ -91,53 +88,18 @@ def _find_rooms(graph: SceneGraph, layout: RoomLayout) -> dict[int, int]:
     )
 
 
-def _without_null_region(layout: RoomLayout) -> tuple[RoomLayout, str]:
-    """Return a layout of rooms alone, and what was left out of it."""
-    rooms = {region: laid for region, laid in layout.rooms.items() if region >= 0}
-    lost = len(layout.rooms) - len(rooms)
-    said = "a label of the null region, which is no room" if lost else ""
-    return replace(layout, rooms=rooms), said
-
-
-def _label(room: Room, laid: LaidRoom) -> Room:
-    if laid.label is None:
-        return room
-    return replace(room, source_label=laid.label, label=label_of(LAYOUTS, laid.label))
-
-
-def _place(room: Room, laid: LaidRoom) -> Room:
-    if laid.box is None:
-        return room
-    told = AnnotatedRoom(
-        region=room.region_id,
-        box=laid.box,
-        footprint=laid.footprint,
-        floor_area=laid.floor_area or measure_area(laid.box.footprint),
-    )
-    return place_room(room, told)
-
-
-@dataclass(frozen=True, slots=True)
-class _Listing:
-    """The layouts of a folder, a file or a table."""
-
-    named: tuple[_Named, ...]
-    unread: tuple[SkippedScene, ...]  # folders and columns
-    files: Mapping[str, Path]  # by name; the first where several have one name
-
-
-@dataclass(frozen=True)
 class WithLayouts(Wrapper):
     """A source combined with room layouts, for some of its scenes.
 
     A layout names its scene by the scene id or the key of the building.
+
+    Attributes:
+        layouts: a folder of files, at any depth below it; one file; or a table of labels.
     """
 
-    layouts: Path  # a folder of files, at any depth below it; one file; or a table of labels
-
     def __init__(self, source: Source, layouts: AnyPath) -> None:
-        object.__setattr__(self, "source", source)
-        object.__setattr__(self, "layouts", Path(layouts))
+        super().__init__(source)
+        self.layouts = Path(layouts)
 
     @property
     def options(self) -> dict[str, int | str]:
@@ -152,20 +114,21 @@ class WithLayouts(Wrapper):
         """
         own = self.source.find()
         vars(self).pop("_listed", None)  # once for each build
+        vars(self).pop("_files", None)
+        named, unread = self._listed
         scenes = tuple(replace(ref, layout=self._state_of(ref)) for ref in own.scenes)
-        used = {named for ref in own.scenes if (named := self._layout_of(ref)) is not None}
+        used = {self._layout_of(ref) for ref in own.scenes} - {None}
         if not used:
             like = own.scenes[0].scene_id + ("" if _is_table(self.layouts) else ".yaml")
             raise SourceError(
-                f"{self.layouts}: none of its {len(self._listed.named)} layouts belongs to a scene "
+                f"{self.layouts}: none of its {len(named)} layouts belongs to a scene "
                 f"of {self.source.path}; expected names like {like}",
                 code="layouts-foreign",
                 where=self.layouts,
             )
         known = {name for ref in own.scenes for name in (ref.scene_id, ref.key)}
-        left = (named for named in self._listed.named if named not in used)
-        unused = tuple(self._skip(named, is_known=named[0] in known) for named in left)
-        return replace(own, scenes=scenes, unused=(*own.unused, *self._listed.unread, *unused))
+        unused = (self._skip(*one, is_known=one[0] in known) for one in named if one not in used)
+        return replace(own, scenes=scenes, unused=(*own.unused, *unread, *unused))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read a scene and its layout; an unusable layout is left out, with the reason."""
@@ -176,57 +139,60 @@ class WithLayouts(Wrapper):
         if named is None:
             return reading
         name, path = named
-        graph = reading.graph
+        graph, reason = reading.graph, ""
         try:
-            layout, reason = _without_null_region(_read(name, path))
-            graph = _lay_out(graph, layout)
+            layout = _read(name, path)
+            rooms = {region: laid for region, laid in layout.rooms.items() if region >= 0}
+            graph = _lay_out(graph, replace(layout, rooms=rooms))
+            if len(rooms) < len(layout.rooms):
+                reason = "a label of the null region, which is no room"
         except LayoutError as error:
             require_lasting(error, path)
             reason = str(error).replace(f"{self._root}/", "")
-        skip = SkippedScene(ref.scene_id, _locate(path, self._root), reason)
-        left_out = (*reading.left_out, *([skip] if reason else []))
-        return replace(reading, graph=graph, left_out=left_out)
+        left = [SkippedScene(ref.scene_id, self._locate(path), reason)] if reason else []
+        return replace(reading, graph=graph, left_out=(*reading.left_out, *left))
 
     @cached_property
-    def _listed(self) -> _Listing:
-        return _list_layouts(self.layouts)
+    def _listed(self) -> tuple[list[_Named], list[SkippedScene]]:
+        """The layouts, and the folders or columns that are not read."""
+        path = self.layouts
+        if _is_table(path):
+            layouts, unread = read_layout_table(path)
+            reason = f"columns that are not read: {list_some(unread, _SHOWN)}"
+            skips = [SkippedScene("all", path.name, reason)] if unread else []
+            return [(scene, path) for scene in layouts], skips
+        files, left = list_files(path, SUFFIXES, expected=_EXPECTED)
+        return [(_name_scene(file), file) for file in files], [*left]
+
+    @cached_property
+    def _files(self) -> dict[str, Path]:
+        return dict(reversed(self._listed[0]))  # the first where several have one name
 
     @property
     def _root(self) -> Path:
         return self.layouts if self.layouts.is_dir() else self.layouts.parent
 
+    def _locate(self, path: Path) -> str:
+        return path.relative_to(self._root).as_posix()
+
     def _layout_of(self, ref: SceneRef) -> _Named | None:
-        files = self._listed.files
+        files = self._files
         return next(((one, files[one]) for one in (ref.scene_id, ref.key) if one in files), None)
 
     def _state_of(self, ref: SceneRef) -> str | None:
         named = self._layout_of(ref)
         return None if named is None else fingerprint(named[1])
 
-    def _skip(self, named: _Named, *, is_known: bool) -> SkippedScene:
+    def _skip(self, name: str, path: Path, *, is_known: bool) -> SkippedScene:
         """Say why a layout is not used."""
-        name, path = named
-        what = f"{len(_read(*named).rooms)} room labels" if _is_table(path) else "a room layout"
+        is_one = not _is_table(path)
+        what = "a room layout" if is_one else f"{len(_read(name, path).rooms)} room labels"
         why = "of a scene that has another layout" if is_known else "of no scene of the source"
-        return SkippedScene(name, _locate(path, self._root), f"{what} {why}")
+        return SkippedScene(name, self._locate(path), f"{what} {why}")
 
 
 def _is_table(path: Path) -> bool:
     return path.name.casefold().endswith(text_table.SUFFIXES) and not path.is_dir()
-
-
-def _list_layouts(path: Path) -> _Listing:
-    unread: tuple[SkippedScene, ...] = ()
-    if _is_table(path):
-        table = _read_table(path)
-        named = [(scene, path) for scene in table.layouts]
-        if table.unread:
-            reason = f"columns that are not read: {_join(table.unread)}"
-            unread = (SkippedScene("all", path.name, reason),)
-    else:
-        files, unread = list_files(path, SUFFIXES, expected=_EXPECTED)
-        named = [(_name_scene(file), file) for file in files]
-    return _Listing(tuple(named), unread, dict(reversed(named)))
 
 
 def _name_scene(path: Path) -> str:
@@ -235,17 +201,4 @@ def _name_scene(path: Path) -> str:
 
 
 def _read(name: str, path: Path) -> RoomLayout:
-    return _read_table(path).layouts[name] if _is_table(path) else read_layout(path)
-
-
-def _read_table(path: Path) -> LayoutTable:
-    return read_layout_table(path, *state_of(path))
-
-
-def _locate(path: Path, root: Path) -> str:
-    return path.relative_to(root).as_posix()
-
-
-def _join(values: Sequence[object]) -> str:
-    more = f" and {len(values) - _SHOWN:,} more" if len(values) > _SHOWN else ""
-    return ", ".join(map(str, values[:_SHOWN])) + more
+    return read_layout_table(path)[0][name] if _is_table(path) else read_layout(path)

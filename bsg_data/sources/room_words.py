@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -14,14 +13,13 @@ from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import RoomReader, check_own_label
 from bsg_data.scene.scene_graph import Room
-from bsg_data.sources.label_table import read_label_table
+from bsg_data.sources.label_table import read_labels
 from bsg_data.sources.source import Reading, SceneRef, Source, Wrapper
 from bsg_data.words.shown import show_value
 
 RoomWords: TypeAlias = "AnyPath | Mapping[str, str | None]"  # a path, or what the table holds
 
 
-@dataclass(frozen=True)
 class WithRoomLabels(Wrapper):
     """A source combined with a file `source_label,label`.
 
@@ -33,21 +31,15 @@ class WithRoomLabels(Wrapper):
         SourceError: if the file is no such table, or a label is none of ours.
     """
 
-    file: str  # its name
-    sha256: str  # of its bytes
-    words: tuple[tuple[str, str | None], ...]  # each with its label
-
     def __init__(self, source: Source, file: AnyPath) -> None:
-        path = Path(file)
-        object.__setattr__(self, "source", source)
-        object.__setattr__(self, "words", read_room_words(path))
-        object.__setattr__(self, "file", path.name)
-        object.__setattr__(self, "sha256", hash_file(path))
+        super().__init__(source)
+        self._reader = RoomReader(read_room_words(file))
+        self._name = f"{Path(file).name} (sha256 {hash_file(Path(file))})"
 
     @property
     def options(self) -> dict[str, int | str]:
         """The source's options, and which file it is."""
-        return {**self.source.options, "room_labels": f"{self.file} (sha256 {self.sha256})"}
+        return {**self.source.options, "room_labels": self._name}
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read a scene, with the labels that the file gives its rooms."""
@@ -57,18 +49,12 @@ class WithRoomLabels(Wrapper):
 
     def lists(self, word: str) -> bool:
         """Say whether the file lists a word, with a label or without, or the source does."""
-        return self._find(word) is not None or super().lists(word)
+        return self._reader.find_own(word) is not None or super().lists(word)
 
     def _label(self, room: Room) -> Room:
         said = room.source_label or ""
-        return replace(room, label=self._reader(said).label) if self._find(said) else room
-
-    def _find(self, word: str) -> str | None:
-        return self._reader.find_own(word)
-
-    @cached_property
-    def _reader(self) -> RoomReader:
-        return RoomReader(self.words)
+        is_listed = self._reader.find_own(said)
+        return replace(room, label=self._reader(said).label) if is_listed else room
 
 
 def read_room_words(said: RoomWords) -> tuple[tuple[str, str | None], ...]:
@@ -88,9 +74,9 @@ def read_room_words(said: RoomWords) -> tuple[tuple[str, str | None], ...]:
                     code="room-label-unknown",
                 )
         return tuple((word, check_own_label(word, label)) for word, label in said.items())
-    table = read_label_table(Path(said), {"source_label": (), "label": ()}, _read_key)
+    labels, _ = read_labels(Path(said), {"source_label": (), "label": ()}, _read_key)
     words = []
-    for word, (label, where) in table.labels.items():
+    for word, (label, where) in labels.items():
         try:
             words.append((word, check_own_label(word, label)))
         except RecipeError as error:

@@ -10,16 +10,15 @@ import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, RootModel
+from pydantic import Field, RootModel
 
 from bsg_data.inputs.documents import read_json
 from bsg_data.records import Listed
 from bsg_data.scene.class_map import ClassMap
-from bsg_data.sources.annotation_files import fetch_listed, state_of, validate
+from bsg_data.sources.annotation_files import fetch_listed, once_for_each_state, validate
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -31,18 +30,11 @@ from bsg_data.sources.source import (
 )
 from bsg_data.terms import Terms
 
-_INSTANCE = re.compile(r"([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)")
+_INSTANCE = re.compile(r"^([^_]{1,50})_([0-9]+)_([^_]{1,50})_([0-9]+)_([0-9]+[ab]?)$")
 _UNLABELLED = "<UNK>_0_<UNK>_0_0"  # the first of the list, for pixels without a label
 
 
-def _require_instance(name: str) -> str:
-    if not _INSTANCE.fullmatch(name):
-        raise ValueError(f"found {name[:80]!r}")
-    return name
-
-
-_Instance = Annotated[str, AfterValidator(_require_instance)]
-_Listing = RootModel[Listed[_Instance]]
+_Listing = RootModel[Listed[Annotated[str, Field(pattern=_INSTANCE)]]]
 _Area = tuple[tuple[str, str], ...]  # (room, category) of every instance, sorted
 
 
@@ -57,18 +49,13 @@ class _S3DISAreas:
 
     def find(self) -> FoundScenes:
         """List the areas."""
-        areas = _read_areas(self.path, *state_of(self.path))
-        refs = [SceneRef(name, name, _digest(content)) for name, content in sorted(areas.items())]
+        areas = sorted(_read_areas(self.path).items())
+        refs = [SceneRef(name, name, _digest(content)) for name, content in areas]
         return FoundScenes(tuple(refs))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one area."""
-        area = fetch_listed(
-            ref,
-            self.path,
-            lambda: _read_areas(self.path, *state_of(self.path))[ref.scene_id],
-            _digest,
-        )
+        area = fetch_listed(ref, self.path, lambda: _read_areas(self.path)[ref.scene_id], _digest)
         regions = {room: region for region, room in enumerate(sorted({room for room, _ in area}))}
         annotation = Annotation(
             [regions[room] for room, _ in area],
@@ -82,9 +69,8 @@ class _S3DISAreas:
         return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
 
 
-@lru_cache(maxsize=2)
-def _read_areas(path: Path, size: int, changed: int) -> Mapping[str, _Area]:
-    """Read the list, once for each state of the file."""
+@once_for_each_state
+def _read_areas(path: Path) -> Mapping[str, _Area]:
     expected = "a list of category_number_room_number_area, such as chair_1_office_3_1"
     document, code = read_json(path), "listing-malformed"
     areas: dict[str, list[tuple[str, str]]] = {}

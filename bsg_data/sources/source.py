@@ -146,32 +146,24 @@ class SourceRow:
     is_complete: bool = True
 
 
-@dataclass(frozen=True)
 class Wrapper:
-    """Forward everything to a source."""
+    """Forward everything to a source.
 
-    source: Source
+    Attributes:
+        source: the source itself.
+        kind: of the source itself.
+        path: of the source itself.
+        terms: that the source itself states; None if it states none.
+    """
 
-    @property
-    def kind(self) -> str:
-        """The kind of the source itself."""
-        return self.source.kind
-
-    @property
-    def path(self) -> Path:
-        """The path of the source itself."""
-        return self.source.path
+    def __init__(self, source: Source) -> None:
+        self.source, self.kind, self.path = source, source.kind, source.path
+        self.terms: Terms | None = getattr(source, "terms", None)
 
     @property
     def options(self) -> dict[str, int | str]:
         """The options of the source itself."""
         return self.source.options
-
-    @property
-    def terms(self) -> Terms | None:
-        """The terms that the source itself states; None if it states none."""
-        terms: Terms | None = getattr(self.source, "terms", None)
-        return terms
 
     def lists(self, word: str) -> bool:
         """Say whether the source itself has a list of words for rooms, with this one."""

@@ -51,19 +51,19 @@ class _RobotGraphs:
         )
         found = find_files(self.path, ".json", expected=expected, is_path=True)
         names = {ref.scene_id for ref in found.scenes}
-        seconds = [ref for ref in found.scenes if _is_second(ref.scene_id, names)]
+        seconds = {f"{name}{_WITH_MESH}" for name in names} & names
         reason = "the graph beside it, with its mesh"
-        skips = [SkippedScene(ref.scene_id, ref.location, reason) for ref in seconds]
-        return replace(
-            found,
-            scenes=tuple(ref for ref in found.scenes if ref not in seconds),
-            duplicates=(*found.duplicates, *skips),
+        skips = (
+            SkippedScene(ref.scene_id, ref.location, reason)
+            for ref in found.scenes
+            if ref.scene_id in seconds
         )
+        scenes = tuple(ref for ref in found.scenes if ref.scene_id not in seconds)
+        return replace(found, scenes=scenes, duplicates=(*found.duplicates, *skips))
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one graph; its mesh stays where it is. Objects under no room are the building's."""
-        path = self.path if self.path.is_file() else self.path / ref.location
-        data = read_listed(path, expected=ref.fingerprint)
+        path, data = read_listed(self.path, ref)
         document = require_json(data, path, once=False)  # Hydra's own parser takes the last value
         file = parse_dsg(document, path=path)
         space = self._space()
@@ -85,11 +85,6 @@ class _RobotGraphs:
 
     def _space(self) -> LabelSpace | None:
         return None if self.labels is None else load_label_space(self.labels)
-
-
-def _is_second(name: str, names: set[str]) -> bool:
-    """Say whether a file is a graph with its mesh, and the same graph without is there, too."""
-    return name.endswith(_WITH_MESH) and name.removesuffix(_WITH_MESH) in names
 
 
 def _describe_room(node: DSGNode) -> AnnotatedRoom:

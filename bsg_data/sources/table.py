@@ -10,6 +10,7 @@ import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from bsg_data.dataset.manifest import SkippedScene
 from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.scene_graph import Box, Point
-from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy, state_of
+from bsg_data.sources.annotation_files import fetch_listed, keep_one_copy
 from bsg_data.sources.assembly import assemble
 from bsg_data.sources.source import (
     AnnotatedRoom,
@@ -98,7 +99,7 @@ class _ObjectTable:
 
     def find(self) -> FoundScenes:
         """Find the scenes of the table; what is not read as it stands is listed as left out."""
-        scenes, notes = self._read()
+        scenes, notes = read_scenes(self.path, tuple(self.options.items()))
         refs = [SceneRef(name, name, _digest(one)) for name, one in scenes.items()]
         found = keep_one_copy(refs, path=self.path, expected="no row; expected an object a row")
         return replace(
@@ -107,7 +108,10 @@ class _ObjectTable:
 
     def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
         """Read one scene; the order of its rows does not matter."""
-        rows, facts = fetch_listed(ref, self.path, lambda: self._read()[0][ref.scene_id], _digest)
+        named = tuple(self.options.items())
+        rows, facts = fetch_listed(
+            ref, self.path, lambda: read_scenes(self.path, named)[0][ref.scene_id], _digest
+        )
         regions = _number_rooms(facts)
         listed = [(regions.get(row.room, -1), row) for row in rows if row.category]
         listed.sort(key=lambda pair: (pair[0], pair[1].key))
@@ -121,9 +125,6 @@ class _ObjectTable:
             doors=[(regions[row.room], regions[other]) for row in rows for other in row.connected],
         )
         return Reading(assemble(annotation, ref=ref, kind=self.kind, class_map=class_map))
-
-    def _read(self) -> tuple[Mapping[str, Scene], Sequence[str]]:
-        return read_scenes(self.path, *state_of(self.path), tuple(self.options.items()))
 
 
 def _number_rooms(names: Iterable[str]) -> dict[str, int]:
@@ -173,12 +174,9 @@ def _describe_rooms(
 
 def _digest(scene: Scene) -> str:
     """Hash what the rows of a scene say, in whatever order they stand; n objects are n rows."""
-    digest, line_feed = hashlib.sha256(), ""
-    for said, times in sorted((repr(row.key), row.times) for row in scene[0]):
-        for _ in range(times):
-            digest.update(f"{line_feed}{said}".encode("utf-8", "surrogatepass"))
-            line_feed = "\n"
-    return digest.hexdigest()
+    said = sorted((repr(row.key), row.times) for row in scene[0])
+    lines = "\n".join(chain.from_iterable(repeat(line, times) for line, times in said))
+    return hashlib.sha256(lines.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 ROW = SourceRow(

@@ -10,9 +10,8 @@ import re
 import unicodedata
 from array import array
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar
@@ -33,7 +32,8 @@ from bsg_data.errors import SourceError
 from bsg_data.inputs.parquet import refusing_damage
 from bsg_data.inputs.text_table import SUFFIXES, hint_separator, read_csv
 from bsg_data.records import Metres, name_fault
-from bsg_data.scene.scene_graph import Box, Point, is_scene_id
+from bsg_data.scene.scene_graph import Box, Point
+from bsg_data.sources.annotation_files import SceneName, once_for_each_state
 from bsg_data.words.nearest import ask_if_meant, nearest_names
 from bsg_data.words.shown import list_some
 
@@ -62,12 +62,6 @@ def _on_one_line(name: str) -> str:
     return name
 
 
-def _as_scene(name: str) -> str:
-    if not is_scene_id(name):
-        raise ValueError(f"expected a name that a file can have, found {name!r}")
-    return name
-
-
 def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
@@ -77,7 +71,7 @@ _Listed = Annotated[list[_Kind | None], FailFast()]
 # Other formats than CSV have numbers in columns of names.
 _Name = Annotated[str, Field(max_length=_LONGEST), AfterValidator(_on_one_line)]
 _TYPES: Mapping[str, Any] = {  # of the columns that are read
-    "scene": Annotated[_Name, AfterValidator(_as_scene)],  # the name of a building
+    "scene": Annotated[SceneName, Field(max_length=_LONGEST)],  # the name of a building
     "room": _Name,  # none for an object of the building
     "category": _Name,  # the name of the object; none for a room alone
     "count": Annotated[int, Field(ge=0, le=_MOST)],  # how many such objects there are; none: one
@@ -129,17 +123,22 @@ Facts = dict[str, dict[str, Any]]  # room → what some row says of it, a column
 Scene = tuple[Sequence[Row], Facts]
 
 
-@lru_cache(maxsize=1)
+@once_for_each_state
 def read_scenes(
-    path: Path, size: int, changed: int, named: tuple[tuple[str, str], ...]
+    path: Path, named: tuple[tuple[str, int | str], ...]
 ) -> tuple[Mapping[str, Scene], Sequence[str]]:
-    """Read the scenes, and notes of what differs from the file, once for each state of it."""
+    """Read the scenes, and notes of what differs from the file.
+
+    Args:
+        path: of the table.
+        named: field and column, of those that the user named.
+    """
     name, notes = path.name.casefold(), Counter[str]()
     if not name.endswith(_SUFFIXES):
         expected = f"a file that ends in {', '.join(_SUFFIXES)}"
         raise SourceError(f"{path}: expected {expected}", code="table-suffix", where=path)
     read = _read_parquet if name.endswith(".parquet") else _read_text
-    cells = read(path, dict(named), notes)
+    cells = read(path, {field: str(column) for field, column in named}, notes)
     spelt: dict[str, list[Row]] = {}
     for scene, row in _list_rows(cells, notes):
         spelt.setdefault(scene, []).append(row)
@@ -154,12 +153,15 @@ def read_scenes(
         several += (f"{said} in {scene}" for said in _list_several(rooms))
         found[scene] = settled, _gather_facts(settled, cells, scene)
     said = [
-        _note_unread(_list_unread(cells.header, cells.columns), cells.columns),
-        _note("buildings of several spellings, each read as one", _list_several(names)),
-        _note("rooms of several spellings, each read as one", several),
-        *(f"{what}: {times:,}" for what, times in sorted(notes.items())),
+        ("columns that are not read", _hint_unread(cells), _SHOWN),
+        ("buildings of several spellings, each read as one", _list_several(names), _NAMED),
+        ("rooms of several spellings, each read as one", several, _NAMED),
     ]
-    return found, [note for note in said if note]
+    lists = [f"{what}: {list_some(things, most)}" for what, things, most in said if things]
+    return found, [
+        *lists,
+        *(f"{what}: {times:,}" for what, times in sorted(notes.items()) if times),
+    ]
 
 
 @dataclass(frozen=True)
@@ -205,9 +207,8 @@ def _read_parquet(path: Path, named: Mapping[str, str], _: Counter[str]) -> _Cel
         columns = _find_columns(path, header := [name.strip() for name in names], named)
         for field, at in columns.items():
             if pa.types.is_nested(file.schema_arrow.field(at).type):
-                message = (
-                    f"{path}, column {names[at]}: expected text, found lists; put ; between names"
-                )
+                said = "expected text, found lists; put ; between names"
+                message = f"{path}, column {names[at]}: {said}"
                 raise SourceError(message, code="table-lists", where=path)
             column = file.read([names[at]]).column(0).combine_chunks().dictionary_encode()
             words[field] = [*column.dictionary.to_pylist(), None]
@@ -219,15 +220,15 @@ def _read_parquet(path: Path, named: Mapping[str, str], _: Counter[str]) -> _Cel
 
 def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -> dict[str, int]:
     """Return field → number of its column, spelt as asked, else in other letters or spaces."""
-    exact, alike = _index(header), _index(map(_fold, header))
+    folded = [*map(_fold, header)]
     columns: dict[str, int] = {}
     for field in FIELDS:
         asked = named.get(field, field).strip()
-        found = exact.get(asked) or alike.get(_fold(asked), [])
+        same = [at for at, name in enumerate(header) if name == asked]
+        found = same or [at for at, name in enumerate(folded) if name == _fold(asked)]
         if len(found) > 1:
-            spellings = {header[at] for at in found} - {asked}
-            shown = f", as {list_some(sorted(spellings), _SHOWN)}" if spellings else ""
-            message = f"{path}: the column {asked!r} twice{shown}"
+            shown = list_some([header[at] for at in found], _SHOWN)
+            message = f"{path}: the column {asked!r} twice, as {shown}"
             raise SourceError(message, code="column-twice", where=path)
         if found:
             columns[field] = found[0]
@@ -238,13 +239,6 @@ def _find_columns(path: Path, header: Sequence[str], named: Mapping[str, str]) -
     return columns
 
 
-def _index(names: Iterable[str]) -> dict[str, list[int]]:
-    numbers: dict[str, list[int]] = {}
-    for number, name in enumerate(names):
-        numbers.setdefault(name, []).append(number)
-    return numbers
-
-
 def _lack_column(
     path: Path, field: str, asked: str, header: Sequence[str], columns: Mapping[str, int]
 ) -> SourceError:
@@ -252,9 +246,8 @@ def _lack_column(
     hint = f"name yours by --option {field}=COLUMN"
     if near:
         hint = f"did you mean {near[0]}? Then give --option {field}={near[0]}"
-    hint = hint_separator(header) or hint
     return SourceError(
-        f"{path}: no column {asked!r}{hint and f'; {hint}'}. Expected a header with "
+        f"{path}: no column {asked!r}; {hint_separator(header) or hint}. Expected a header with "
         f"{', '.join(_REQUIRED)}, and any of {', '.join(_OPTIONAL)}; found "
         f"{list_some(header, _SHOWN) or 'none'}",
         code="column-missing",
@@ -274,67 +267,48 @@ def _list_rows(cells: _Cells, notes: Counter[str]) -> Iterator[tuple[str, Row]]:
         _read_column(cells, field, notes) if field in cells.columns else absent for field in FIELDS
     ]
     for number, (scene, *said) in enumerate(zip(*columns, strict=True)):
+        room, category, count, label, floor, area, connected, *places = said
         if said.count(None) == len(said):
-            if scene is not None:  # else the row is empty, as at the ends of spreadsheets
-                notes["rows of a building alone, left out"] += 1
+            # else the row is empty, as at the ends of spreadsheets
+            notes["rows of a building alone, left out"] += scene is not None
             continue
-        room, category, count, *facts = said[:7]
-        point, box = tuple(said[7:10]), tuple(said[10:])
-        for fault in _find_faults(scene, room, category, count, facts, point, box):
+        for fault in _find_faults(scene, dict(zip(FIELDS[1:], said, strict=True))):
             where = cells.where(number)
             raise SourceError(f"{where}: {fault}", code="row-malformed", where=where)
         if count == 0 and room is None:
             notes["rows of no object and no room (count is 0), left out"] += 1
             continue
-        label, floor, area, connected = facts
-        yield (
-            scene,
-            Row(
-                number,
-                room or "",
-                "" if count == 0 else category or "",
-                count or 1,
-                label,
-                floor,
-                area,
-                connected or (),
-                None if point[0] is None else point,
-                None if box[0] is None else Box(box[:3], box[3:]),
-            ),
-        )
+        point, low, high = (tuple(places[at : at + 3]) for at in (0, 3, 6))
+        centroid = None if None in point else point
+        box = None if None in low else Box(low, high)
+        name = "" if count == 0 else category or ""
+        facts = (label, floor, area, connected or ())
+        yield scene, Row(number, room or "", name, count or 1, *facts, centroid, box)
 
 
-def _find_faults(
-    scene: str | None,
-    room: str | None,
-    category: str | None,
-    count: int | None,
-    facts: Sequence[Any],
-    point: Sequence[Any],
-    box: Sequence[Any],
-) -> Iterator[str]:
+def _find_faults(scene: str | None, said: Mapping[str, Any]) -> Iterator[str]:
     """Yield how the cells of a row do not fit together."""
+    room, category, count = said["room"], said["category"], said["count"]
     if scene is None:
         yield "scene: expected the name of a building, found none"
     if room is None and category is None:
         yield "category: expected an object, or a room in the column room"
-    if room is None and facts.count(None) < len(facts):
+    if room is None and any(said[name] is not None for name in (*_FACTS, "connected")):
         yield "room: expected the room that the row describes, found none"
     if count and category is None:
         yield f"count: expected none without a category, found {count}"
-    for group, values in ((_CENTROID, point), (_BOX, box)):
-        if (absent := values.count(None)) == len(values):
+    for group in (_CENTROID, _BOX):
+        absent = [name for name in group if said[name] is None]
+        if len(absent) == len(group):
             continue
         if absent:
-            lacking = group[values.index(None)]
-            yield f"{lacking}: expected a number, as in the rest of {group}"
+            yield f"{absent[0]}: expected a number, as in the rest of {group}"
         if category is None:
             yield f"category: expected the object that is at {group[0]}"
         if count not in (None, 1):
             yield f"count: expected 1, as the object has a place; found {count}"
-    if None in box:
-        return
-    for axis, value, low, high in zip(_CENTROID, point, box[:3], box[3:], strict=True):
+    for axis in _CENTROID if said["box_min_x"] is not None else ():
+        value, low, high = (said[name] for name in (axis, f"box_min_{axis}", f"box_max_{axis}"))
         if low > high:
             yield f"box_max_{axis}: expected {low} or more, found {high}"
         if value is not None and not low - _SLACK <= value <= high + _SLACK:
@@ -427,43 +401,38 @@ def _list_several(names: Mapping[str, str]) -> list[str]:
     return [f"{name} ({list_some(spelt, _NAMED)})" for name, spelt in sorted(several.items())]
 
 
-def _note_unread(unread: Sequence[str], columns: Container[str]) -> str:
-    free = [field for field in _OPTIONAL if field not in columns]
+def _hint_unread(cells: _Cells) -> list[str]:
+    """Return the columns that are not read, the first ones each with the field it may be."""
+    unread = _list_unread(cells.header, cells.columns)
+    free = [field for field in _OPTIONAL if field not in cells.columns]
     hints = [ask_if_meant(column, free) for column in unread[:_SHOWN]]
-    shown = [
-        f"{column} ({hint})" if hint else column
-        for column, hint in zip(unread, hints, strict=False)
-    ]
-    return _note("columns that are not read", [*shown, *unread[_SHOWN:]], most=_SHOWN)
-
-
-def _note(what: str, things: Sequence[str], *, most: int = _NAMED) -> str:
-    return f"{what}: {list_some(things, most)}" if things else ""
+    asked = [f"{one} ({hint})" if hint else one for one, hint in zip(unread, hints, strict=False)]
+    return asked + unread[_SHOWN:]
 
 
 def _gather_facts(rows: Sequence[Row], cells: _Cells, scene: str) -> Facts:
     """Return what the rows of a scene say of its rooms; refuse rows that disagree."""
     facts: Facts = {row.room: {} for row in rows if row.room}
     for row in rows:
-        said = {name: value for name in _FACTS if (value := getattr(row, name)) is not None}
-        for name, value in said.items():
-            known = facts[row.room].setdefault(name, value)
-            if value != known and _fold(str(value)) != _fold(str(known)):
-                at_line = cells.where(row.number, within=f": scene {scene}")
-                raise SourceError(
-                    f"{at_line}, column {name}: expected {known!r} for room {row.room!r}, as an "
-                    f"earlier one says; found {value!r}",
-                    code="rows-disagree",
-                    where=at_line,
-                )
-            facts[row.room][name] = min(value, known)  # in whatever order the rows stand
-        for other in row.connected:
-            if other not in facts or other == row.room:
-                at_line = cells.where(row.number, within=f": scene {scene}")
-                raise SourceError(
-                    f"{at_line}, column connected: expected names of other rooms with ; between "
-                    f"them; found {other!r}. A room without objects is a row without a category",
-                    code="room-unknown",
-                    where=at_line,
-                )
+        for code, fault in _take_facts(row, facts):
+            where = cells.where(row.number, within=f": scene {scene}")
+            raise SourceError(f"{where}, column {fault}", code=code, where=where)
     return facts
+
+
+def _take_facts(row: Row, facts: Facts) -> Iterator[tuple[str, str]]:
+    """Take up what a row says of its room; yield how it cannot be."""
+    for name in _FACTS:
+        value = getattr(row, name)
+        if value is None:
+            continue
+        known = facts[row.room].setdefault(name, value)
+        if value != known and _fold(str(value)) != _fold(str(known)):
+            said = f"expected {known!r} for room {row.room!r}, as an earlier one says"
+            yield "rows-disagree", f"{name}: {said}; found {value!r}"
+        facts[row.room][name] = min(value, known)  # in whatever order the rows stand
+    for other in row.connected:
+        if other not in facts or other == row.room:
+            said = f"expected names of other rooms with ; between them; found {other!r}"
+            hint = "A room without objects is a row without a category"
+            yield "room-unknown", f"connected: {said}. {hint}"

@@ -37,7 +37,6 @@ from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef
 
 
@@ -316,7 +315,7 @@ def test_a_disk_that_fills_up_is_reported_and_the_build_goes_on_later(
 @pytest.mark.heavy
 def test_the_real_scenes(shared: Path, tmp_path: Path) -> None:
     text = build_dataset(HM3DFolder(shared / "annotations"), tmp_path / "text")
-    source = HM3DStatistics(shared / "HM3DSem-v0.2-train.zip")
+    source = open_source("hm3d-stats", shared / "HM3DSem-v0.2-train.zip")
     statistics = build_dataset(source, tmp_path / "statistics")
     for manifest in (text, statistics):
         totals = manifest.totals

@@ -19,7 +19,7 @@ from refusals import refuses
 from bsg_data.errors import DatasetError, SourceError
 from bsg_data.inputs.bounded_file import read_bytes, read_member
 from bsg_data.inputs.parquet import refusing_damage
-from bsg_data.inputs.spreadsheet import SheetRow, read_sheets
+from bsg_data.inputs.spreadsheet import _SheetRow, read_sheets
 from bsg_data.inputs.text_table import parse_csv, read_csv
 
 
@@ -83,7 +83,7 @@ def test_damage_of_parquet_is_one_error(
     ("data", "said"),
     [
         (b'a\n"b', "line 2: a quote is not closed"),
-        (b"a\n\xff", "line 2: not UTF-8"),
+        (b"a\n\xff", "line 2: byte 0xFF is not UTF-8"),
         ("a\n".encode("utf-16") + b"\0", "not UTF-16"),
     ],
 )
@@ -113,7 +113,7 @@ _SHARED = (
 )
 
 
-def read_cells(path: Path, cells: str) -> list[SheetRow]:
+def read_cells(path: Path, cells: str) -> list[_SheetRow]:
     """Return the rows of a workbook with these cells, and with one text that cells share."""
     book = openpyxl.Workbook()
     book.active.title = "Space"
@@ -128,21 +128,20 @@ def read_cells(path: Path, cells: str) -> list[SheetRow]:
     return [row for _, row in read_sheets(data, lambda title: title == "Space")]
 
 
-@pytest.mark.parametrize(
-    ("cell", "text"),
-    [
-        ('<c t="s"><v>0</v></c>', "Name"),  # of runs, without how it is pronounced
-        ('<c t="inlineStr"><is><t>a\n b</t></is></c>', "a b"),
-        ('<c t="str"><f>A1&amp;"x"</f><v>007</v></c>', "007"),
-        ("<c><v>1E2</v></c>", "100"),
-        ("<c><v>0.5</v></c>", "0.5"),
-        ('<c t="b"><v>1</v></c>', "True"),
-        ('<c t="d"><v>2026-01-02</v></c>', "2026-01-02"),
-    ],
-)
-def test_a_cell_is_the_text_that_programs_show(tmp_path: Path, cell: str, text: str) -> None:
-    cells = f'<c r="B1"/>{cell}<c t="e"><v>#REF!</v></c>'
-    assert read_cells(tmp_path / "a.xlsx", cells) == [{0: text}]
+CELLS = {
+    '<c t="s"><v>0</v></c>': "Name",  # of runs, without how it is pronounced
+    '<c t="inlineStr"><is><t>a\n b</t></is></c>': "a b",
+    '<c t="str"><f>A1&amp;"x"</f><v>007</v></c>': "007",
+    "<c><v>1E2</v></c>": "100",
+    "<c><v>0.5</v></c>": "0.5",
+    '<c t="b"><v>1</v></c>': "True",
+    '<c t="d"><v>2026-01-02</v></c>': "2026-01-02",
+}
+
+
+def test_a_cell_is_the_text_that_programs_show(tmp_path: Path) -> None:
+    cells = "".join([*CELLS, '<c t="e"><v>#REF!</v></c>'])
+    assert read_cells(tmp_path / "a.xlsx", cells) == [dict(enumerate(CELLS.values()))]
 
 
 @pytest.mark.parametrize(

@@ -34,16 +34,16 @@ def test_a_walk_follows_links_and_ends(tmp_path: Path) -> None:
 def test_a_file_is_what_it_was_when_it_was_listed(tmp_path: Path) -> None:
     path = tmp_path / "a"
     path.write_text("1")
-    known = fingerprint(path)
-    assert read_listed(path, expected=known) == b"1"
+    ref = SceneRef("a", "a", fingerprint(path))
+    assert read_listed(tmp_path, ref) == (path, b"1")
     for content in ("2", "other"):
         path.write_text(content)
         os.utime(path, ns=(0, len(content)))
         with refuses(SourceChangedError, "source-changed", path):
-            read_listed(path, expected=known)
+            read_listed(tmp_path, ref)
     path.unlink()
     with refuses(SourceChangedError, "source-changed", path):
-        read_listed(path, expected=known)
+        read_listed(tmp_path, ref)
 
 
 def test_the_line_that_is_no_text_is_named() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from house_files import change
+from house_files import HOUSE, change
 from refusals import refuses
 
 from bsg_data.errors import SourceError
@@ -52,7 +52,14 @@ def _table(row: str) -> bytes:
     return f"{_COLUMNS}\n{_FIRST}\n{row}\n".encode()
 
 
+def _count(place: int) -> str:
+    """Return the header of the house with another number at a place."""
+    header = HOUSE.split("\n")[1].split()
+    return " ".join([*header[:place], "7", *header[place + 1 :]])
+
+
 LISTS: list[Row] = [
+    ("behavior", "list.json", b'{"scenes": {"gym": {"gym_0": {"bed": 1}}}}', "model-malformed"),
     ("behavior", "list.json", b"", "json-malformed"),
     ("behavior", "list.json", b'{"scenes": {}}', "listing-malformed"),
     ("behavior", "list.json", b'{"scenes": {"a": {"k_0": {"b-x": 1.5}}}}', "listing-malformed"),
@@ -93,6 +100,7 @@ HOUSES: list[Row] = [
         for line, other in (
             ("ASCII", "ASCII 1.0"),
             ("H  -", "-"),
+            *(("H  -", _count(at)) for at in (8, 9, 10, 12)),  # O, C, R and L
             ("L  0", "H  -  -  1"),
             ("R  1", "R  2 0  0 0  b"),
             ("R  1", "R  1 0  0 0  b  6 2 0  4.1 0 nan  8 4 2.5"),

@@ -7,9 +7,7 @@ from typing import Any
 
 import pytest
 from conftest import SHARED
-from refusals import refuses
 
-from bsg_data.errors import SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import SceneGraph
 from bsg_data.sources.catalogue import open_source
@@ -101,15 +99,6 @@ def test_a_name_says_building_and_kind(tmp_path: Path) -> None:
     graphs = read_all(open_source("behavior", path))
     found = {name: graph.building_kind for name, graph in graphs.items()}
     assert found == {"Beechwood": "home", **kinds}
-
-
-def test_names_without_a_model_leave_their_scene_out(tmp_path: Path) -> None:
-    source = open_source("behavior", write_list(tmp_path, {"school_gym": {"gym_0": {"bed": 1}}}))
-    (school,) = source.find().scenes
-    with refuses(SourceError, "model-malformed"):
-        source.read(school, load_class_map())
-    with refuses(SourceError, "file-unreadable", tmp_path):
-        open_source("behavior", tmp_path).find()
 
 
 @pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")

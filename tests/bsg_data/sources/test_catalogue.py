@@ -29,13 +29,6 @@ def test_every_row_opens_a_source_of_its_kind(tmp_path: Path) -> None:
     assert find_terms("gone") is None
 
 
-def test_options_reach_the_source(tmp_path: Path) -> None:
-    assert open_source("hm3d", tmp_path, meshes=False).options == {"meshes": 0}
-    for name, option in (("hm3d", "mesh"), ("behavior", "aslisted"), ("procthor", "x")):
-        with refuses(SourceError, "option-unknown", name):
-            open_source(name, tmp_path, **parse_options(name, {option: "no"}))
-
-
 def test_real_buildings_are_no_synthetic_ones(tmp_path: Path) -> None:
     with refuses(SourceError, "source-mixed"):
         open_source("synthetic", write_twelve(tmp_path / "real"))
@@ -55,20 +48,24 @@ def test_a_row_that_opens_no_source_is_refused(
     [
         ("behavior", {"as_listed": "Yes"}, {"as_listed": True}),
         ("hm3d", {"meshes": "0", "snap_colours": "8"}, {"meshes": False, "snap_colours": 8}),
-        ("table", {"licence": "1"}, {"licence": "1"}),
+        ("table", {"scene": "1"}, {"scene": "1"}),
         ("procthor", {}, {}),
         ("behavior", {"as_listed": "2"}, "option-malformed"),
         ("hm3d", {"snap_colours": "eight"}, "option-malformed"),
+        ("hm3d", {"mesh": "no"}, "option-unknown"),
+        ("behavior", {"aslisted": "no"}, "option-unknown"),
+        ("procthor", {"x": "no"}, "option-unknown"),
     ],
 )
 def test_words_become_what_a_source_takes(
-    source: str, words: dict[str, str], expected: Any
+    tmp_path: Path, source: str, words: dict[str, str], expected: Any
 ) -> None:
     if isinstance(expected, dict):
         assert parse_options(source, words) == expected
+        open_source(source, tmp_path, **expected)
     else:
         with refuses(SourceError, expected):
-            parse_options(source, words)
+            open_source(source, tmp_path, **parse_options(source, words))
 
 
 @pytest.mark.parametrize(

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from dsg_files import Graph, box, edge, node, robot_graph, symbol
+from dsg_files import Graph, node, robot_graph, symbol
 from refusals import refuses
 
 from bsg_data.errors import SourceError
@@ -27,15 +26,13 @@ def parse(graph: Graph) -> DSGFile:
 
 def test_a_graph_by_hand() -> None:
     graph = parse(robot_graph())
-    kitchen, other = graph.rooms
-    assert (kitchen.index, kitchen.name, kitchen.box) == (0, "kitchen", Box((0, 0, 0), (4, 2, 2)))
-    assert (other.index, other.name, other.box) == (3, None, None)
-    assert other.position == (3, 0, 0.5)
+    assert [(room.name, room.position) for room in graph.rooms] == [
+        ("kitchen", (0, 0, 0.5)),
+        (None, (3, 0, 0.5)),
+    ]
     assert graph.adjacency == ((0, 1),), "once, whichever way it is written and however often"
     sofa, tv, chair, last = graph.objects
-    assert [obj.index for obj in graph.objects] == [2, 5, 6, 9], "an agent is no object"
     assert [obj.room for obj in graph.objects] == [0, 0, None, 1], "over places, or directly"
-    assert (sofa.label, sofa.label_name, sofa.name) == (7, "sofa", None)
     assert sofa.box == Box((0, 0.5, 0.5), (2, 1.5, 1.5))
     assert tv.box is not None
     assert tv.box.minimum == pytest.approx((2.5, 0, 0.5)), "a quarter turn swaps length and width"
@@ -108,27 +105,35 @@ def test_numbers_that_repeat_give_way_to_places() -> None:
     assert [room.index for room in parse(graph).rooms] == [0, 1, 2]
 
 
-def huge(graph: Graph) -> None:
-    graph["nodes"][5]["attributes"]["position"] = [0, 1e30, 0]
-
-
-def text(graph: Graph) -> None:
-    graph["nodes"][5]["attributes"]["bounding_box"] = box("AABB", [0, 0, 0], ["1", "x", "1"])  # type: ignore[list-item]
+def too_large(graph: Graph) -> None:
+    graph["metadata"] = {"labelspaces": {"_l2p0": [[5, "tv"]] * (MAX_GRAPH_LABELS + 1)}}
 
 
 @pytest.mark.parametrize(
-    ("damage", "code"),
+    "damage",
     [
-        (lambda graph: graph.pop("nodes"), "dsg-malformed"),
-        (lambda graph: graph["nodes"].append(graph["nodes"][0]), "dsg-malformed"),
-        (huge, "dsg-malformed"),
-        (text, "dsg-malformed"),
+        lambda graph: graph.pop("nodes"),
+        lambda graph: graph["nodes"].append(graph["nodes"][0]),
+        lambda graph: graph["nodes"][5]["attributes"].update(position=[0, 1e30, 0]),
+        lambda graph: graph["nodes"][5]["attributes"]["bounding_box"].update(
+            dimensions=["1", "x", "1"]
+        ),
+        too_large,
+        *(
+            pytest.param(
+                lambda graph, kind=kind, most=most: graph.update(
+                    {kind: graph[kind][:1] * (most + 1)}
+                ),
+                marks=pytest.mark.heavy,
+            )
+            for kind, most in (("nodes", MAX_GRAPH_NODES), ("edges", MAX_GRAPH_EDGES))
+        ),
     ],
 )
-def test_a_damaged_graph_is_named(damage: Callable[[Graph], object], code: str) -> None:
+def test_a_damaged_or_vast_graph_is_named(damage: Callable[[Graph], object]) -> None:
     graph = robot_graph()
     damage(graph)
-    with refuses(SourceError, code, PATH):
+    with refuses(SourceError, "dsg-malformed", PATH):
         parse(graph)
 
 
@@ -181,39 +186,3 @@ def test_what_spark_dsg_writes_is_read_as_it_reads_it(tmp_path: Path) -> None:
 def _turn(rng: np.random.Generator) -> np.ndarray:
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     return turn * np.sign(np.linalg.det(turn))
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [*(pytest.param(one, marks=pytest.mark.heavy) for one in ("nodes", "edges")), "labels"],
-)
-def test_a_graph_has_a_bound_of(kind: str) -> None:
-    graph = robot_graph()
-    if kind == "nodes":
-        graph["nodes"] = [graph["nodes"][0]] * (MAX_GRAPH_NODES + 1)
-    elif kind == "edges":
-        graph["edges"] = [graph["edges"][0]] * (MAX_GRAPH_EDGES + 1)
-    else:
-        graph["metadata"] = {"labelspaces": {"_l2p0": [[5, "tv"]] * (MAX_GRAPH_LABELS + 1)}}
-    with refuses(SourceError, "dsg-malformed", PATH):
-        parse(graph)
-
-
-def test_a_long_chain_of_places_and_many_labels_are_read_once() -> None:
-    number = 20_000
-    objects = [node("O", n, 2, semantic_label=n) for n in range(number)]
-    places = [node("p", n, 10 + n) for n in range(number)]
-    down = [edge(("O", n), ("p", 0)) for n in range(number)]
-    up = [edge(("p", n), ("p", n + 1)) for n in range(number - 1)]
-    room = node("R", 0, 10 + number)
-    graph = {
-        "nodes": [*objects, *places, room],
-        "edges": [*down, *up, edge(("p", number - 1), ("R", 0))],
-        "layer_names": {"ROOMS": 10 + number},
-        "metadata": {"labelspaces": {"_l2p0": [[n, f"thing {n}"] for n in range(50_000)]}},
-    }
-    began = time.process_time()
-    found = parse(graph).objects
-    assert time.process_time() - began < 5, "one way and one table for all, not for each object"
-    assert {one.room for one in found} == {0}
-    assert found[-1].label_name == f"thing {number - 1}"

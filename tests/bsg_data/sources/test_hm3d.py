@@ -17,9 +17,10 @@ from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.errors import AnnotationError, SourceError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.scene_graph import Room
-from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation, split_scene_id
+from bsg_data.sources.catalogue import open_source
+from bsg_data.sources.hm3d import HEADER, HM3DFolder, parse_annotation
 from bsg_data.sources.hm3d_stats import HEADER as COLUMNS
-from bsg_data.sources.hm3d_stats import MEMBER, HM3DStatistics
+from bsg_data.sources.hm3d_stats import MEMBER
 from bsg_data.synthetic.buildings import write_synthetic
 
 FILE = Path("scene.semantic.txt")
@@ -216,23 +217,6 @@ def test_any_names_come_back_exactly(rows: list[tuple[int, str, int]]) -> None:
     assert list(zip(found.ids or (), found.names, found.regions, strict=True)) == rows
 
 
-@pytest.mark.parametrize(
-    ("scene_id", "number", "building"),
-    [
-        ("00006-HkseAnWCgqk", 6, "HkseAnWCgqk"),
-        ("HkseAnWCgqk", None, "HkseAnWCgqk"),
-        ("6-HkseAnWCgqk", None, "6-HkseAnWCgqk"),
-        ("00006-", None, "00006-"),
-        ("240101-office", None, "240101-office"),
-        ("1234567-HkseAnWCgqk", 1234567, "HkseAnWCgqk"),
-    ],
-)
-def test_a_number_has_five_digits_and_a_hash_behind_it(
-    scene_id: str, number: int | None, building: str
-) -> None:
-    assert split_scene_id(scene_id) == (number, building)
-
-
 def write_zip(path: Path, *rows: str) -> Path:
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr(MEMBER, "\n".join([",".join(COLUMNS), *rows]) + "\n")
@@ -246,7 +230,7 @@ def test_statistics_by_hand(tmp_path: Path) -> None:
         "00006-aaaaaaaaaaa,4,2,3,chair_12:chair_3:some_thing_7",
         "00006-aaaaaaaaaaa,-1,1,1,book_20",
     )
-    source = HM3DStatistics(path)
+    source = open_source("hm3d-stats", path)
     refs = source.find().scenes
     assert [(r.scene_id, r.source_split, r.source_version) for r in refs] == [
         ("00006-aaaaaaaaaaa", "train", "v0.2"),
@@ -261,4 +245,4 @@ def test_statistics_by_hand(tmp_path: Path) -> None:
         (20, 0, "book"),
     ]
     with refuses(SourceError, "source-empty"):
-        HM3DStatistics(write_zip(tmp_path / "empty.zip")).find()
+        open_source("hm3d-stats", write_zip(tmp_path / "empty.zip")).find()

@@ -18,6 +18,7 @@ from conftest import REPOSITORY
 
 from bsg_data import build_dataset, open_source
 from bsg_data.dataset.dataset import Dataset
+from bsg_data.scene.class_map import load_class_map
 
 SHARED = REPOSITORY.parent / "shared"
 Counts = Mapping[str, tuple[int, int]]  # scene → rooms and objects
@@ -87,29 +88,40 @@ def count_listing(path: Path) -> Counts:
     return {area: (len(rooms), objects) for area, (rooms, objects) in found.items()}
 
 
+CLINIC = "sources/clinic_cobie.xlsx"
+
+
 @pytest.mark.parametrize(
-    ("kind", "place", "count", "scenes"),
+    ("kind", "place", "count", "scenes", "known"),
     [
-        ("hm3d", "hm3d/annotations", count_texts, 145),
-        ("hm3d-stats", "hm3d/HM3DSem-v0.2-train.zip", count_statistics, 145),
-        ("procthor", "sources/procthor_150_houses.jsonl.gz", count_houses, 150),
-        ("mp3d", "sources", count_matterport, 2),
-        ("s3dis", "sources/s3dis_semantic_labels.json", count_listing, 5),
-        pytest.param(
-            "cobie", "sources/clinic_cobie.xlsx", count_sheets, 1, marks=pytest.mark.heavy
-        ),
+        ("hm3d", "hm3d/annotations", count_texts, 145, (0, 0)),
+        ("hm3d-stats", "hm3d/HM3DSem-v0.2-train.zip", count_statistics, 145, (0, 0)),
+        ("procthor", "sources/procthor_150_houses.jsonl.gz", count_houses, 150, (937, 731)),
+        ("mp3d", "sources", count_matterport, 2, (24, 28)),
+        ("s3dis", "sources/s3dis_semantic_labels.json", count_listing, 5, (204, 0)),
+        pytest.param("cobie", CLINIC, count_sheets, 1, (226, 223), marks=pytest.mark.heavy),
     ],
 )
 def test_every_building_has_the_rooms_and_objects_of_its_file(
-    kind: str, place: str, count: Callable[[Path], Counts], scenes: int, tmp_path: Path
+    kind: str,
+    place: str,
+    count: Callable[[Path], Counts],
+    scenes: int,
+    known: tuple[int, int],
+    tmp_path: Path,
 ) -> None:
+    """Its map has a row for every name; rooms have labels and connections."""
     path = SHARED / place
     if not path.exists():
         pytest.skip(f"../shared/{place} is not on this machine")
-    build_dataset(open_source(kind, path), tmp_path / "dataset")
+    totals = build_dataset(open_source(kind, path), tmp_path / "dataset").totals
+    dataset = Dataset.open(tmp_path / "dataset")
     columns = ["scene_id", "num_rooms", "num_objects"]
-    rows = Dataset.open(tmp_path / "dataset").read_table("scenes", columns=columns).to_pylist()
+    rows = dataset.read_table("scenes", columns=columns).to_pylist()
     cut = 5 if kind == "procthor" else None  # an id has a hash behind the number of its line
     found = {row["scene_id"][:cut]: (row["num_rooms"], row["num_objects"]) for row in rows}
     assert found == count(path)
-    assert len(found) == scenes
+    assert (len(found), totals.unmapped, (totals.labelled, totals.adjacent)) == (scenes, 0, known)
+    if kind == "s3dis":
+        names = dataset.read_table("objects", columns=["raw_category"])["raw_category"]
+        assert set(names.to_pylist()) == set(load_class_map("s3dis45-v1").entries)

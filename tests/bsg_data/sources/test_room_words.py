@@ -30,19 +30,13 @@ Behandlung,examination room
 """
 
 
-@pytest.fixture
-def words(tmp_path: Path) -> Path:
-    path = tmp_path / "words.csv"
-    path.write_text(WORDS, "utf-8")
-    return path
-
-
-def write_rooms(folder: Path, *words: str) -> Source:
-    """Write a building whose rooms 0, 1, ... have these words."""
-    rows = [f"flat,{number},chair,{word}" for number, word in enumerate(words)]
+def write_rooms(folder: Path, words: str, *rooms: str) -> tuple[Source, Path]:
+    """Write a building whose rooms 0, 1, ... have these names, and a list of words."""
+    rows = [f"flat,{number},chair,{word}" for number, word in enumerate(rooms)]
     text = "\n".join(["scene,room,category,room_label", *rows])
     (folder / "objects.csv").write_text(text, "utf-8")
-    return open_source("table", folder / "objects.csv")
+    (folder / "words.csv").write_text(words, "utf-8")
+    return open_source("table", folder / "objects.csv"), folder / "words.csv"
 
 
 def read_labels(source: Source) -> dict[str | None, str | None]:
@@ -51,49 +45,39 @@ def read_labels(source: Source) -> dict[str | None, str | None]:
     return {room.source_label: room.label for room in rooms}
 
 
-def test_a_listed_word_has_its_label_before_our_reading(tmp_path: Path, words: Path) -> None:
-    said = ["Küche", "KÜCHE_2", "Diele", "Office", "Archiv", "b", "B", "Behandlung", "bathroom"]
-    table = write_rooms(tmp_path, *said, "Kajüte")
-    source = WithRoomLabels(table, words)
-    assert read_labels(source) == {
+def test_a_listed_word_has_its_label_before_our_reading(tmp_path: Path) -> None:
+    labels = {
         "Küche": "kitchen",
         "KÜCHE_2": "kitchen",  # in another spelling
         "Diele": "corridor",
         "Office": "living room",  # which we read as an office
         "Archiv": None,
-        "b": "bedroom",  # as written, where another spelling is another word
+        "b": "bedroom",
         "B": "bar",
         "Behandlung": "examination room",
         "bathroom": "bathroom",
         "Kajüte": None,
+        "9": "garage",
+        "7": None,  # a number that is listed stands for no other
     }
+    table, words = write_rooms(tmp_path, WORDS, *labels)
+    source = WithRoomLabels(table, words)
+    assert read_labels(source) == labels
     assert read_labels(table)["Office"] == "office"
     assert [source.lists(word) for word in ("Archiv", "küche 3", "Kajüte")] == [True, True, False]
 
 
-def test_a_number_that_is_listed_stands_for_no_other(tmp_path: Path, words: Path) -> None:
-    source = WithRoomLabels(write_rooms(tmp_path, "9", "7"), words)
-    assert read_labels(source) == {"9": "garage", "7": None}
-
-
-def test_the_file_is_recorded_and_read_once(tmp_path: Path, words: Path) -> None:
-    source = WithRoomLabels(write_rooms(tmp_path, "Küche", "Diele"), words)
+def test_the_file_is_recorded_and_read_once_and_words_of_layouts_count(tmp_path: Path) -> None:
+    table, words = write_rooms(tmp_path, WORDS, "", "")
+    (tmp_path / "labels.csv").write_text("scene,region,label\nflat,0,Diele\nflat,1,Kajüte\n")
     sha256 = hashlib.sha256(words.read_bytes()).hexdigest()
+    source = WithRoomLabels(WithLayouts(table, tmp_path / "labels.csv"), words)
     words.unlink()
     source = pickle.loads(pickle.dumps(source))  # as a build sends it to its workers
-    assert read_labels(source) == {"Küche": "kitchen", "Diele": "corridor"}
-    assert isinstance(source, Source)
-    manifest = build_dataset(source, tmp_path / "out")
-    assert manifest.sources[0].options == {"room_labels": f"words.csv (sha256 {sha256})"}
-    assert (manifest.sources[0].kind, manifest.totals.rooms) == ("table", 2)
-
-
-def test_words_of_layouts_count_too(tmp_path: Path, words: Path) -> None:
-    table = write_rooms(tmp_path, "", "")
-    (tmp_path / "labels.csv").write_text("scene,region,label\nflat,0,Diele\nflat,1,Kajüte\n")
-    source = WithRoomLabels(WithLayouts(table, tmp_path / "labels.csv"), words)
     assert read_labels(source) == {"Diele": "corridor", "Kajüte": None}
-    assert source.options["room_layouts"] == 1
+    manifest = build_dataset(source, tmp_path / "out")
+    options = {"room_labels": f"words.csv (sha256 {sha256})", "room_layouts": 1}
+    assert (manifest.sources[0].kind, manifest.sources[0].options) == ("table", options)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +95,6 @@ def test_words_of_layouts_count_too(tmp_path: Path, words: Path) -> None:
 def test_a_malformed_list_is_refused_with_its_line(
     tmp_path: Path, code: str, line: int | None, text: str
 ) -> None:
-    path = tmp_path / "words.csv"
-    path.write_text(text, "utf-8")
-    with refuses(SourceError, code, f"{path}, line {line}" if line else path):
-        WithRoomLabels(write_rooms(tmp_path, "Küche"), path)
+    table, words = write_rooms(tmp_path, text, "Küche")
+    with refuses(SourceError, code, f"{words}, line {line}" if line else words):
+        WithRoomLabels(table, words)

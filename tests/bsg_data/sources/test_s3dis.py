@@ -4,14 +4,10 @@ import json
 from collections import Counter
 from pathlib import Path
 
-import pytest
-from conftest import SHARED
-
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.sources.catalogue import open_source
 from bsg_data.testing import SourceContract
 
-SAMPLE = SHARED.parent / "sources" / "s3dis_semantic_labels.json"
 LABELS = [
     "<UNK>_0_<UNK>_0_0",
     "chair_1_conferenceRoom_1_1",
@@ -43,14 +39,3 @@ def test_a_scene_is_an_area(tmp_path: Path) -> None:
         (2, "unknown", "nameless"): 1,
         (3, "wall", "structure"): 1,
     }
-
-
-@pytest.mark.skipif(not SAMPLE.is_file(), reason="needs ../shared/sources")
-def test_the_real_list() -> None:
-    source, class_map = open_source("s3dis", SAMPLE), load_class_map("s3dis45-v1")
-    graphs = [source.read(ref, class_map).graph for ref in source.find().scenes]
-    assert [len(graph.rooms) for graph in graphs] == [44, 40, 23, 49, 48]
-    objects = Counter(obj.raw_category for graph in graphs for obj in graph.objects)
-    assert sum(objects.values()) == 7_468
-    assert set(objects) == set(class_map.entries)
-    assert all(room.label for graph in graphs for room in graph.rooms)

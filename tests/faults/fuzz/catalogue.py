@@ -20,7 +20,7 @@ from bsg_data.scene.class_map import load_class_map, parse_own_map, read_own_map
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import parse_annotation
-from bsg_data.sources.hm3d_stats import HEADER, MEMBER, HM3DStatistics
+from bsg_data.sources.hm3d_stats import HEADER, MEMBER
 from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.layout_files import read_layout
 from bsg_data.sources.room_layouts import _lay_out
@@ -163,7 +163,8 @@ def _read_annotation(folder: Path, data: bytes) -> object:
 
 def _read_statistics(folder: Path, data: bytes) -> object:
     packed = data if data[:1] == b"P" else _pack(data)
-    return read_source(HM3DStatistics(put(folder, "HM3DSem-v0.2.zip", packed)), load_map())
+    path = put(folder, "HM3DSem-v0.2.zip", packed)
+    return read_source(open_source("hm3d-stats", path), load_map())
 
 
 def _read_labels(folder: Path, data: bytes) -> object:
