@@ -27,9 +27,8 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from killed_process import Ended, start, wait_for
+from killed_process import Ended, snapshot, start, wait_for
 from one_building import read_pairs
-from watched_folder import snapshot
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
