@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
@@ -136,42 +137,47 @@ class SkippedScene:
     reason: str
 
 
-_COMPARED = 10  # unmapped names, the most frequent ones, that get their nearest known names
-
-
-class UnmappedEntry(Record):
-    """A name that is not in the class map, its number of objects, and the nearest names."""
+class CountedName(Record):
+    """A name, and the number of objects or rooms that have it."""
 
     name: str
     instances: int
+
+
+class UnmappedEntry(CountedName):
+    """A name that is not in the class map, and the nearest names."""
+
     nearest: tuple[str, ...] = ()  # of the most frequent names alone
 
 
-def describe_unmapped(names: Mapping[str, int], class_map: ClassMap) -> Iterator[UnmappedEntry]:
-    """Yield the names that are not in a class map, with their objects, most frequent first."""
-    unknown = [(name, n) for name, n in _rank(names) if class_map.classify(name).category is None]
-    for rank, (name, instances) in enumerate(unknown):
-        nearest = class_map.nearest(name) if rank < _COMPARED else ()
-        yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
-
-
-def _rank(names: Mapping[str, int]) -> list[tuple[str, int]]:
-    return sorted(names.items(), key=lambda item: (-item[1], item[0]))
-
-
-class ResolvedEntry(Record):
+class ResolvedEntry(CountedName):
     """A name that is not in the class map, and its category by a rule."""
 
-    name: str
-    instances: int
     rule: Rule
     category: str
     class_name: str | None
 
 
+_Entry = TypeVar("_Entry", bound=CountedName)
+_COMPARED = 10  # unmapped names, the most frequent ones, that get their nearest known names
+
+
+def describe_unmapped(names: Mapping[str, int], class_map: ClassMap) -> Iterator[UnmappedEntry]:
+    """Yield the names that are not in a class map, with their objects, most frequent first."""
+    unknown = [(name, n) for name, n in rank(names) if class_map.classify(name).category is None]
+    for place, (name, instances) in enumerate(unknown):
+        nearest = class_map.nearest(name) if place < _COMPARED else ()
+        yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
+
+
+def rank(names: Mapping[str, int]) -> list[tuple[str, int]]:
+    """Return names and their numbers, most frequent first."""
+    return sorted(names.items(), key=lambda item: (-item[1], item[0]))
+
+
 def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
     """Yield the names that rules resolve, most frequent first."""
-    for name, instances in _rank(names):
+    for name, instances in rank(names):
         known = class_map.classify(name)
         if known.rule is not None and known.category is not None:
             index = known.class_index
@@ -182,18 +188,6 @@ def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[Res
                 category=known.category,
                 class_name=None if index is None else class_map.classes[index],
             )
-
-
-class UnknownLabel(Record):
-    """What a source calls rooms, which names no kind of room that we know; and how many rooms."""
-
-    name: str
-    instances: int
-
-
-def list_unknown_labels(labels: Mapping[str, int]) -> tuple[UnknownLabel, ...]:
-    """Return labels that are not understood, with their rooms, most frequent first."""
-    return tuple(UnknownLabel(name=name, instances=n) for name, n in _rank(labels))
 
 
 class Totals(Record):
@@ -267,7 +261,7 @@ class Manifest(Record):
     meshes: dict[str, MeshCoverage] = Field(default_factory=dict)
     unmapped: tuple[UnmappedEntry, ...] = ()
     resolved: tuple[ResolvedEntry, ...] = ()
-    unknown_labels: tuple[UnknownLabel, ...] = ()
+    unknown_labels: tuple[CountedName, ...] = ()  # what sources call rooms of no kind we know
     split: SplitRecipe | None = None
     pairs: PairsRecipe | None = None
 
@@ -295,6 +289,43 @@ class Manifest(Record):
     def without_split(self) -> Manifest:
         """Return the manifest without the split, and without the pairs that follow from it."""
         return self.with_table("pairs", (), pairs=None).with_table("splits", (), split=None)
+
+
+def combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
+    """Return the manifest of a dataset that holds what several hold, with all their files."""
+    sources: dict[str, list[SourceEntry]] = {}  # those that differ in their annotations alone
+    for source in (source for one in manifests for source in one.sources):
+        sources.setdefault(source.model_dump_json(exclude={"fingerprint"}), []).append(source)
+    return Manifest(
+        generator=manifests[0].generator,
+        class_space=manifests[0].class_space,
+        sources=tuple(_join_sources(same) for _, same in sorted(sources.items())),
+        scenes_per_shard=max(one.scenes_per_shard for one in manifests),
+        totals=Totals.sum(one.totals for one in manifests),
+        files=tuple(sorted((f for one in manifests for f in one.files), key=lambda f: f.path)),
+        skipped=tuple(skip for one in manifests for skip in one.skipped),
+        left_out=tuple(skip for one in manifests for skip in one.left_out),
+        meshes={scene: mesh for one in manifests for scene, mesh in one.meshes.items()},
+        unmapped=_add_up(entry for one in manifests for entry in one.unmapped),
+        resolved=_add_up(entry for one in manifests for entry in one.resolved),
+        unknown_labels=_add_up(entry for one in manifests for entry in one.unknown_labels),
+    )
+
+
+def _join_sources(same: Sequence[SourceEntry]) -> SourceEntry:
+    fingerprint = add_fingerprints(source.fingerprint for source in same)
+    return same[0].model_copy(update={"fingerprint": fingerprint})
+
+
+def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
+    """Add up the objects of equal names, most frequent first."""
+    times, first = Counter[tuple[object, ...]](), dict[tuple[object, ...], _Entry]()
+    for entry in entries:
+        key = tuple(value for name, value in entry if name not in ("instances", "nearest"))
+        times[key] += entry.instances
+        first.setdefault(key, entry)
+    added = (entry.model_copy(update={"instances": times[key]}) for key, entry in first.items())
+    return tuple(sorted(added, key=lambda entry: (-entry.instances, entry.name)))
 
 
 def read_manifest(dataset: AnyPath) -> Manifest:
