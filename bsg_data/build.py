@@ -68,7 +68,6 @@ from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.catalogue import SOURCES, find_terms
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
 
-SCENES_PER_SHARD = 16
 _SHOWN = 5  # reasons why scenes were skipped, where all were
 _NOTHING_SKIPPED = "no scene was skipped; repair the source, then run the command again"
 _Progress = Callable[[int, int], None]
@@ -81,7 +80,7 @@ def build_dataset(
     class_map: AnyPath | None = None,
     strict: bool = False,
     force: bool = False,
-    scenes_per_shard: int = SCENES_PER_SHARD,
+    scenes_per_shard: int = 16,
     executor: Executor | None = None,
     progress: _Progress | None = None,
 ) -> Manifest:

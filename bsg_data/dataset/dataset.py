@@ -35,7 +35,7 @@ from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surroundings
 
 NAMES = ("train", "val", "test")  # of splits; folds have others
-HELD_BYTES = 256 * 2**20  # bound of the shards in memory
+_HELD_BYTES = 256 * 2**20  # bound of the shards in memory
 _TRIES = 5  # to open a dataset that other commands replace
 _NODE_BYTES = 170  # about what is held of a node besides its cells
 _OBJECT_BYTES = 23
@@ -255,7 +255,7 @@ class Dataset(DatasetFiles):
             + files["objects"].rows * _OBJECT_BYTES
             for files in self._files
         )
-        return lru_cache(maxsize=max(2, HELD_BYTES // max(weights, default=1)))(
+        return lru_cache(maxsize=max(2, _HELD_BYTES // max(weights, default=1)))(
             lambda number: _Shard(self, self._files[number], self._scenes_of(number))
         )
 

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Final, Literal, TypeVar
+from typing import Final, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
@@ -106,13 +106,12 @@ FORMAT_VERSION: Final = 1
 SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
 MANIFEST = "dataset.json"
 CARD, CROISSANT = "README.md", "croissant.json"
-MAX_SHARDS = 100_000  # the names of their files number no more
+_MAX_SHARDS = 100_000  # the names of their files number no more
 STAGED = ".staged"  # folder of what a command is about to add
 
-ScenesPerShard = Annotated[int, Field(ge=1)]
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
-FILE_PATH = re.compile(
+_FILE_PATH = re.compile(
     r"(?:scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet"
     r"|splits/[a-z]+-[0-9a-f]{8}\.parquet"
     rf"|pairs/[a-z][a-z0-9-]*-[0-9a-f]{{8}}/{SPLIT_NAME.pattern}-[0-9]{{5}}\.parquet",
@@ -122,7 +121,7 @@ FILE_PATH = re.compile(
 class FileEntry(Record):
     """One file of a dataset: its path below the dataset, rows, bytes and hash."""
 
-    path: str = Field(pattern=rf"^({FILE_PATH.pattern}|{re.escape(STAGED)}/[a-z0-9.-]+)$")
+    path: str = Field(pattern=rf"^({_FILE_PATH.pattern}|{re.escape(STAGED)}/[a-z0-9.-]+)$")
     rows: int = Field(ge=0)
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
@@ -237,10 +236,10 @@ def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
     if scenes_per_shard < 1:
         raise RecipeError(f"scenes_per_shard: expected 1 or more, found {scenes_per_shard}")
     shards = -(-scenes // scenes_per_shard)
-    if shards > MAX_SHARDS:
+    if shards > _MAX_SHARDS:
         raise RecipeError(
             f"{scenes:,} scenes, {scenes_per_shard:,} per shard, make {shards:,} shards; expected "
-            f"at most {MAX_SHARDS:,}: set scenes_per_shard={-(-scenes // MAX_SHARDS):,} or more"
+            f"at most {_MAX_SHARDS:,}: set scenes_per_shard={-(-scenes // _MAX_SHARDS):,} or more"
         )
     return shards
 
@@ -253,7 +252,7 @@ class Manifest(Record):
     generator: str
     class_space: ClassSpace
     sources: tuple[SourceEntry, ...] = Field(min_length=1)
-    scenes_per_shard: ScenesPerShard
+    scenes_per_shard: int = Field(ge=1)
     totals: Totals
     files: tuple[FileEntry, ...]
     skipped: tuple[SkippedScene, ...] = ()

@@ -54,7 +54,7 @@ def write_synthetic(
     mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
     text = (encode_json(mark) + "\n").encode()
     out = resolve_links(out)
-    with write_folder(out, SYNTHETIC, plan=text, force=force) as (folder, done):
+    with write_folder(out, _SYNTHETIC, plan=text, force=force) as (folder, done):
         if not done:
             write_bytes(folder / SYNTHETIC_MARK, text)
         for number in range(scenes):
@@ -102,4 +102,4 @@ def _list_names(seed: int, scenes: int) -> Iterator[str]:
         yield _name_layout(scene_id)
 
 
-SYNTHETIC = FolderKind("folder of synthetic buildings", mark=SYNTHETIC_MARK, lists=_list_own)
+_SYNTHETIC = FolderKind("folder of synthetic buildings", mark=SYNTHETIC_MARK, lists=_list_own)

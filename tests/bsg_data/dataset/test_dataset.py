@@ -188,7 +188,7 @@ def test_a_dataset_of_many_parts_keeps_as_many_as_a_bound_allows(
 ) -> None:
     """Two parts are kept; in the order of the tables each is read once all the same."""
     whole, manifest = read_cells(dataset), read_manifest(dataset)
-    monkeypatch.setattr("bsg_data.dataset.dataset.HELD_BYTES", 1)
+    monkeypatch.setattr("bsg_data.dataset.dataset._HELD_BYTES", 1)
     read: list[str] = []
     read_file = Dataset.read_file
     monkeypatch.setattr(
