@@ -55,12 +55,11 @@ def write_files(
     """
     left = left or was_stopped(paths)
     with ExitStack() as held, writing(next(iter(paths), Path())):
-        for is_held in (False, True):  # again: another command may have had the lock
-            for path in paths:
-                refuse_file(path, force=force or left)
-                if not is_held:
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    held.enter_context(hold(path.absolute()))
+        for path in paths:
+            refuse_file(path, force=force or left)
+        for path in paths:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            held.enter_context(hold(path.absolute()))
         stages = {_name_stage(path): path.absolute().parent for path in paths}
         with _staging(stages, force=force, left=left):
             yield {path: _name_stage(path) / path.name for path in paths}

@@ -154,14 +154,8 @@ class Dataset(DatasetFiles):
 
     def building(self, scene_id: str) -> Building:
         """Return what is known of a scene besides the objects outside the classes."""
-        shard, index = self._find(scene_id)
-        rows, (starts, connections) = shard.rows_of(index), shard.connections
-        return Building(
-            shard.cells[rows],
-            connections.take(np.s_[starts[index] : starts[index + 1]]),
-            shard.surroundings.take(rows, buildings=slice(index, index + 1)),
-            self._nameable[shard.sources[index]],
-        )
+        views = (self.cells, self.connections, self.surroundings, self.nameable)
+        return Building(*(view(scene_id) for view in views))  # type: ignore[arg-type]
 
     def cells(self, scene_id: str) -> Counts:
         """Return the classified objects of a scene, `[1 + R, C]`, row 0 the null region."""

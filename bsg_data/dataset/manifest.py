@@ -362,20 +362,16 @@ def _parse_manifest(path: Path, data: bytes) -> Manifest:
             code="format-version",
             where=path,
         )
-    covered, own, end = data.rpartition(_OWN_HASH)
-    if end != _end(covered + own):
-        raise DatasetError(
-            f"{path}: is damaged: its sha256 differs from the last one in it; take another copy of "
-            "the dataset, or build it again"
-        )
-    del said["sha256"]
     try:
-        return Manifest.model_validate(said)
+        manifest = Manifest.model_validate({key: said[key] for key in said if key != "sha256"})
+        fault = "" if encode_manifest(manifest) == data else "its sha256 is that of other bytes"
     except ValidationError as error:
+        fault = name_fault(error)
+    if fault:
         raise DatasetError(
-            f"{path}: {name_fault(error)}; another version wrote it: upgrade "
-            "belief-scene-graphs if that is newer, or build the dataset again"
-        ) from error
+            f"{path}: is damaged ({fault}); take another copy of the dataset, or build it again"
+        )
+    return manifest
 
 
 def _missing(dataset: Path) -> DatasetError:
@@ -401,17 +397,8 @@ def _missing(dataset: Path) -> DatasetError:
 
 def encode_manifest(manifest: Manifest) -> bytes:
     """Return the bytes of `dataset.json`; its last key is the hash of all before that hash."""
-    text = manifest.model_dump_json(indent=1, exclude_none=False).encode()
-    covered = text.removesuffix(b"\n}") + b",\n " + _OWN_HASH
-    return covered + _end(covered)
-
-
-_OWN_HASH = b'"sha256": "'
-
-
-def _end(covered: bytes) -> bytes:
-    """Return the end of the file, after `_OWN_HASH`."""
-    return f'{hashlib.sha256(covered).hexdigest()}"\n}}\n'.encode()
+    text = manifest.model_dump_json(indent=1).encode().removesuffix(b"\n}") + b',\n "sha256": "'
+    return text + f'{hashlib.sha256(text).hexdigest()}"\n}}\n'.encode()
 
 
 def hash_manifest(dataset: Path) -> str:
