@@ -50,8 +50,8 @@ def meet(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object]) -> None:
     met: list[Path] = []
 
     @contextmanager
-    def hold_and_meet(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
-        with hold(folder, wait=wait):
+    def hold_and_meet(folder: Path) -> Iterator[None]:
+        with hold(folder):
             met.append(folder)
             if len(met) == 1:
                 act()
