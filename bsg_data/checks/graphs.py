@@ -128,7 +128,7 @@ def _find_object_faults(objects: _Rows, rooms: Ints) -> Iterator[_Fault]:
     centroids = objects.points("centroid")
     low, high = boxes[:, :1] - _ROUNDING, boxes[:, 1:] + _ROUNDING
     inner = np.stack([centroids, parts[:, 0], parts[:, 1]], axis=1)
-    is_inside = ((low <= inner) & (inner <= high)).all(axis=2)
+    is_inside: Bools = np.asarray(((low <= inner) & (inner <= high)).all(axis=2))
     is_placed = is_boxed | is_parted | ~np.isnan(centroids).all(axis=1)
     sound = np.isfinite(centroids).all(axis=1) & (~is_boxed | (is_box & is_inside[:, 0]))
     sound &= ~is_parted | (is_part & is_inside[:, 1:].all(axis=1))

@@ -32,7 +32,6 @@ from bsg_data.errors import (
     SourceError,
 )
 from bsg_data.scene.class_map import ClassMap, load_class_map
-from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.sources.hm3d_stats import HM3DStatistics
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef
@@ -218,19 +217,6 @@ def test_two_annotations_of_one_building_are_said_and_an_error_under_strict(
     assert "has another annotation of the same building" in manifest.skipped[0].reason
     with refuses(SourceError, "scene-unreadable", other):
         build_dataset(source, tmp_path / "strict", class_map=known, strict=True)
-
-
-def test_labels_of_rooms_that_nobody_knows_are_reported(tmp_path: Path) -> None:
-    """Other words for no kind of room, and numbers, are nothing to be known."""
-    rooms = ["Kajüte", "Kajüte 2", "Vorschiff", "kitchen", "R7", "other"]
-    rows = [f"flat,{room},chair\n" for room in rooms]
-    (tmp_path / "objects.csv").write_text("".join(["scene,room,category\n", *rows]))
-    manifest = build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "out")
-    assert {one.name: one.instances for one in manifest.unknown_labels} == {
-        "Kajüte": 1,
-        "Kajüte 2": 1,
-        "Vorschiff": 1,
-    }
 
 
 def _limit_file_size() -> None:

@@ -12,9 +12,8 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import DatasetError
-from bsg_data.outputs import write_files
 from bsg_data.places import refuse_file
-from bsg_data.results import write_results
+from bsg_data.results import write_files, write_results
 from bsg_data.seal import SEAL, read_seal, require_seal
 
 
