@@ -12,7 +12,6 @@ from refusals import refuses
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.scene.class_map import load_class_map
 from bsg_data.scene.room_label import LAYOUTS, label_of
-from bsg_data.sources.hm3d import SYNTHETIC_MARK
 from bsg_data.synthetic.building import (
     name_building,
     read_rooms,
@@ -111,13 +110,3 @@ def test_force_removes_no_building_of_a_users(tmp_path: Path, where: str) -> Non
     with refuses(DatasetError, "foreign-file", out):
         next(write_synthetic(out, scenes=2, seed=2, force=True))
     assert sorted(out.rglob("*")) == before
-
-
-def test_a_mark_that_says_nothing_removes_nothing(tmp_path: Path) -> None:
-    list(write_synthetic(tmp_path / "out", scenes=2, seed=1))
-    before = sorted((tmp_path / "out").rglob("*"))
-    for said in ('{"finished": true}', "[]", "{", '{"seed": [], "scenes": 1}'):
-        (tmp_path / "out" / SYNTHETIC_MARK).write_text(said)
-        with refuses(DatasetError, "mark-broken"):
-            next(write_synthetic(tmp_path / "out", scenes=2, seed=2, force=True))
-    assert sorted((tmp_path / "out").rglob("*")) == before
