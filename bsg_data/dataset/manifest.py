@@ -376,23 +376,17 @@ def _parse_manifest(path: Path, data: bytes) -> Manifest:
 
 def _missing(dataset: Path) -> DatasetError:
     """Return the error for a folder without a manifest; it names an unfinished dataset beside."""
-    if dataset.is_dir():
-        return DatasetError(
-            f"{dataset}: has no {MANIFEST}, so it is no finished dataset; make one with "
-            "`bsg-data build --out DATASET`",
-            code="no-dataset",
-            where=dataset,
-        )
-    message = f"{dataset}: no such folder"
+    code, what = "dataset-missing", "no such folder"
     staged = name_staged(resolve_links(dataset))
-    if dataset.is_file():
-        message = f"{dataset}: is a file; expected the folder of a dataset"
+    if dataset.is_dir():
+        code, what = "no-dataset", f"has no {MANIFEST}, so it is no finished dataset; make one with"
+        what += " `bsg-data build --out DATASET`"
+    elif dataset.is_file():
+        what = "is a file; expected the folder of a dataset"
     elif staged.is_dir():
-        message += (
-            f"; {staged} beside it belongs to a running or interrupted command: run that command "
-            "again to continue"
-        )
-    return DatasetError(message, code="dataset-missing", where=dataset)
+        what += f"; {staged} beside it belongs to a running or interrupted command: run that "
+        what += "command again to continue"
+    return DatasetError(f"{dataset}: {what}", code=code, where=dataset)
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
