@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn, TypeAlias
+from typing import NoReturn
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -25,7 +25,6 @@ from bsg_data.scene.class_space import ClassSpace
 from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 HELD_FILES = 64 * 2**20  # bytes of the files of a dataset that an open one keeps
-Held: TypeAlias = Mapping[str, bytes]  # path of a file below its dataset → its bytes
 
 
 def write_shards(
@@ -109,7 +108,7 @@ class DatasetFiles:
 
     path: Path
     manifest: Manifest
-    held: Held = field(repr=False)
+    held: Mapping[str, bytes] = field(repr=False)  # path below the dataset → bytes
 
     def read_graphs(self) -> Iterator[SceneGraph]:
         """Yield the scene graphs, with one shard in memory at a time."""
@@ -208,7 +207,7 @@ def refuse_replaced(dataset: Path) -> NoReturn:
     )
 
 
-def hold_files(dataset: Path, entries: Sequence[FileEntry]) -> Held:
+def hold_files(dataset: Path, entries: Sequence[FileEntry]) -> Mapping[str, bytes]:
     """Read the bytes of files, so that a command that replaces the dataset takes nothing away.
 
     Files that together have more than `HELD_FILES` bytes are not held, nor is a damaged one, which

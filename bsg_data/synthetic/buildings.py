@@ -12,7 +12,7 @@ from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
 from bsg_data.synthetic.building import synthesise
 from bsg_data.synthetic.floor_plan import draw_layout
 
-LAYOUTS = "layouts"  # the folder of the layouts
+_LAYOUTS = "layouts"  # the folder of the layouts
 
 
 def write_synthetic(
@@ -57,7 +57,7 @@ def _write_one(folder: Path, *, seed: int, number: int) -> str:
     """Write a building and its layout, and return the name of its annotation."""
     building = synthesise(seed=seed, number=number)
     layout = draw_layout(building, seed=seed, number=number)
-    write_bytes(folder / LAYOUTS / f"{building.scene_id}.yaml", layout.encode())
+    write_bytes(folder / _LAYOUTS / f"{building.scene_id}.yaml", layout.encode())
     rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
     name = f"{building.split}/{building.scene_id}/{building.hash}.semantic.txt"
     write_bytes(folder / name, "\n".join([HEADER, *rows, ""]).encode())

@@ -16,7 +16,7 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.dataset.dataset import Dataset, _open_once, read_cells
-from bsg_data.dataset.histograms import NO_CATEGORY
+from bsg_data.dataset.histograms import NO_CATEGORY, choose_vocabulary
 from bsg_data.dataset.manifest import hash_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
 from bsg_data.dataset.splits import split_dataset
@@ -206,3 +206,12 @@ def test_a_dataset_of_many_parts_keeps_as_many_as_a_bound_allows(
     assert read == [entry.path for entry in manifest.files_of("objects")]
     small.cells(small.scene_ids[0])
     assert len(read) == 4, "the first part was given up"
+
+
+def test_a_vocabulary_is_what_enough_buildings_have(dataset: Path) -> None:
+    data = Dataset.open(dataset)
+    unclassified = [data.unclassified(scene) for scene in data.scene_ids]
+    everywhere = choose_vocabulary(unclassified, min_scenes=12)
+    assert "wall" in everywhere
+    assert NO_CATEGORY not in everywhere
+    assert choose_vocabulary(unclassified, min_scenes=13) == ()
