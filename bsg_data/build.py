@@ -35,7 +35,6 @@ from bsg_data.dataset.manifest import (
     count_shards,
     describe_unmapped,
     list_resolved,
-    rank,
     read_manifest,
 )
 from bsg_data.dataset.scenes import count_totals, make_tables
@@ -104,7 +103,7 @@ def build_dataset(
     """
     out = resolve_links(out)  # a linked --out stays a link; its target is replaced
     require_free(out, DATASET, force=force)
-    chosen = _name_class_map(source) if class_map is None else os.fspath(class_map)
+    chosen = os.fspath(class_map or _name_class_map(source))
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     found = _find_scenes(source, strict=strict)
@@ -116,8 +115,9 @@ def build_dataset(
             return read_manifest(out)
         if own is not None:
             write_own_map(own, folder / plan.class_maps[0].folder)
+        bare = plan.model_copy(update={"skipped": (), "left_out": ()})
         tasks = [
-            (_Shard(source, every[first : first + scenes_per_shard], plan, folder, number, strict),)
+            (_Shard(source, every[first : first + scenes_per_shard], bare, folder, number, strict),)
             for number, first in enumerate(range(0, len(every), scenes_per_shard))
         ]
         shards = run_all(_Shard.make, tasks, executor=executor, progress=progress)
@@ -198,14 +198,14 @@ class _Shard:
 
     source: Source
     scenes: tuple[SceneRef, ...]
-    plan: Manifest  # of the dataset
+    bare: Manifest  # of a dataset of none of its scenes
     folder: Path  # of the dataset
     number: int
     strict: bool
 
     def make(self) -> Manifest:
         """Make the shard, unless an earlier run of the same build did; its manifest comes last."""
-        class_map = load_class_map(self.plan.class_maps[0].name_in(self.folder))
+        class_map = load_class_map(self.bare.class_maps[0].name_in(self.folder))
         path = self.folder / BUILD / f"part-{self.number:05d}.json"
         done = _read_report(self.folder, path)
         if done and not (self.strict and (done.skipped or done.left_out or done.unmapped)):
@@ -257,25 +257,23 @@ class _Shard:
         names = _count_unlisted(tables["objects"], class_map)
         read = (f"{one.scene_id}\t{one.annotation_sha256}".encode() for one in graphs)
         fingerprint = add_fingerprints(hashlib.sha256(one).hexdigest() for one in read)
-        (source,) = self.plan.sources
-        return Manifest(
-            generator=self.plan.generator,
-            class_space=space,
-            sources=(source.model_copy(update={"fingerprint": fingerprint}),),
-            scenes_per_shard=self.plan.scenes_per_shard,
-            totals=count_totals(tables),
-            files=write_shards(tables, self.folder, number=self.number, class_space=space),
-            skipped=tuple(_without_root(skip, root) for skip in skipped),
-            left_out=tuple(_without_root(skip, root) for one in readings for skip in one.left_out),
-            meshes={one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
-            unmapped=tuple(
+        (source,) = self.bare.sources
+        found = {
+            "sources": (source.model_copy(update={"fingerprint": fingerprint}),),
+            "totals": count_totals(tables),
+            "files": write_shards(tables, self.folder, number=self.number, class_space=space),
+            "skipped": tuple(_without_root(one, root) for one in skipped),
+            "left_out": tuple(_without_root(s, root) for one in readings for s in one.left_out),
+            "meshes": {one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
+            "unmapped": tuple(
                 UnmappedEntry(name=name, instances=times)
                 for name, times in names.items()
                 if class_map.classify(name).category is None
             ),
-            resolved=tuple(list_resolved(names, class_map)),
-            unknown_labels=tuple(_list_unknown_labels(graphs, self.source)),
-        )
+            "resolved": tuple(list_resolved(names, class_map)),
+            "unknown_labels": tuple(_list_unknown_labels(graphs, self.source)),
+        }
+        return self.bare.model_copy(update=found)
 
 
 def _count_unlisted(objects: pa.Table, class_map: ClassMap) -> Mapping[str, int]:
@@ -294,7 +292,7 @@ def _list_unknown_labels(graphs: Sequence[SceneGraph], source: Source) -> Iterat
         if room.source_label is not None
         and not (lists(room.source_label) or is_understood(kind, room.source_label))
     )
-    return (CountedName(name=name, instances=times) for name, times in rank(labels))
+    return (CountedName(name=name, instances=times) for name, times in labels.items())
 
 
 def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:

@@ -163,20 +163,19 @@ _COMPARED = 10  # unmapped names, the most frequent ones, that get their nearest
 
 def describe_unmapped(names: Mapping[str, int], class_map: ClassMap) -> Iterator[UnmappedEntry]:
     """Yield the names that are not in a class map, with their objects, most frequent first."""
-    unknown = [(name, n) for name, n in rank(names) if class_map.classify(name).category is None]
+    unknown = [(name, n) for name, n in _rank(names) if class_map.classify(name).category is None]
     for place, (name, instances) in enumerate(unknown):
         nearest = class_map.nearest(name) if place < _COMPARED else ()
         yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
 
 
-def rank(names: Mapping[str, int]) -> list[tuple[str, int]]:
-    """Return names and their numbers, most frequent first."""
+def _rank(names: Mapping[str, int]) -> list[tuple[str, int]]:
     return sorted(names.items(), key=lambda item: (-item[1], item[0]))
 
 
 def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
     """Yield the names that rules resolve, most frequent first."""
-    for name, instances in rank(names):
+    for name, instances in _rank(names):
         known = class_map.classify(name)
         if known.rule is not None and known.category is not None:
             index = known.class_index
