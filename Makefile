@@ -84,8 +84,6 @@ coverage: $(INSTALLED) ## Run all tests, and list the lines that none of them ru
 
 faults: $(INSTALLED) ## Kill, damage and feed everything in full; under an hour.
 	$(PYTEST) --full tests/faults
-	$(CONSTRAINED) --editable '.[fuzz]'
-	$(BIN)/python scripts/faults/fuzz.py --minutes 15
 
 sentences: $(INSTALLED) ## Write tests/refusals.txt anew: the words of all errors that tests meet.
 	$(BIN)/python -m pytest -n0 --sentences $$(grep -rl 'refuses(' tests --include='test_*.py')

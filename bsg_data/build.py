@@ -1,8 +1,8 @@
 """Build a dataset: find the scenes of a source, make the shards, publish the dataset.
 
-The dataset grows in `<out>.partial`. Each finished shard leaves its report in the folder `.build`
+The dataset grows in `<out>.partial`. Each finished shard leaves a manifest in the folder `.build`
 there, so the same build goes on after an interruption. The bytes depend neither on this nor on
-workers. The manifest of the dataset is the sum of the reports.
+workers. The manifest of the dataset is the sum of these.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import hashlib
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -19,21 +19,22 @@ from pathlib import Path
 from uuid import uuid4
 
 import pyarrow as pa
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from bsg_data.dataset.commit import DATASET, publish
 from bsg_data.dataset.manifest import (
     ClassMapEntry,
-    FileEntry,
+    CountedName,
     Manifest,
     SkippedScene,
     SourceEntry,
     Totals,
+    UnmappedEntry,
     add_fingerprints,
+    combine_manifests,
     count_shards,
     describe_unmapped,
     list_resolved,
-    list_unknown_labels,
     read_manifest,
 )
 from bsg_data.dataset.scenes import count_totals, make_tables
@@ -51,7 +52,6 @@ from bsg_data.executors import run_all
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.inputs.bounded_file import hash_file
 from bsg_data.places import BUILD, require_free
-from bsg_data.records import Record
 from bsg_data.results import write_folder
 from bsg_data.scene.class_map import (
     DEFAULT_CLASS_MAP,
@@ -63,38 +63,13 @@ from bsg_data.scene.class_map import (
     write_own_map,
 )
 from bsg_data.scene.room_label import is_understood
-from bsg_data.scene.scene_graph import MeshCoverage, SceneGraph, is_scene_id
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 from bsg_data.sources.catalogue import SOURCES, find_terms
 from bsg_data.sources.source import FoundScenes, Reading, SceneRef, Source
 
-SCENES_PER_SHARD = 16
 _SHOWN = 5  # reasons why scenes were skipped, where all were
 _NOTHING_SKIPPED = "no scene was skipped; repair the source, then run the command again"
 _Progress = Callable[[int, int], None]
-
-
-class _Plan(Record):
-    """All that the bytes of a dataset depend on."""
-
-    source: SourceEntry  # without the fingerprint of what is read
-    generator: str
-    scenes_per_shard: int
-    scenes: str  # hash of what identifies the scenes, and of the states of their files
-    skipped: tuple[SkippedScene, ...]
-    left_out: tuple[SkippedScene, ...]
-
-
-class _ShardReport(Record):
-    """What is in a finished shard, and what was left out of it."""
-
-    files: tuple[FileEntry, ...]
-    totals: Totals
-    fingerprint: str  # of its annotations, as `SourceEntry.fingerprint`
-    skipped: tuple[SkippedScene, ...]
-    left_out: tuple[SkippedScene, ...]
-    meshes: dict[str, MeshCoverage]
-    names: dict[str, int]  # names that the class map does not list → objects
-    unknown_labels: dict[str, int] = Field(default_factory=dict)  # → rooms
 
 
 def build_dataset(
@@ -104,7 +79,7 @@ def build_dataset(
     class_map: AnyPath | None = None,
     strict: bool = False,
     force: bool = False,
-    scenes_per_shard: int = SCENES_PER_SHARD,
+    scenes_per_shard: int = 16,
     executor: Executor | None = None,
     progress: _Progress | None = None,
 ) -> Manifest:
@@ -128,27 +103,31 @@ def build_dataset(
     """
     out = resolve_links(out)  # a linked --out stays a link; its target is replaced
     require_free(out, DATASET, force=force)
-    chosen = _name_class_map(source) if class_map is None else os.fspath(class_map)
+    chosen = os.fspath(class_map or _name_class_map(source))
     own = read_own_map(Path(chosen)) if is_own_map(chosen) else None
     loaded = load_class_map(chosen) if own is None else parse_own_map(own)
     found = _find_scenes(source, strict=strict)
-    plan = _make_plan(source, found, loaded, scenes_per_shard)
-    entry, every = plan.source.class_map, found.scenes
-    encoded = plan.model_dump_json().encode()
+    plan, every = _make_plan(source, found, loaded, scenes_per_shard), found.scenes
+    scenes = hashlib.sha256(repr(every).encode("utf-8", "backslashreplace")).hexdigest()
+    encoded = f"{plan.model_dump_json()}\n{scenes}".encode()  # all that the bytes depend on
     with write_folder(out, DATASET, plan=encoded, force=force) as (folder, done):
         if done:
             return read_manifest(out)
         if own is not None:
-            write_own_map(own, folder / entry.folder)
+            write_own_map(own, folder / plan.class_maps[0].folder)
+        bare = plan.model_copy(update={"skipped": (), "left_out": ()})
         tasks = [
-            (_Shard(source, every[first : first + scenes_per_shard], entry, folder, n, strict),)
-            for n, first in enumerate(range(0, len(every), scenes_per_shard))
+            (_Shard(source, every[first : first + scenes_per_shard], bare, folder, number, strict),)
+            for number, first in enumerate(range(0, len(every), scenes_per_shard))
         ]
         shards = run_all(_Shard.make, tasks, executor=executor, progress=progress)
-        manifest = _sum_up(plan, shards, loaded)
+        manifest = combine_manifests([*shards, plan])
         if not manifest.totals.scenes:
             shutil.rmtree(folder)
             raise _refuse_nothing(source.path, manifest.skipped)
+        unmapped = {one.name: one.instances for one in manifest.unmapped}
+        near = tuple(describe_unmapped(unmapped, loaded))
+        manifest = manifest.model_copy(update={"unmapped": near})
         publish(folder, manifest)
     return manifest
 
@@ -168,39 +147,29 @@ def _find_scenes(source: Source, *, strict: bool) -> FoundScenes:
 
 def _make_plan(
     source: Source, found: FoundScenes, class_map: ClassMap, scenes_per_shard: int
-) -> _Plan:
+) -> Manifest:
+    """Return the manifest of the dataset before any shard is made."""
     count_shards(len(found.scenes), scenes_per_shard=scenes_per_shard)
-    return _Plan(
-        source=_describe_source(source, found, class_map),
+    versions = sorted({ref.source_version for ref in found.scenes if ref.source_version})
+    entry = SourceEntry(
+        kind=source.kind,
+        version=", ".join(versions) or None,
+        fingerprint=add_fingerprints([]),
+        class_map=ClassMapEntry.of(class_map),
+        options=source.options,
+        terms=getattr(source, "terms", None) or find_terms(source.kind),
+        nameable=None if class_map.nameable == class_map.classes else class_map.nameable,
+        is_complete=source.kind not in SOURCES or SOURCES[source.kind].is_complete,
+    )
+    return Manifest(
         generator=name_generator(),
+        class_space=class_map.space,
+        sources=(entry,),
         scenes_per_shard=scenes_per_shard,
-        scenes=hashlib.sha256(repr(found.scenes).encode("utf-8", "backslashreplace")).hexdigest(),
+        totals=Totals(),
+        files=(),
         skipped=(*found.duplicates, *found.conflicts, *found.unreadable),
         left_out=tuple(_without_root(skip, Path()) for skip in found.unused),
-    )
-
-
-def _sum_up(plan: _Plan, shards: Sequence[_ShardReport], class_map: ClassMap) -> Manifest:
-    """Return the manifest of the dataset after all its shards are made."""
-    names, labels = Counter[str](), Counter[str]()
-    for shard in shards:
-        names.update(shard.names)
-        labels.update(shard.unknown_labels)
-    fingerprint = add_fingerprints(shard.fingerprint for shard in shards)
-    files = [entry for shard in shards for entry in shard.files]
-    return Manifest(
-        generator=plan.generator,
-        class_space=class_map.space,
-        sources=(plan.source.model_copy(update={"fingerprint": fingerprint}),),
-        scenes_per_shard=plan.scenes_per_shard,
-        totals=Totals.sum(shard.totals for shard in shards),
-        files=tuple(sorted(files, key=lambda entry: entry.path)),
-        skipped=(*(one for shard in shards for one in shard.skipped), *plan.skipped),
-        left_out=(*(one for shard in shards for one in shard.left_out), *plan.left_out),
-        meshes={scene: mesh for shard in shards for scene, mesh in shard.meshes.items()},
-        unmapped=tuple(describe_unmapped(names, class_map)),
-        resolved=tuple(list_resolved(names, class_map)),
-        unknown_labels=list_unknown_labels(labels),
     )
 
 
@@ -223,37 +192,23 @@ def _name_class_map(source: Source) -> str:
     return SOURCES[source.kind].class_map if source.kind in SOURCES else DEFAULT_CLASS_MAP
 
 
-def _describe_source(source: Source, found: FoundScenes, class_map: ClassMap) -> SourceEntry:
-    versions = sorted({ref.source_version for ref in found.scenes if ref.source_version})
-    return SourceEntry(
-        kind=source.kind,
-        version=", ".join(versions) or None,
-        fingerprint="",
-        class_map=ClassMapEntry.of(class_map),
-        options=source.options,
-        terms=getattr(source, "terms", None) or find_terms(source.kind),
-        nameable=None if class_map.nameable == class_map.classes else class_map.nameable,
-        is_complete=source.kind not in SOURCES or SOURCES[source.kind].is_complete,
-    )
-
-
 @dataclass(frozen=True, slots=True)
 class _Shard:
     """What a worker makes one shard of."""
 
     source: Source
     scenes: tuple[SceneRef, ...]
-    class_map: ClassMapEntry
+    bare: Manifest  # of a dataset of none of its scenes
     folder: Path  # of the dataset
     number: int
     strict: bool
 
-    def make(self) -> _ShardReport:
-        """Make the shard, unless an earlier run of the same build did; its report comes last."""
-        class_map = load_class_map(self.class_map.name_in(self.folder))
+    def make(self) -> Manifest:
+        """Make the shard, unless an earlier run of the same build did; its manifest comes last."""
+        class_map = load_class_map(self.bare.class_maps[0].name_in(self.folder))
         path = self.folder / BUILD / f"part-{self.number:05d}.json"
         done = _read_report(self.folder, path)
-        if done and not (self.strict and _has_losses(done, class_map)):
+        if done and not (self.strict and (done.skipped or done.left_out or done.unmapped)):
             return done
         readings: list[Reading] = []
         skipped: list[SkippedScene] = []
@@ -294,30 +249,31 @@ class _Shard:
 
     def _write(
         self, readings: Sequence[Reading], skipped: Sequence[SkippedScene], class_map: ClassMap
-    ) -> _ShardReport:
+    ) -> Manifest:
         """Write the files of the shard, and say what is in them."""
         graphs, space = [one.graph for one in readings], class_map.space
-        path = self.source.path
-        root = path if path.is_dir() else path.parent
+        root = self.source.path if self.source.path.is_dir() else self.source.path.parent
         tables = make_tables(graphs, space.classes)
-        return _ShardReport(
-            files=write_shards(tables, self.folder, number=self.number, class_space=space),
-            totals=count_totals(tables),
-            fingerprint=add_fingerprints(
-                hashlib.sha256(f"{one.scene_id}\t{one.annotation_sha256}".encode()).hexdigest()
-                for one in graphs
+        names = _count_unlisted(tables["objects"], class_map)
+        read = (f"{one.scene_id}\t{one.annotation_sha256}".encode() for one in graphs)
+        fingerprint = add_fingerprints(hashlib.sha256(one).hexdigest() for one in read)
+        (source,) = self.bare.sources
+        found = {
+            "sources": (source.model_copy(update={"fingerprint": fingerprint}),),
+            "totals": count_totals(tables),
+            "files": write_shards(tables, self.folder, number=self.number, class_space=space),
+            "skipped": tuple(_without_root(one, root) for one in skipped),
+            "left_out": tuple(_without_root(s, root) for one in readings for s in one.left_out),
+            "meshes": {one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
+            "unmapped": tuple(
+                UnmappedEntry(name=name, instances=times)
+                for name, times in names.items()
+                if class_map.classify(name).category is None
             ),
-            skipped=tuple(_without_root(skip, root) for skip in skipped),
-            left_out=tuple(_without_root(skip, root) for one in readings for skip in one.left_out),
-            meshes={one.graph.scene_id: one.mesh for one in readings if one.mesh is not None},
-            names=_count_unlisted(tables["objects"], class_map),
-            unknown_labels=_count_unknown_labels(graphs, self.source),
-        )
-
-
-def _has_losses(shard: _ShardReport, class_map: ClassMap) -> bool:
-    names = (class_map.classify(name).category for name in shard.names)
-    return bool(shard.skipped or shard.left_out or None in names)
+            "resolved": tuple(list_resolved(names, class_map)),
+            "unknown_labels": tuple(_list_unknown_labels(graphs, self.source)),
+        }
+        return self.bare.model_copy(update=found)
 
 
 def _count_unlisted(objects: pa.Table, class_map: ClassMap) -> Mapping[str, int]:
@@ -326,17 +282,17 @@ def _count_unlisted(objects: pa.Table, class_map: ClassMap) -> Mapping[str, int]
     return {name: times[name] for name in times if class_map.lookup(name) is None}
 
 
-def _count_unknown_labels(graphs: Sequence[SceneGraph], source: Source) -> Mapping[str, int]:
-    """Return what a source calls rooms that names no kind of room that we know, and the rooms."""
+def _list_unknown_labels(graphs: Sequence[SceneGraph], source: Source) -> Iterator[CountedName]:
+    """Yield what a source calls rooms that names no kind of room that we know, and the rooms."""
     lists = getattr(source, "lists", lambda word: False)  # of a source with a list of its own
-    return Counter(
+    rooms = ((one.source, room) for one in graphs for room in one.rooms if room.label is None)
+    labels = Counter(
         room.source_label
-        for graph in graphs
-        for room in graph.rooms
-        if room.label is None
-        and room.source_label is not None
-        and not (lists(room.source_label) or is_understood(graph.source, room.source_label))
+        for kind, room in rooms
+        if room.source_label is not None
+        and not (lists(room.source_label) or is_understood(kind, room.source_label))
     )
+    return (CountedName(name=name, instances=times) for name, times in labels.items())
 
 
 def _read(source: Source, ref: SceneRef, class_map: ClassMap) -> Reading:
@@ -375,10 +331,10 @@ def _without_root(skip: SkippedScene, root: Path) -> SkippedScene:
     return replace(skip, reason=reason.replace(f"{root}/", ""))
 
 
-def _read_report(folder: Path, path: Path) -> _ShardReport | None:
-    """Return the report of a finished shard; None if its files changed or it has none."""
+def _read_report(folder: Path, path: Path) -> Manifest | None:
+    """Return the manifest of a finished shard; None if its files changed or it has none."""
     try:
-        shard = _ShardReport.model_validate_json(path.read_bytes())
+        shard = Manifest.model_validate_json(path.read_bytes())
         sound = all(hash_file(folder / entry.path) == entry.sha256 for entry in shard.files)
     except (OSError, ValidationError):
         return None

@@ -179,16 +179,12 @@ def flush_folder(path: Path) -> None:
 
 
 @contextmanager
-def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
+def hold(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder, which need not exist yet; the folder above it must.
 
     The lock is `.NAME.lock` beside the folder, so that nothing strange lies in it and that it can
     be renamed while it is locked. The file is removed at the end. One that a killed process left
     behind is not locked, and harms nobody.
-
-    Args:
-        folder: folder to lock; it need not exist.
-        wait: seconds to wait for the current holder.
     """
     folder = resolve_links(folder)  # a link and what it leads to have one lock
     path = folder.parent / f".{folder.name}.lock"
@@ -196,7 +192,7 @@ def hold(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
         raise DatasetError(f"{path.parent}: no such folder")
     lock = FileLock(path)
     try:
-        lock.acquire(timeout=wait)
+        lock.acquire(timeout=0)
     except Timeout as error:
         raise DatasetError(
             f"{folder}: another command is writing there; wait until it is done",

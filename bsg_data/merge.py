@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import TypeVar
 
 from bsg_data.build import name_generator
 from bsg_data.dataset.commit import DATASET, publish
@@ -13,12 +12,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import (
     FileEntry,
     Manifest,
-    ResolvedEntry,
-    SourceEntry,
-    Totals,
-    UnknownLabel,
-    UnmappedEntry,
-    add_fingerprints,
+    combine_manifests,
     count_shards,
     read_manifest,
     require_class_space,
@@ -29,8 +23,6 @@ from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import AnyPath, resolve_links
 from bsg_data.places import require_free
 from bsg_data.results import write_folder
-
-_Entry = TypeVar("_Entry", UnmappedEntry, ResolvedEntry, UnknownLabel)
 
 
 def merge_datasets(
@@ -67,7 +59,8 @@ def merge_datasets(
     for one in opened:
         require_class_space(opened[0].manifest, one.manifest.class_space, what=str(one.path))
     scenes = sum(one.manifest.totals.scenes for one in opened)
-    merged = _combine_manifests([one.manifest for one in opened])
+    merged = combine_manifests([one.manifest for one in opened])
+    merged = merged.model_copy(update={"generator": name_generator()})
     size = merged.scenes_per_shard
     count_shards(scenes, scenes_per_shard=size)
     _refuse_shared_buildings(opened)
@@ -92,46 +85,6 @@ def merge_datasets(
         merged = merged.model_copy(update={"files": in_order})
         publish(folder, merged)
     return merged
-
-
-def _combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
-    """Return the manifest of a dataset that holds what several hold, with all their files."""
-    sources = [source for one in manifests for source in one.sources]
-    return Manifest(
-        generator=name_generator(),
-        class_space=manifests[0].class_space,
-        sources=tuple(_join_sources(sources)),
-        scenes_per_shard=max(one.scenes_per_shard for one in manifests),
-        totals=Totals.sum(one.totals for one in manifests),
-        files=tuple(sorted((f for one in manifests for f in one.files), key=lambda f: f.path)),
-        skipped=tuple(skip for one in manifests for skip in one.skipped),
-        left_out=tuple(skip for one in manifests for skip in one.left_out),
-        meshes={scene: mesh for one in manifests for scene, mesh in one.meshes.items()},
-        unmapped=_add_up(entry for one in manifests for entry in one.unmapped),
-        resolved=_add_up(entry for one in manifests for entry in one.resolved),
-        unknown_labels=_add_up(entry for one in manifests for entry in one.unknown_labels),
-    )
-
-
-def _join_sources(sources: Iterable[SourceEntry]) -> list[SourceEntry]:
-    """Return the sources, those that differ in their annotations alone as one, in an order."""
-    found: dict[str, list[SourceEntry]] = {}
-    for source in sources:
-        found.setdefault(source.model_dump_json(exclude={"fingerprint"}), []).append(source)
-    return [
-        same[0].model_copy(update={"fingerprint": add_fingerprints(s.fingerprint for s in same)})
-        for _, same in sorted(found.items())
-    ]
-
-
-def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
-    """Add up the objects of equal names, most frequent first."""
-    found: dict[str, _Entry] = {}
-    for entry in entries:
-        key = entry.model_dump_json(exclude={"instances", "nearest"})
-        there = found.setdefault(key, entry.model_copy(update={"instances": 0}))
-        found[key] = there.model_copy(update={"instances": there.instances + entry.instances})
-    return tuple(sorted(found.values(), key=lambda entry: (-entry.instances, entry.name)))
 
 
 def _refuse_shared_buildings(datasets: Sequence[Dataset]) -> None:

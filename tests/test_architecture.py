@@ -32,7 +32,6 @@ HOUSE = (
     "bsg_data.seal",
     "bsg_data.places",
     "bsg_data.scene bsg_data.results",
-    "bsg_data.outputs",
     "bsg_data.geometry",
     "bsg_data.dataset",
     "bsg_data.sources",

@@ -20,25 +20,27 @@ _Fault = tuple[str, str, str]
 
 def find_faults(tables: Mapping[str, pa.Table]) -> Iterator[_Fault]:
     """Yield the faults of the scenes of a shard: table, what is at fault, and the rule."""
-    scenes, edges = tables["scenes"], take_adjacent(tables["edges"])
-    rows = {name: _Rows(name, tables[name], scenes) for name in ("scenes", "rooms", "objects")}
-    rows["edges"] = _Rows("edges", edges, scenes)
-    foreign = [fault for some in rows.values() for fault in some.find_foreign()]
-    yield from foreign
-    yield from rows["scenes"].report(
-        ~_is_in(scenes["up_axis"], [*_AXES, None]), f"up_axis is none of {', '.join(_AXES)}"
-    )
-    contained = len(tables["edges"]) - len(edges)
-    if contained != len(tables["rooms"]) + len(tables["objects"]):
+    adjacent = take_adjacent(tables["edges"])
+    rows = {
+        name: _Rows(name, table, tables["scenes"])
+        for name, table in {**tables, "edges": adjacent}.items()
+    }
+    scenes, rooms, objects, edges = (rows[n] for n in ("scenes", "rooms", "objects", "edges"))
+    is_axis = scenes.is_in("up_axis", [*_AXES, None])
+    yield from scenes.report(~is_axis, f"up_axis is none of {', '.join(_AXES)}")
+    if len(tables["edges"]) - len(adjacent) != len(rooms.table) + len(objects.table):
         yield "edges", "the shard", "expected an edge to each room and to each object"
-    if not foreign:
-        for name in ("rooms", "objects"):
-            counted = np.bincount(rows[name].scene, minlength=len(scenes))
-            wrong = counted != scenes[f"num_{name}"].to_numpy()
-            yield from rows["scenes"].report(wrong, f"num_{name} is not their number")
-        yield from _find_room_faults(rows["rooms"])
-        yield from _find_object_faults(rows["objects"], scenes["num_rooms"].to_numpy())
-        yield from _find_edge_faults(rows["edges"], rows["rooms"])
+    foreign = [fault for some in rows.values() for fault in some.find_foreign()]
+    if foreign:
+        yield from foreign
+        return
+    for some in (rooms, objects):
+        counted = np.bincount(some.scene, minlength=len(scenes.table))
+        number = f"num_{some.name}"
+        yield from scenes.report(counted != scenes.array(number), f"{number} is not their number")
+    yield from _find_room_faults(rooms)
+    yield from _find_object_faults(objects, scenes.array("num_rooms"))
+    yield from _find_edge_faults(edges, rooms)
 
 
 class _Rows:
@@ -48,37 +50,38 @@ class _Rows:
         self.name, self.table = name, table
         found = pc.index_in(table["scene_id"], value_set=scenes["scene_id"].combine_chunks())
         self.scene: Ints = found.fill_null(-1).to_numpy().astype(np.int64)
-        self.is_first = np.diff(self.scene, prepend=-1) != 0
 
     def find_foreign(self) -> Iterator[_Fault]:
         """Yield rows that are of no scene, or not beside the others of theirs."""
         wrong = (self.scene < 0) | (np.diff(self.scene, prepend=-1) < 0)
         yield from self.report(wrong, "is of no scene, or not in their order")
 
-    def report(self, wrong: Bools | pa.ChunkedArray, rule: str) -> Iterator[_Fault]:
+    def report(self, wrong: Bools, rule: str) -> Iterator[_Fault]:
         """Yield a fault for each row that is marked."""
-        for row in np.flatnonzero(np.asarray(wrong)).tolist():
-            yield self.name, f"{self.table['scene_id'][row].as_py()}{self._name(row)}", rule
-
-    def _name(self, row: int) -> str:
-        if self.name == "edges":
-            ends = (self.table[f"{end}_index"][row].as_py() for end in ("source", "target"))
-            return ", rooms {} and {}".format(*ends)
-        one = self.name.removesuffix("s")
-        return "" if one == "scene" else f", {one} {self.table[f'{one}_index'][row].as_py()}"
+        for row in np.flatnonzero(wrong).tolist():
+            one = self.table.slice(row, 1).to_pylist()[0]
+            kind = self.name.removesuffix("s")
+            where = {"scene": "", "edge": ", rooms {source_index} and {target_index}"}
+            what = where.get(kind, f", {kind} {{{kind}_index}}").format(**one)
+            yield self.name, f"{one['scene_id']}{what}", rule
 
     def find_misnumbered(self, index: str, rising: str) -> Iterator[_Fault]:
         """Yield rows whose index does not run, or whose id does not rise."""
+        is_first = np.diff(self.scene, prepend=-1) != 0
         places = np.arange(len(self.scene))
-        first = np.maximum.accumulate(np.where(self.is_first, places, 0))
+        first = np.maximum.accumulate(np.where(is_first, places, 0))
         wrong = self.array(index) != places - first + 1
         yield from self.report(wrong, f"{index} does not run 1, 2, 3, …")
-        falls = (np.diff(self.array(rising), prepend=0) <= 0) & ~self.is_first
+        falls = (np.diff(self.array(rising), prepend=0) <= 0) & ~is_first
         yield from self.report(falls, f"{rising} does not rise")
 
     def array(self, column: str) -> np.ndarray[Any, Any]:
         """Return a column of numbers, NaN for null."""
         return np.asarray(self.table[column].to_numpy())
+
+    def is_in(self, column: str, words: Sequence[str | None]) -> Bools:
+        """Say which words of a column are among some."""
+        return np.asarray(pc.is_in(self.table[column], value_set=pa.array(words, pa.string())))
 
     def points(self, name: str) -> Floats:
         """Return points `[n, 3]`, NaN for null."""
@@ -87,15 +90,13 @@ class _Rows:
     def boxes(self, name: str) -> tuple[Floats, Bools, Bools]:
         """Return boxes `[n, 2, 3]`; which are there; and which are there and possible."""
         boxes = np.stack([self.points(f"{name}_min"), self.points(f"{name}_max")], axis=1)
-        is_finite = np.isfinite(boxes).all(axis=(1, 2))
-        is_box = is_finite & (boxes[:, 0] <= boxes[:, 1]).all(axis=1)
+        is_box = np.isfinite(boxes).all(axis=(1, 2)) & (boxes[:, 0] <= boxes[:, 1]).all(axis=1)
         return boxes, np.asarray(~np.isnan(boxes).all(axis=(1, 2))), np.asarray(is_box)
 
     def is_area(self, column: str) -> Bools:
         """Say which areas are not known, or above 0."""
         areas = self.array(column)
-        is_null = self.table[column].is_null().to_numpy()
-        return np.asarray(is_null | ((areas > 0) & (areas < np.inf)))
+        return np.asarray(np.isnan(areas) | ((areas > 0) & (areas < np.inf)))
 
 
 def _find_room_faults(rooms: _Rows) -> Iterator[_Fault]:
@@ -103,17 +104,15 @@ def _find_room_faults(rooms: _Rows) -> Iterator[_Fault]:
     yield from rooms.report(rooms.array("region_id") < 0, "region_id is below 0")
     (boxes, is_boxed, is_box), centroids = rooms.boxes("box"), rooms.points("centroid")
     is_near = (np.abs(centroids - boxes.mean(axis=1)) <= _ROUNDING).all(axis=1)
-    heights = rooms.table["floor_z"].is_null().to_numpy() | np.isfinite(rooms.array("floor_z"))
-    sound = (
-        _are_points(centroids)
-        & heights
-        & (np.nan_to_num(rooms.array("floor_index")) >= 0)
-        & rooms.is_area("floor_area")
-        & (~is_boxed | (is_box & is_near))
-    )
+    is_point = np.isfinite(centroids).all(axis=1) | np.isnan(centroids).all(axis=1)
     outlines = rooms.table["footprint"].to_pylist()
-    sound &= [one is None or (len(one) >= 6 and len(one) % 2 == 0) for one in outlines]
-    sound &= [one is None or bool(np.isfinite(one).all()) for one in outlines]
+    is_outline = [
+        one is None or (len(one) >= 6 and len(one) % 2 == 0 and bool(np.isfinite(one).all()))
+        for one in outlines
+    ]
+    sound = is_point & ~np.isinf(rooms.array("floor_z")) & is_outline
+    sound &= (np.nan_to_num(rooms.array("floor_index")) >= 0) & rooms.is_area("floor_area")
+    sound &= ~is_boxed | (is_box & is_near)
     yield from rooms.report(~sound, "its geometry is impossible")
 
 
@@ -122,18 +121,17 @@ def _find_object_faults(objects: _Rows, rooms: Ints) -> Iterator[_Fault]:
     room = objects.array("room_index")
     yield from objects.report((room < 0) | (room > rooms[objects.scene]), "room_index is not 0..R")
     is_colour = pc.match_substring_regex(objects.table["colour"], "^[0-9A-F]{6}$").fill_null(True)
-    yield from objects.report(pc.invert(is_colour), "colour is not RRGGBB")
+    yield from objects.report(~np.asarray(is_colour), "colour is not RRGGBB")
     yield from objects.report(~objects.is_area("area"), "area is not above 0")
     boxes, is_boxed, is_box = objects.boxes("box")
     parts, is_parted, is_part = objects.boxes("part")
     centroids = objects.points("centroid")
+    low, high = boxes[:, :1] - _ROUNDING, boxes[:, 1:] + _ROUNDING
+    inner = np.stack([centroids, parts[:, 0], parts[:, 1]], axis=1)
+    is_inside: Bools = np.asarray(((low <= inner) & (inner <= high)).all(axis=2))
     is_placed = is_boxed | is_parted | ~np.isnan(centroids).all(axis=1)
-    is_inside = [_are_inside(points, boxes) for points in (centroids, parts[:, 0], parts[:, 1])]
-    sound = (
-        np.isfinite(centroids).all(axis=1)
-        & (~is_boxed | (is_box & is_inside[0]))
-        & (~is_parted | (is_part & is_inside[1] & is_inside[2]))
-    )
+    sound = np.isfinite(centroids).all(axis=1) & (~is_boxed | (is_box & is_inside[:, 0]))
+    sound &= ~is_parted | (is_part & is_inside[:, 1:].all(axis=1))
     rule = "its centroid, its box or its largest part is impossible"
     yield from objects.report(is_placed & ~sound, rule)
 
@@ -151,19 +149,5 @@ def _find_edge_faults(edges: _Rows, rooms: _Rows) -> Iterator[_Fault]:
     centroids = rooms.points("centroid")
     known = np.linalg.norm(centroids[ends[0]] - centroids[ends[1]], axis=1)
     is_known = np.isclose(known, edges.array("distance_m"), rtol=1e-5, atol=0, equal_nan=True)
-    wrong = is_pair & ~(is_known & _is_in(edges.table["method"], ADJACENCY_METHODS))
+    wrong = is_pair & ~(is_known & edges.is_in("method", ADJACENCY_METHODS))
     yield from edges.report(wrong, "an adjacent edge has an unknown method or distance")
-
-
-def _is_in(column: pa.ChunkedArray, words: Sequence[str | None]) -> Bools:
-    return np.asarray(pc.is_in(column, value_set=pa.array(words, pa.string())))
-
-
-def _are_points(points: Floats) -> Bools:
-    """Say which points are finite, or not there."""
-    return np.asarray(np.isfinite(points).all(axis=1) | np.isnan(points).all(axis=1))
-
-
-def _are_inside(points: Floats, boxes: Floats) -> Bools:
-    low, high = boxes[:, 0] - _ROUNDING, boxes[:, 1] + _ROUNDING
-    return np.asarray(((low <= points) & (points <= high)).all(axis=1))

@@ -30,7 +30,16 @@ from bsg_data.dataset.manifest import (
     read_manifest,
 )
 from bsg_data.errors import DatasetError
-from bsg_data.files import empty, flush_folder, hold, list_files, remove, resolve_links, write_bytes
+from bsg_data.files import (
+    empty,
+    flush_folder,
+    hold,
+    list_files,
+    remove,
+    resolve_links,
+    write_bytes,
+    writing,
+)
 from bsg_data.places import BUILD, FolderKind, is_left
 from bsg_data.results import recover
 
@@ -88,13 +97,11 @@ def update_manifest(
             return data.manifest
         staged = dataset / STAGED
         try:
-            write_bytes(staged / _REPLACED / MANIFEST, (dataset / MANIFEST).read_bytes())
-            new = write(data)
-            publish(staged, new)
-            _move(staged, dataset)
-        except OSError as error:
-            message = f"{dataset}: cannot be changed ({error})"
-            raise DatasetError(message, code="not-written", where=dataset) from error
+            with writing(dataset):
+                write_bytes(staged / _REPLACED / MANIFEST, (dataset / MANIFEST).read_bytes())
+                new = write(data)
+                publish(staged, new)
+                _move(staged, dataset)
         finally:
             _sweep(dataset)
     return new

@@ -35,7 +35,7 @@ from bsg_data.scene.connections import Connections
 from bsg_data.scene.surroundings import ROOM_COLUMNS, SCENE_COLUMNS, Surroundings
 
 NAMES = ("train", "val", "test")  # of splits; folds have others
-HELD_BYTES = 256 * 2**20  # bound of the shards in memory
+_HELD_BYTES = 256 * 2**20  # bound of the shards in memory
 _TRIES = 5  # to open a dataset that other commands replace
 _NODE_BYTES = 170  # about what is held of a node besides its cells
 _OBJECT_BYTES = 23
@@ -154,14 +154,8 @@ class Dataset(DatasetFiles):
 
     def building(self, scene_id: str) -> Building:
         """Return what is known of a scene besides the objects outside the classes."""
-        shard, index = self._find(scene_id)
-        rows, (starts, connections) = shard.rows_of(index), shard.connections
-        return Building(
-            shard.cells[rows],
-            connections.take(np.s_[starts[index] : starts[index + 1]]),
-            shard.surroundings.take(rows, buildings=slice(index, index + 1)),
-            self._nameable[shard.sources[index]],
-        )
+        views = (self.cells, self.connections, self.surroundings, self.nameable)
+        return Building(*(view(scene_id) for view in views))  # type: ignore[arg-type]
 
     def cells(self, scene_id: str) -> Counts:
         """Return the classified objects of a scene, `[1 + R, C]`, row 0 the null region."""
@@ -255,7 +249,7 @@ class Dataset(DatasetFiles):
             + files["objects"].rows * _OBJECT_BYTES
             for files in self._files
         )
-        return lru_cache(maxsize=max(2, HELD_BYTES // max(weights, default=1)))(
+        return lru_cache(maxsize=max(2, _HELD_BYTES // max(weights, default=1)))(
             lambda number: _Shard(self, self._files[number], self._scenes_of(number))
         )
 

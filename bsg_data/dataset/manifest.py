@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Final, Literal, TypeVar
 
 from pydantic import Field, ValidationError
 
@@ -103,13 +104,12 @@ FORMAT_VERSION: Final = 1
 SPLIT_NAME = re.compile(r"(?:train|val|test|fold-[0-9]{1,5})")
 MANIFEST = "dataset.json"
 CARD, CROISSANT = "README.md", "croissant.json"
-MAX_SHARDS = 100_000  # the names of their files number no more
+_MAX_SHARDS = 100_000  # the names of their files number no more
 STAGED = ".staged"  # folder of what a command is about to add
 
-ScenesPerShard = Annotated[int, Field(ge=1)]
 
 # Exactly the paths that the format has: a manifest edited by hand cannot point elsewhere.
-FILE_PATH = re.compile(
+_FILE_PATH = re.compile(
     r"(?:scenes|rooms|objects|edges)/part-[0-9]{5}\.parquet"
     r"|splits/[a-z]+-[0-9a-f]{8}\.parquet"
     rf"|pairs/[a-z][a-z0-9-]*-[0-9a-f]{{8}}/{SPLIT_NAME.pattern}-[0-9]{{5}}\.parquet",
@@ -119,7 +119,7 @@ FILE_PATH = re.compile(
 class FileEntry(Record):
     """One file of a dataset: its path below the dataset, rows, bytes and hash."""
 
-    path: str = Field(pattern=rf"^({FILE_PATH.pattern}|{re.escape(STAGED)}/[a-z0-9.-]+)$")
+    path: str = Field(pattern=rf"^({_FILE_PATH.pattern}|{re.escape(STAGED)}/[a-z0-9.-]+)$")
     rows: int = Field(ge=0)
     bytes: int = Field(ge=0)
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
@@ -134,37 +134,41 @@ class SkippedScene:
     reason: str
 
 
-_COMPARED = 10  # unmapped names, the most frequent ones, that get their nearest known names
-
-
-class UnmappedEntry(Record):
-    """A name that is not in the class map, its number of objects, and the nearest names."""
+class CountedName(Record):
+    """A name, and the number of objects or rooms that have it."""
 
     name: str
     instances: int
+
+
+class UnmappedEntry(CountedName):
+    """A name that is not in the class map, and the nearest names."""
+
     nearest: tuple[str, ...] = ()  # of the most frequent names alone
+
+
+class ResolvedEntry(CountedName):
+    """A name that is not in the class map, and its category by a rule."""
+
+    rule: Rule
+    category: str
+    class_name: str | None
+
+
+_Entry = TypeVar("_Entry", bound=CountedName)
+_COMPARED = 10  # unmapped names, the most frequent ones, that get their nearest known names
 
 
 def describe_unmapped(names: Mapping[str, int], class_map: ClassMap) -> Iterator[UnmappedEntry]:
     """Yield the names that are not in a class map, with their objects, most frequent first."""
     unknown = [(name, n) for name, n in _rank(names) if class_map.classify(name).category is None]
-    for rank, (name, instances) in enumerate(unknown):
-        nearest = class_map.nearest(name) if rank < _COMPARED else ()
+    for place, (name, instances) in enumerate(unknown):
+        nearest = class_map.nearest(name) if place < _COMPARED else ()
         yield UnmappedEntry(name=name, instances=instances, nearest=nearest)
 
 
 def _rank(names: Mapping[str, int]) -> list[tuple[str, int]]:
     return sorted(names.items(), key=lambda item: (-item[1], item[0]))
-
-
-class ResolvedEntry(Record):
-    """A name that is not in the class map, and its category by a rule."""
-
-    name: str
-    instances: int
-    rule: Rule
-    category: str
-    class_name: str | None
 
 
 def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[ResolvedEntry]:
@@ -180,18 +184,6 @@ def list_resolved(names: Mapping[str, int], class_map: ClassMap) -> Iterator[Res
                 category=known.category,
                 class_name=None if index is None else class_map.classes[index],
             )
-
-
-class UnknownLabel(Record):
-    """What a source calls rooms, which names no kind of room that we know; and how many rooms."""
-
-    name: str
-    instances: int
-
-
-def list_unknown_labels(labels: Mapping[str, int]) -> tuple[UnknownLabel, ...]:
-    """Return labels that are not understood, with their rooms, most frequent first."""
-    return tuple(UnknownLabel(name=name, instances=n) for name, n in _rank(labels))
 
 
 class Totals(Record):
@@ -241,10 +233,10 @@ def count_shards(scenes: int, *, scenes_per_shard: int) -> int:
     if scenes_per_shard < 1:
         raise RecipeError(f"scenes_per_shard: expected 1 or more, found {scenes_per_shard}")
     shards = -(-scenes // scenes_per_shard)
-    if shards > MAX_SHARDS:
+    if shards > _MAX_SHARDS:
         raise RecipeError(
             f"{scenes:,} scenes, {scenes_per_shard:,} per shard, make {shards:,} shards; expected "
-            f"at most {MAX_SHARDS:,}: set scenes_per_shard={-(-scenes // MAX_SHARDS):,} or more"
+            f"at most {_MAX_SHARDS:,}: set scenes_per_shard={-(-scenes // _MAX_SHARDS):,} or more"
         )
     return shards
 
@@ -257,7 +249,7 @@ class Manifest(Record):
     generator: str
     class_space: ClassSpace
     sources: tuple[SourceEntry, ...] = Field(min_length=1)
-    scenes_per_shard: ScenesPerShard
+    scenes_per_shard: int = Field(ge=1)
     totals: Totals
     files: tuple[FileEntry, ...]
     skipped: tuple[SkippedScene, ...] = ()
@@ -265,7 +257,7 @@ class Manifest(Record):
     meshes: dict[str, MeshCoverage] = Field(default_factory=dict)
     unmapped: tuple[UnmappedEntry, ...] = ()
     resolved: tuple[ResolvedEntry, ...] = ()
-    unknown_labels: tuple[UnknownLabel, ...] = ()
+    unknown_labels: tuple[CountedName, ...] = ()  # what sources call rooms of no kind we know
     split: SplitRecipe | None = None
     pairs: PairsRecipe | None = None
 
@@ -293,6 +285,43 @@ class Manifest(Record):
     def without_split(self) -> Manifest:
         """Return the manifest without the split, and without the pairs that follow from it."""
         return self.with_table("pairs", (), pairs=None).with_table("splits", (), split=None)
+
+
+def combine_manifests(manifests: Sequence[Manifest]) -> Manifest:
+    """Return the manifest of a dataset that holds what several hold, with all their files."""
+    sources: dict[str, list[SourceEntry]] = {}  # those that differ in their annotations alone
+    for source in (source for one in manifests for source in one.sources):
+        sources.setdefault(source.model_dump_json(exclude={"fingerprint"}), []).append(source)
+    return Manifest(
+        generator=manifests[0].generator,
+        class_space=manifests[0].class_space,
+        sources=tuple(_join_sources(same) for _, same in sorted(sources.items())),
+        scenes_per_shard=max(one.scenes_per_shard for one in manifests),
+        totals=Totals.sum(one.totals for one in manifests),
+        files=tuple(sorted((f for one in manifests for f in one.files), key=lambda f: f.path)),
+        skipped=tuple(skip for one in manifests for skip in one.skipped),
+        left_out=tuple(skip for one in manifests for skip in one.left_out),
+        meshes={scene: mesh for one in manifests for scene, mesh in one.meshes.items()},
+        unmapped=_add_up(entry for one in manifests for entry in one.unmapped),
+        resolved=_add_up(entry for one in manifests for entry in one.resolved),
+        unknown_labels=_add_up(entry for one in manifests for entry in one.unknown_labels),
+    )
+
+
+def _join_sources(same: Sequence[SourceEntry]) -> SourceEntry:
+    fingerprint = add_fingerprints(source.fingerprint for source in same)
+    return same[0].model_copy(update={"fingerprint": fingerprint})
+
+
+def _add_up(entries: Iterable[_Entry]) -> tuple[_Entry, ...]:
+    """Add up the objects of equal names, most frequent first."""
+    times, first = Counter[tuple[object, ...]](), dict[tuple[object, ...], _Entry]()
+    for entry in entries:
+        key = tuple(value for name, value in entry if name not in ("instances", "nearest"))
+        times[key] += entry.instances
+        first.setdefault(key, entry)
+    added = (entry.model_copy(update={"instances": times[key]}) for key, entry in first.items())
+    return tuple(sorted(added, key=lambda entry: (-entry.instances, entry.name)))
 
 
 def read_manifest(dataset: AnyPath) -> Manifest:
@@ -330,56 +359,37 @@ def _parse_manifest(path: Path, data: bytes) -> Manifest:
             code="format-version",
             where=path,
         )
-    covered, own, end = data.rpartition(_OWN_HASH)
-    if end != _end(covered + own):
-        raise DatasetError(
-            f"{path}: is damaged: its sha256 differs from the last one in it; take another copy of "
-            "the dataset, or build it again"
-        )
-    del said["sha256"]
     try:
-        return Manifest.model_validate(said)
+        manifest = Manifest.model_validate({key: said[key] for key in said if key != "sha256"})
+        fault = "" if encode_manifest(manifest) == data else "its sha256 is that of other bytes"
     except ValidationError as error:
+        fault = name_fault(error)
+    if fault:
         raise DatasetError(
-            f"{path}: {name_fault(error)}; another version wrote it: upgrade "
-            "belief-scene-graphs if that is newer, or build the dataset again"
-        ) from error
+            f"{path}: is damaged ({fault}); take another copy of the dataset, or build it again"
+        )
+    return manifest
 
 
 def _missing(dataset: Path) -> DatasetError:
     """Return the error for a folder without a manifest; it names an unfinished dataset beside."""
-    if dataset.is_dir():
-        return DatasetError(
-            f"{dataset}: has no {MANIFEST}, so it is no finished dataset; make one with "
-            "`bsg-data build --out DATASET`",
-            code="no-dataset",
-            where=dataset,
-        )
-    message = f"{dataset}: no such folder"
+    code, what = "dataset-missing", "no such folder"
     staged = name_staged(resolve_links(dataset))
-    if dataset.is_file():
-        message = f"{dataset}: is a file; expected the folder of a dataset"
+    if dataset.is_dir():
+        code, what = "no-dataset", f"has no {MANIFEST}, so it is no finished dataset; make one with"
+        what += " `bsg-data build --out DATASET`"
+    elif dataset.is_file():
+        what = "is a file; expected the folder of a dataset"
     elif staged.is_dir():
-        message += (
-            f"; {staged} beside it belongs to a running or interrupted command: run that command "
-            "again to continue"
-        )
-    return DatasetError(message, code="dataset-missing", where=dataset)
+        what += f"; {staged} beside it belongs to a running or interrupted command: run that "
+        what += "command again to continue"
+    return DatasetError(f"{dataset}: {what}", code=code, where=dataset)
 
 
 def encode_manifest(manifest: Manifest) -> bytes:
     """Return the bytes of `dataset.json`; its last key is the hash of all before that hash."""
-    text = manifest.model_dump_json(indent=1, exclude_none=False).encode()
-    covered = text.removesuffix(b"\n}") + b",\n " + _OWN_HASH
-    return covered + _end(covered)
-
-
-_OWN_HASH = b'"sha256": "'
-
-
-def _end(covered: bytes) -> bytes:
-    """Return the end of the file, after `_OWN_HASH`."""
-    return f'{hashlib.sha256(covered).hexdigest()}"\n}}\n'.encode()
+    text = manifest.model_dump_json(indent=1).encode().removesuffix(b"\n}") + b',\n "sha256": "'
+    return text + f'{hashlib.sha256(text).hexdigest()}"\n}}\n'.encode()
 
 
 def hash_manifest(dataset: Path) -> str:

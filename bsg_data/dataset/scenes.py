@@ -73,7 +73,7 @@ class Objects(Sequence[SceneObject]):
 
     @cached_property
     def _records(self) -> tuple[SceneObject, ...]:
-        held = {name: read_column(self.table[name]) for name in OBJECT_COLUMNS.names}
+        held = {name: _read_column(self.table[name]) for name in OBJECT_COLUMNS.names}
         held |= _gather_places(self.table)
         held["part_box"] = _gather_boxes(self.table, "part")
         return tuple(map(SceneObject, *(held[name] for name in SceneObject._fields)))
@@ -262,7 +262,7 @@ def _group(table: pa.Table, records: Iterable[_Record]) -> dict[str, list[_Recor
 
 
 def _read_rooms(table: pa.Table) -> Iterator[Room]:
-    columns = {name: read_column(table[name]) for name in _ROOM} | _gather_places(table)
+    columns = {name: _read_column(table[name]) for name in _ROOM} | _gather_places(table)
     columns["footprint"] = [
         corners and tuple(zip(corners[::2], corners[1::2], strict=True))
         for corners in columns["footprint"]
@@ -272,7 +272,7 @@ def _read_rooms(table: pa.Table) -> Iterator[Room]:
 
 def _read_edges(table: pa.Table) -> Iterator[Edge]:
     ends = {end: table[f"{end}_index"].to_pylist() for end in ("source", "target")}
-    return _make(Edge, ends | {name: read_column(table[name]) for name in _EDGE})
+    return _make(Edge, ends | {name: _read_column(table[name]) for name in _EDGE})
 
 
 def _make(record: type[_Record], columns: Mapping[str, Sequence[Any]]) -> Iterator[_Record]:
@@ -280,7 +280,7 @@ def _make(record: type[_Record], columns: Mapping[str, Sequence[Any]]) -> Iterat
     return map(record, *(columns[one.name] for one in fields(cast(Any, record))))
 
 
-def read_column(column: pa.ChunkedArray) -> list[Any]:
+def _read_column(column: pa.ChunkedArray) -> list[Any]:
     """Return the values of a column."""
     return [None] * len(column) if column.null_count == len(column) else column.to_pylist()
 
@@ -290,7 +290,7 @@ def _gather_places(table: pa.Table) -> _Columns:
 
 
 def _gather_points(table: pa.Table, name: str) -> list[Point | None]:
-    axes = (read_column(table[f"{name}_{axis}"]) for axis in "xyz")
+    axes = (_read_column(table[f"{name}_{axis}"]) for axis in "xyz")
     return [None if point[0] is None else point for point in zip(*axes, strict=True)]
 
 

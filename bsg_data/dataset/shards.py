@@ -7,33 +7,24 @@ manifest has of it, and then trusted.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn, TypeAlias
+from typing import NoReturn
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from bsg_data.dataset.manifest import FORMAT_VERSION, FileEntry, Manifest, read_manifest
 from bsg_data.dataset.scenes import assemble_graphs
-from bsg_data.dataset.schema import (
-    SPLITS,
-    TABLES,
-    pairs_schema,
-)
+from bsg_data.dataset.schema import SPLITS, TABLES, pairs_schema
 from bsg_data.errors import DatasetError
-from bsg_data.files import AnyPath, encode_json
+from bsg_data.files import AnyPath, encode_json, flush_file, writing
 from bsg_data.scene.class_space import ClassSpace
-from bsg_data.scene.scene_graph import (
-    SceneGraph,
-    is_scene_id,
-)
+from bsg_data.scene.scene_graph import SceneGraph, is_scene_id
 
 HELD_FILES = 64 * 2**20  # bytes of the files of a dataset that an open one keeps
-Held: TypeAlias = Mapping[str, bytes]  # path of a file below its dataset → its bytes
 
 
 def write_shards(
@@ -97,15 +88,10 @@ def write_parquet(
             writer.write_table(group)
             rows += len(group)
     data, where = sink.getvalue(), folder / path
-    try:
+    with writing(where):
         where.parent.mkdir(parents=True, exist_ok=True)
-        with where.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        message = f"{where}: cannot be written ({error.strerror or error})"
-        raise DatasetError(message, code="not-written", where=where) from error
+        where.write_bytes(data)
+        flush_file(where)
     sha256 = hashlib.sha256(data).hexdigest()
     return FileEntry(path=path, rows=rows, bytes=len(data), sha256=sha256)
 
@@ -122,7 +108,7 @@ class DatasetFiles:
 
     path: Path
     manifest: Manifest
-    held: Held = field(repr=False)
+    held: Mapping[str, bytes] = field(repr=False)  # path below the dataset → bytes
 
     def read_graphs(self) -> Iterator[SceneGraph]:
         """Yield the scene graphs, with one shard in memory at a time."""
@@ -221,7 +207,7 @@ def refuse_replaced(dataset: Path) -> NoReturn:
     )
 
 
-def hold_files(dataset: Path, entries: Sequence[FileEntry]) -> Held:
+def hold_files(dataset: Path, entries: Sequence[FileEntry]) -> Mapping[str, bytes]:
     """Read the bytes of files, so that a command that replaces the dataset takes nothing away.
 
     Files that together have more than `HELD_FILES` bytes are not held, nor is a damaged one, which

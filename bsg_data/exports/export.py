@@ -11,7 +11,7 @@ from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError
 from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.files import AnyPath, resolve_links
-from bsg_data.outputs import write_into
+from bsg_data.results import write_into
 from bsg_data.scene.scene_graph import is_file_name
 
 

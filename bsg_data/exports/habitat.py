@@ -31,7 +31,7 @@ def _find_orientation(up_axis: str) -> tuple[Point, Point]:
     return up, front
 
 
-def _encode_regions(graph: SceneGraph) -> EncodedScene:
+def _encode_regions(graph: SceneGraph, _: tuple[str, ...] = ()) -> EncodedScene:
     """Encode the rooms that have a box as regions, in their order."""
     regions = [_region(room, room.box) for room in graph.rooms if room.box is not None]
     if not regions:
@@ -68,5 +68,5 @@ def _turn(point: Point) -> Point:
 
 ROW = ExportRow(
     summary="rooms with a box as habitat-sim's region_annotations, <scene>.semantic_config.json",
-    encode=lambda graph, _: _encode_regions(graph),
+    encode=_encode_regions,
 )

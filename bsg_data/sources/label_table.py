@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from bsg_data.words.nearest import nearest_names
 from bsg_data.errors import SourceError
 from bsg_data.inputs.text_table import hint_separator, read_csv
+from bsg_data.words.nearest import nearest_names
 from bsg_data.words.shown import SHOWN, list_some, show_value
 
 _NAMED = 20  # columns that an error names

@@ -5,21 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from bsg_data.errors import DatasetError, RecipeError
+from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, encode_json, resolve_links, write_bytes
-from bsg_data.inputs.bounded_file import read_bytes
-from bsg_data.inputs.documents import parse_json
-from bsg_data.places import FolderKind
-from bsg_data.results import write_folder
+from bsg_data.results import write_results
 from bsg_data.sources.hm3d import HEADER, SYNTHETIC_MARK
-from bsg_data.synthetic.building import (
-    SyntheticBuilding,
-    name_building,
-    synthesise,
-)
+from bsg_data.synthetic.building import synthesise
 from bsg_data.synthetic.floor_plan import draw_layout
 
-LAYOUTS = "layouts"  # the folder of the layouts
+_LAYOUTS = "layouts"  # the folder of the layouts
 
 
 def write_synthetic(
@@ -54,52 +47,18 @@ def write_synthetic(
     mark = {"what": "synthetic buildings of bsg-data synth", "scenes": scenes, "seed": seed}
     text = (encode_json(mark) + "\n").encode()
     out = resolve_links(out)
-    with write_folder(out, SYNTHETIC, plan=text, force=force) as (folder, done):
-        if not done:
-            write_bytes(folder / SYNTHETIC_MARK, text)
+    with write_results(out, report=SYNTHETIC_MARK, force=force) as folder:
+        write_bytes(folder / SYNTHETIC_MARK, text)
         for number in range(scenes):
-            building = synthesise(seed=seed, number=number)
-            if not done:
-                _write_one(building, folder, seed=seed, number=number)
-            yield out / _name_annotation(building.split, building.scene_id, building.hash)
+            yield out / _write_one(folder, seed=seed, number=number)
 
 
-def _write_one(building: SyntheticBuilding, folder: Path, *, seed: int, number: int) -> None:
+def _write_one(folder: Path, *, seed: int, number: int) -> str:
+    """Write a building and its layout, and return the name of its annotation."""
+    building = synthesise(seed=seed, number=number)
     layout = draw_layout(building, seed=seed, number=number)
-    write_bytes(folder / _name_layout(building.scene_id), layout.encode())
+    write_bytes(folder / _LAYOUTS / f"{building.scene_id}.yaml", layout.encode())
     rows = [f'{one.instance_id},{one.colour},"{one.name}",{one.region_id}' for one in building.rows]
-    path = folder / _name_annotation(building.split, building.scene_id, building.hash)
-    write_bytes(path, "\n".join([HEADER, *rows, ""]).encode())
-
-
-def _name_annotation(split: str, scene_id: str, building: str) -> str:
-    return f"{split}/{scene_id}/{building}.semantic.txt"
-
-
-def _name_layout(scene_id: str) -> str:
-    return f"{LAYOUTS}/{scene_id}.yaml"
-
-
-def _list_own(folder: Path) -> set[str]:
-    """Return the files of a folder of synthetic buildings, by what its mark says."""
-    path = folder / SYNTHETIC_MARK
-    try:
-        mark = parse_json(read_bytes(path, error=DatasetError))
-        return {*_list_names(int(mark["seed"]), mark["scenes"])}
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise DatasetError(
-            f"{path}: does not say which buildings are synthetic; move {folder} away",
-            code="mark-broken",
-            where=path,
-        ) from error
-
-
-def _list_names(seed: int, scenes: int) -> Iterator[str]:
-    yield SYNTHETIC_MARK
-    for number in range(scenes):
-        split, scene_id, building = name_building(seed, number)
-        yield _name_annotation(split, scene_id, building)
-        yield _name_layout(scene_id)
-
-
-SYNTHETIC = FolderKind("folder of synthetic buildings", mark=SYNTHETIC_MARK, lists=_list_own)
+    name = f"{building.split}/{building.scene_id}/{building.hash}.semantic.txt"
+    write_bytes(folder / name, "\n".join([HEADER, *rows, ""]).encode())
+    return name

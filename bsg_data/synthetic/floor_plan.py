@@ -22,7 +22,7 @@ from bsg_data.scene.scene_graph import Box
 from bsg_data.synthetic.building import SyntheticBuilding
 
 WALL = 0.12  # between the rooms on its two sides
-HEIGHT = 2.6  # from a floor to the ceiling above it
+_HEIGHT = 2.6  # from a floor to the ceiling above it
 STOREY = 2.9  # from a floor to the next
 DOORWAY = 0.9
 _HALL = 1.5
@@ -31,7 +31,7 @@ _GRID = 0.1  # every wall lies on it, and therefore on whole texels of every siz
 
 
 @dataclass(frozen=True, slots=True)
-class Rectangle:
+class _Rectangle:
     """A rectangle of a plan."""
 
     low: tuple[float, float]  # its lowest corner (x, y), metres
@@ -41,16 +41,16 @@ class Rectangle:
         """Return its lengths along x and y."""
         return self.high[0] - self.low[0], self.high[1] - self.low[1]
 
-    def shrink(self, margin: float) -> Rectangle:
+    def shrink(self, margin: float) -> _Rectangle:
         """Return the rectangle with every side moved inwards."""
         (a, b), (c, d) = self.low, self.high
-        return Rectangle((a + margin, b + margin), (c - margin, d - margin))
+        return _Rectangle((a + margin, b + margin), (c - margin, d - margin))
 
-    def meet(self, other: Rectangle) -> Rectangle:
+    def meet(self, other: _Rectangle) -> _Rectangle:
         """Return what both cover; a side is 0 where they only touch, negative where they do not."""
         low = np.maximum(self.low, other.low)
         high = np.minimum(self.high, other.high)
-        return Rectangle((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+        return _Rectangle((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +67,14 @@ class _Stairs:
     """Stairs from one storey to the next."""
 
     rooms: tuple[int, int]  # indices in the plan of the lower and the upper room
-    rectangle: Rectangle  # what they cover, inside both rooms
+    rectangle: _Rectangle  # what they cover, inside both rooms
 
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
     """The plan of a building."""
 
-    rooms: tuple[Rectangle, ...]  # the inner rectangle of every room
+    rooms: tuple[_Rectangle, ...]  # the inner rectangle of every room
     storeys: tuple[int, ...]  # the storey of every room, from 0
     doorways: tuple[_Doorway, ...]  # within storeys
     stairs: tuple[_Stairs, ...]  # between storeys
@@ -82,7 +82,7 @@ class FloorPlan:
     def box(self, room: int) -> Box:
         """Return the box of a room, from its floor to its ceiling."""
         rectangle, floor = self.rooms[room], self.storeys[room] * STOREY
-        return Box((*rectangle.low, floor), (*rectangle.high, floor + HEIGHT))
+        return Box((*rectangle.low, floor), (*rectangle.high, floor + _HEIGHT))
 
     def connections(self) -> list[tuple[int, int, str]]:
         """Return (room, room, `door` or `stairs`), sorted."""
@@ -116,7 +116,7 @@ def draw_floor_plan(
     ]
     side = (max(map(len, groups)) + 1) // 2 * rng.uniform(3.0, 3.8)
     whole = _snap(max(side, 3.5)), _snap(rng.uniform(3.4, 4.4))  # length, depth of a row of rooms
-    outer: dict[int, Rectangle] = {}
+    outer: dict[int, _Rectangle] = {}
     for group in groups:
         outer.update(zip(group, _divide(*whole, len(group), rng), strict=True))
     inner = tuple(outer[room].shrink(WALL / 2) for room in range(rooms))
@@ -135,29 +135,29 @@ def _snap(length: float) -> float:
 
 def _divide(
     length: float, depth: float, rooms: int, rng: np.random.Generator
-) -> Iterator[Rectangle]:
+) -> Iterator[_Rectangle]:
     """Yield the rooms that fill a storey; the first of four or more is the hall."""
     far = depth + _HALL
     if rooms < 4:
         yield from _cut_row(length, (0.0, far + depth), rooms, rng)
         return
-    yield Rectangle((0.0, depth), (length, far))
+    yield _Rectangle((0.0, depth), (length, far))
     yield from _cut_row(length, (0.0, depth), (rooms - 1) // 2, rng)
     yield from _cut_row(length, (far, far + depth), rooms // 2, rng)
 
 
 def _cut_row(
     length: float, across: tuple[float, float], rooms: int, rng: np.random.Generator
-) -> Iterator[Rectangle]:
+) -> Iterator[_Rectangle]:
     """Yield a row of rooms, from one end to the other."""
     sums = np.cumsum(rng.uniform(0.7, 1.3, rooms))
     ends = [0.0, *(_snap(end) for end in sums / sums[-1] * length)]
     for start, end in pairwise(ends):
-        yield Rectangle((start, across[0]), (end, across[1]))
+        yield _Rectangle((start, across[0]), (end, across[1]))
 
 
 def _draw_doorways(
-    group: list[int], outer: dict[int, Rectangle], rng: np.random.Generator
+    group: list[int], outer: dict[int, _Rectangle], rng: np.random.Generator
 ) -> Iterator[_Doorway]:
     """Join every room of a storey to the hall, or to the next; and a few to their neighbours."""
     hall = group[0] if len(group) >= 4 else None
@@ -172,7 +172,7 @@ def _draw_doorways(
 
 
 def _draw_stairs(
-    low: list[int], high: list[int], inner: tuple[Rectangle, ...], wanted: Collection[int]
+    low: list[int], high: list[int], inner: tuple[_Rectangle, ...], wanted: Collection[int]
 ) -> _Stairs:
     """Put stairs where the rooms of two storeys lie above each other, where they are listed."""
 
@@ -185,7 +185,7 @@ def _draw_stairs(
     across, along = shared.sides()
     x, y = shared.low
     size = (min(3.0, across), 0.9) if across >= along else (0.9, min(3.0, along))
-    return _Stairs((a, b), Rectangle((x, y), (x + size[0], y + size[1])))
+    return _Stairs((a, b), _Rectangle((x, y), (x + size[0], y + size[1])))
 
 
 def draw_layout(building: SyntheticBuilding, *, seed: int, number: int) -> str:

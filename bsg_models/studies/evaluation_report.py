@@ -18,9 +18,8 @@ import numpy as np
 
 from bsg_data.dataset.manifest import read_manifest
 from bsg_data.files import encode_json, resolve_links, write_bytes
-from bsg_data.outputs import was_stopped, write_files
 from bsg_data.places import refuse_datasets
-from bsg_data.results import write_results
+from bsg_data.results import was_stopped, write_files, write_results
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.masked_graph import list_withheld, mask_dataset
 from bsg_models.evaluation.bootstrap import Estimate

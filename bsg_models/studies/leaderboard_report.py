@@ -16,8 +16,8 @@ import numpy as np
 
 from bsg_data.dataset.manifest import MANIFEST
 from bsg_data.files import AnyPath, encode_json, list_files, noting_failures, write_bytes
-from bsg_data.outputs import write_into
 from bsg_data.places import taken
+from bsg_data.results import write_into
 from bsg_data.seal import SEAL, read_seal, refuse_other_results, write_seal
 from bsg_models.evaluation.bootstrap import Estimate
 from bsg_models.evaluation.catalogue import head_value, list_added_values

@@ -23,8 +23,8 @@ from torch import nn
 from bsg_data.arrays import Bools
 from bsg_data.errors import RecipeError
 from bsg_data.files import AnyPath, encode_json
-from bsg_data.outputs import was_stopped, write_files
 from bsg_data.places import refuse_file
+from bsg_data.results import was_stopped, write_files
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.scene.room_label import list_room_labels
 from bsg_data.scene.surroundings import BUILDING_KINDS, KNOWN_SOURCES

@@ -13,10 +13,9 @@ from bsg_data.arrays import Counts
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.errors import DatasetError, RecipeError
 from bsg_data.files import resolve_links
-from bsg_data.outputs import was_stopped, write_files
 from bsg_data.places import RESULTS, refuse_datasets, refuse_file, require_free
 from bsg_data.recipes import MaskRecipe
-from bsg_data.results import write_results
+from bsg_data.results import was_stopped, write_files, write_results
 from bsg_models.belief.belief_graph import BeliefGraph, Mode, believe, rank_unseen
 from bsg_models.belief.expectation import Expectation
 from bsg_models.belief.masked_graph import list_withheld, mask_dataset

@@ -98,20 +98,13 @@ def build(
         source = extend.WithLayouts(source, room_layouts)
     if room_labels is not None:
         source = extend.WithRoomLabels(source, room_labels)
-    left = 0  # shards that this command saw done before it was stopped
     try:
         with worker_pool(workers) as executor, progress_bar("build", unit="shard") as report:
-
-            def note(done: int, total: int) -> None:
-                nonlocal left
-                left = done if done < total else 0
-                report(done, total)
-
             how: dict[str, Any] = {"class_map": class_map, "strict": strict, "force": force}
-            how |= {"executor": executor, "progress": note}
+            how |= {"executor": executor, "progress": report}
             manifest = bsg_data.build_dataset(source, out, **how)
     except (BSGError, KeyboardInterrupt):
-        if left:
+        if any(Path(f"{out}.partial").glob(".build/part-*")):
             print_note(
                 f"finished shards are in {out}.partial; run the same command again to continue"
             )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from operator import attrgetter
-from typing import Any
+from dataclasses import astuple
 
 import bsg_data
 from bsg_cli.terminal import print_note
@@ -71,41 +70,37 @@ def warn_of_recordings(manifest: extend.Manifest) -> bool:
 
 def format_losses(manifest: extend.Manifest) -> str:
     """Return tables of what a build left out, did not understand, or resolved by rules."""
-    left = manifest.left_out
     lines = [
         f"skipped scenes: {len(manifest.skipped):,}, unmapped objects: {manifest.totals.unmapped:,}"
     ]
     if manifest.meshes:
         lines.append(_mesh_line(list(manifest.meshes.values())))
-        bare = manifest.totals.scenes - len({*manifest.meshes, *(s.scene_id for s in left)})
-        if bare > 0:
+        told = {*manifest.meshes, *(one.scene_id for one in manifest.left_out)}
+        if bare := max(manifest.totals.scenes - len(told), 0):
             lines.append(f"scenes without a mesh beside their annotation: {bare:,}")
-    notes = [entry for entry in left if entry.scene_id == "all"]  # of the source as a whole
-    lines += [f"note: {entry.location}: {entry.reason}" for entry in notes[:_SHOWN]]
-    left = tuple(entry for entry in left if entry.scene_id != "all")
-    for entries, what in ((manifest.skipped, "skipped scene"), (left, "left out")):
-        if entries:
-            rows = [(entry.scene_id, entry.location, entry.reason) for entry in entries[:_SHOWN]]
-            lines.append(format_text(rows, header=(what, "location", "reason")))
-    if manifest.unmapped:
-        names = [
-            (_cut(u.name), u.instances, ", ".join(map(_cut, u.nearest)))
-            for u in manifest.unmapped[:_SHOWN]
-        ]
-        lines.append(format_text(names, header=("unmapped name", "instances", "nearest")))
-    if manifest.unknown_labels:
-        rooms = [(_cut(one.name), f"{one.instances:,}") for one in manifest.unknown_labels[:_SHOWN]]
-        lines.append(format_text(rooms, header=("kind of room not known", "rooms")))
-        lines.append("name them with --room-labels FILE (source_label,label)")
-    if manifest.resolved:
-        known = [
-            (_cut(r.name), r.instances, r.rule, _cut(r.category), r.class_name or "none")
-            for r in manifest.resolved[:_SHOWN]
-        ]
-        header = ("name resolved by rule", "instances", "rule", "category", "class")
-        lines.append(format_text(known, header=header))
-    told = (manifest.skipped, left, manifest.unmapped, manifest.unknown_labels, manifest.resolved)
-    if max(map(len, told)) > _SHOWN:
+    notes = [one for one in manifest.left_out if one.scene_id == "all"]  # of the source as a whole
+    lines += [f"note: {one.location}: {one.reason}" for one in notes[:_SHOWN]]
+    left = [one for one in manifest.left_out if one.scene_id != "all"]
+    tables: dict[tuple[str, ...], list[tuple[object, ...]]] = {
+        ("skipped scene", "location", "reason"): [*map(astuple, manifest.skipped)],
+        ("left out", "location", "reason"): [*map(astuple, left)],
+        ("unmapped name", "instances", "nearest"): [
+            (_cut(one.name), one.instances, ", ".join(map(_cut, one.nearest)))
+            for one in manifest.unmapped
+        ],
+        ("kind of room not known", "rooms"): [
+            (_cut(one.name), f"{one.instances:,}") for one in manifest.unknown_labels
+        ],
+        ("name resolved by rule", "instances", "rule", "category", "class"): [
+            (_cut(one.name), one.instances, one.rule, _cut(one.category), one.class_name or "none")
+            for one in manifest.resolved
+        ],
+    }
+    for header, rows in tables.items():
+        lines += [format_text(rows[:_SHOWN], header=header)] if rows else []
+        if rows and header[-1] == "rooms":
+            lines.append("name them with --room-labels FILE (source_label,label)")
+    if max(map(len, tables.values())) > _SHOWN:
         lines.append("… dataset.json has the full lists")
     return "\n".join(lines)
 
@@ -115,16 +110,14 @@ def _cut(text: str) -> str:
 
 
 def _mesh_line(meshes: list[extend.MeshCoverage]) -> str:
-    def total(name: str) -> Any:
-        return sum(map(attrgetter(name), meshes))
-
-    texels, snapped = total("texels"), ["snapped"] if total("snapped") else []
-    shown = ("listed", *snapped, "black", "unlisted")
-    fractions = ", ".join(f"{total(name) / max(texels, 1):.1%} {name}" for name in shown)
+    summed = [name for name in extend.MeshCoverage.model_fields if name != "sha256"]
+    total = {name: sum(getattr(mesh, name) for mesh in meshes) for name in summed}
+    shown = ("listed", *(["snapped"] if total["snapped"] else []), "black", "unlisted")
+    fractions = ", ".join(f"{total[name] / max(total['texels'], 1):.1%} {name}" for name in shown)
     fractions = fractions.replace(" black", " black (background)")
-    pixels = f"of {texels:,} texels {fractions}; " if texels else ""
-    listed = total("listed_area") / max(total("area"), 1e-9)
+    pixels = f"of {total['texels']:,} texels {fractions}; " if total["texels"] else ""
+    listed = total["listed_area"] / max(total["area"], 1e-9)
     return (
-        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {total('area'):,.0f} m² is of listed "
-        f"objects; listed objects without a surface: {total('without_geometry'):,}"
+        f"meshes: {len(meshes):,}; {pixels}{listed:.1%} of {total['area']:,.0f} m² is of listed "
+        f"objects; listed objects without a surface: {total['without_geometry']:,}"
     )

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,6 @@ from bsg_data.checks.dataset import check_dataset
 from bsg_data.dataset.dataset import Dataset
 from bsg_data.dataset.manifest import encode_manifest, read_manifest
 from bsg_data.dataset.shards import read_scene_graphs
-from bsg_data.dataset.splits import split_dataset
 from bsg_data.dataset.statistics import measure_coverage
 from bsg_data.errors import (
     ClassMapError,
@@ -32,8 +31,6 @@ from bsg_data.errors import (
     SourceChangedError,
     SourceError,
 )
-from bsg_data.merge import merge_datasets
-from bsg_data.recipes import SplitRecipe
 from bsg_data.scene.class_map import ClassMap, load_class_map
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import HM3DFolder
@@ -81,47 +78,94 @@ class StoppingExecutor(ThreadPoolExecutor):
         return super().submit(*args, **kwargs)  # type: ignore[arg-type]
 
 
-def test_a_stopped_build_resumes_to_the_same_bytes(hm3d_folder: Path, tmp_path: Path) -> None:
-    source = HM3DFolder(hm3d_folder)
+def test_a_stopped_build_goes_on_and_makes_damaged_shards_again(
+    hm3d_folder: Path, tmp_path: Path
+) -> None:
+    source, out, partial = HM3DFolder(hm3d_folder), tmp_path / "out", tmp_path / "out.partial"
     build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
-    out = tmp_path / "out"
-    stopped: Executor = StoppingExecutor(3)
     with pytest.raises(KeyboardInterrupt):
-        build_dataset(source, out, scenes_per_shard=2, executor=stopped)
-    partial = tmp_path / "out.partial"
-    done = {p: p.stat().st_mtime_ns for p in partial.glob("objects/*")}
-    assert len(done) == 3
-    assert not out.exists()
-    kept = []
-    build_dataset(
-        source,
-        out,
-        scenes_per_shard=2,
-        progress=lambda n, _: (
-            kept.append({p: p.stat().st_mtime_ns for p in done} == done)
-            if partial.exists()
-            else None
-        ),
-    )
-    assert kept == [True] * 6  # finished shards were not written again
+        build_dataset(source, out, scenes_per_shard=2, executor=StoppingExecutor(3))
+    damaged, *sound = sorted(partial.glob("objects/*"))
+    damaged.write_bytes(b"PAR1")
+    written = {path: path.stat().st_mtime_ns for path in sound}
+    assert len(written) == 2
+
+    def look(done: int, shards: int) -> None:
+        if partial.exists():
+            assert {path: path.stat().st_mtime_ns for path in sound} == written
+
+    build_dataset(source, out, scenes_per_shard=2, progress=look)
     assert all_bytes(out) == all_bytes(tmp_path / "whole")
     assert not partial.exists()
 
 
-@pytest.mark.parametrize("damage", ["shard", "source"])
-def test_a_changed_source_or_a_damaged_shard_is_made_again(
-    hm3d_folder: Path, tmp_path: Path, damage: str
+class Odd(HM3DFolder):
+    """A source of a stranger, whose first scene is odd."""
+
+    def __init__(self, root: Path, *, like: str) -> None:
+        super().__init__(root)
+        object.__setattr__(self, "like", like)
+
+    def find(self) -> FoundScenes:
+        found = super().find()
+        first, second, *others = found.scenes
+        if self.like == "twice":
+            first = replace(first, scene_id=second.scene_id)
+        elif self.like == "leads out":
+            first = replace(first, scene_id="../secret")
+        return replace(found, scenes=(first, second, *others))
+
+    def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
+        if self.like == "buggy":
+            raise KeyError("colour")
+        return super().read(ref, class_map)
+
+
+def test_an_odd_source_is_named(hm3d_folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with refuses(SourceError, "scene-twice", golden=False):
+        build_dataset(Odd(hm3d_folder, like="twice"), out)
+    with pytest.raises(RuntimeError, match=r"'hm3d' has a bug: scene 00000-.* raised KeyError"):
+        build_dataset(Odd(hm3d_folder, like="buggy"), out)
+    with pytest.raises(SourceError, match="must be usable as a file name"):
+        build_dataset(Odd(hm3d_folder, like="leads out"), out, strict=True)
+    manifest = build_dataset(Odd(hm3d_folder, like="leads out"), out)
+    assert [skip.scene_id for skip in manifest.skipped] == ["../secret"]
+    assert manifest.totals.scenes == 11
+
+
+def test_nothing_of_the_users_is_overwritten(
+    dataset: Path, hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    out, source = tmp_path / "out", HM3DFolder(hm3d_folder)
-    with pytest.raises(KeyboardInterrupt):
-        build_dataset(source, out, scenes_per_shard=2, executor=StoppingExecutor(3))
-    if damage == "shard":
-        (tmp_path / "out.partial" / "objects" / "part-00001.parquet").write_bytes(b"PAR1")
-    else:
-        write_scene(hm3d_folder, "00000-abcdefghi00", annotation_text({0: [*KITCHEN, "bed"]}))
-    build_dataset(source, out, scenes_per_shard=2)
-    build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
-    assert all_bytes(out) == all_bytes(tmp_path / "whole")
+    """Nor a folder of theirs that is called as ours: `.build` is one of Swift's."""
+    mine = ("mine/.build/notes", "new.partial/thesis.tex", "dataset/.build/notes")
+    for name in mine:
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_text("years of work")
+    before = all_bytes(tmp_path)
+    for name, code in {
+        "mine": "path-taken",
+        "new": "foreign-file",
+        "dataset": "foreign-file",
+        "dataset/deeper": "inside-dataset",
+    }.items():
+        with refuses(DatasetError, code, golden=False):
+            build_dataset(HM3DFolder(hm3d_folder), tmp_path / name, force=True)
+    shutil.rmtree(dataset / ".build")
+    with refuses(DatasetError, "path-taken", dataset, golden=False):
+        build_dataset(HM3DFolder(hm3d_folder), dataset)
+    monkeypatch.chdir(dataset / "scenes")
+    for name in ("..", str(dataset)):
+        with refuses(DatasetError, "working-folder", dataset, golden=False):
+            build_dataset(HM3DFolder(hm3d_folder), name, force=True)
+    with pytest.raises(RecipeError):
+        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "new", scenes_per_shard=0)
+    write_scene(tmp_path / "root", "00042-broken00000", b"")
+    with pytest.raises(SourceError, match=r"no scene could be read: train/00042"):
+        build_dataset(HM3DFolder(tmp_path / "root"), tmp_path / "out")
+    assert not list(tmp_path.glob("*out*"))
+    shutil.rmtree(tmp_path / "root")
+    assert {name: data for name, data in before.items() if name != mine[2]} == all_bytes(tmp_path)
 
 
 def test_bytes_do_not_depend_on_where_the_source_is(hm3d_folder: Path, tmp_path: Path) -> None:
@@ -145,32 +189,6 @@ def test_a_linked_out_stays_a_link(hm3d_folder: Path, tmp_path: Path) -> None:
     assert sorted(p.name for p in (tmp_path / "disk").iterdir()) == ["real"]
 
 
-def test_nothing_of_the_users_is_overwritten(hm3d_folder: Path, tmp_path: Path) -> None:
-    source = HM3DFolder(hm3d_folder)
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    (mine / "thesis.tex").write_text("years of work")
-    with pytest.raises(DatasetError, match="exists and is no dataset"):
-        build_dataset(source, mine, force=True)
-    assert (mine / "thesis.tex").read_text() == "years of work"
-    (tmp_path / "out.partial").mkdir()
-    (tmp_path / "out.partial" / "thesis.tex").write_text("years of work")
-    with pytest.raises(DatasetError, match="which is not ours"):
-        build_dataset(source, tmp_path / "out")
-    (tmp_path / "out.partial" / "thesis.tex").unlink()  # what is empty is nobody's
-    build_dataset(source, tmp_path / "out")
-    before = all_bytes(tmp_path / "out")
-    with pytest.raises(DatasetError, match="--force replaces it"):
-        build_dataset(source, tmp_path / "out")
-    with pytest.raises(DatasetError, match="is in the dataset"):
-        build_dataset(source, tmp_path / "out" / "deeper")
-    with pytest.raises(SourceError):
-        build_dataset(HM3DFolder(tmp_path / "none"), tmp_path / "out", force=True)
-    assert all_bytes(tmp_path / "out") == before
-    build_dataset(source, tmp_path / "out", force=True)
-    assert all_bytes(tmp_path / "out") == before
-
-
 def test_strict_refuses_a_loss_also_of_a_build_that_was_begun(
     hm3d_folder: Path, tmp_path: Path
 ) -> None:
@@ -180,31 +198,6 @@ def test_strict_refuses_a_loss_also_of_a_build_that_was_begun(
     for size in (2, 16):  # shards of the other build are there, or none
         with pytest.raises(ClassMapError, match=r"'zzqx thing' is not in class map hm3d45-v1"):
             build_dataset(source, tmp_path / "out", scenes_per_shard=size, strict=True)
-
-
-def test_a_scene_whose_id_leads_out_of_a_folder_is_left_out(
-    hm3d_folder: Path, tmp_path: Path
-) -> None:
-    class Hostile(HM3DFolder):
-        def find(self) -> FoundScenes:
-            found = super().find()
-            first = replace(found.scenes[0], scene_id="../secret")
-            return replace(found, scenes=(first, *found.scenes[1:]))
-
-    manifest = build_dataset(Hostile(hm3d_folder), tmp_path / "out")
-    (skip,) = manifest.skipped
-    assert skip.scene_id == "../secret"
-    assert "must be usable as a file name" in skip.reason
-    assert manifest.totals.scenes == 11
-    with pytest.raises(SourceError, match="must be usable as a file name"):
-        build_dataset(Hostile(hm3d_folder), tmp_path / "strict", strict=True)
-
-
-def test_two_scenes_whose_names_differ_in_digits_are_two_buildings(tmp_path: Path) -> None:
-    rows = [f"0000{n}-flat,kitchen,{thing}\n" for n in (1, 2) for thing in ("stove", "sink")]
-    (tmp_path / "objects.csv").write_text("".join(["scene,room,category\n", *rows]))
-    manifest = build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "out")
-    assert (manifest.totals.scenes, manifest.skipped) == (2, ())
 
 
 def test_two_annotations_of_one_building_are_said_and_an_error_under_strict(
@@ -224,69 +217,6 @@ def test_two_annotations_of_one_building_are_said_and_an_error_under_strict(
     assert "has another annotation of the same building" in manifest.skipped[0].reason
     with refuses(SourceError, "scene-unreadable", other):
         build_dataset(source, tmp_path / "strict", class_map=known, strict=True)
-
-
-def test_two_scenes_of_one_id_are_refused(tmp_path: Path) -> None:
-    text = annotation_text({0: KITCHEN})
-    write_scene(tmp_path / "hm3d", "00006-HkseAnWCgqk", text)
-    other = tmp_path / "hm3d" / "flat" / "00006-HkseAnWCgqk.semantic.txt"
-    other.parent.mkdir()
-    other.write_text(text)
-    manifest = build_dataset(HM3DFolder(tmp_path / "hm3d"), tmp_path / "out")
-    assert (manifest.totals.scenes, len(manifest.skipped)) == (1, 1)
-
-    class Twice(HM3DFolder):
-        def find(self) -> FoundScenes:
-            (ref,) = super().find().scenes
-            return FoundScenes((ref, replace(ref, building="another")))
-
-    with refuses(SourceError, "scene-twice", "00006-HkseAnWCgqk"):
-        build_dataset(Twice(tmp_path / "hm3d"), tmp_path / "twice")
-
-
-def test_folders_of_the_users_that_are_called_as_ours_are_left_alone(
-    hm3d_folder: Path, tmp_path: Path
-) -> None:
-    """`.build` is a folder of Swift's, and anybody's folder may end in `.partial`."""
-    out = tmp_path / "out"
-    for path in (out / ".build" / "notes", tmp_path / "out.partial" / "thesis.tex"):
-        path.parent.mkdir(parents=True)
-        path.write_text("years of work")
-    with pytest.raises(DatasetError, match="exists and is no dataset"):
-        build_dataset(HM3DFolder(hm3d_folder), out, force=True)
-    (tmp_path / "out.partial" / "thesis.tex").rename(tmp_path / "thesis.tex")
-    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "other")
-    (tmp_path / "other" / ".build").mkdir()
-    shutil.copy(out / ".build" / "notes", tmp_path / "other" / ".build" / "notes")
-    split_dataset(tmp_path / "other", SplitRecipe())
-    assert (tmp_path / "other" / ".build" / "notes").read_text() == "years of work"
-    assert (out / ".build" / "notes").read_text() == "years of work"
-
-
-def test_labels_of_rooms_that_nobody_knows_are_reported(tmp_path: Path) -> None:
-    """Other words for no kind of room, and numbers, are nothing to be known."""
-    rooms = ["Kajüte", "Kajüte 2", "Vorschiff", "kitchen", "R7", "other"]
-    rows = [f"flat,{room},chair\n" for room in rooms]
-    (tmp_path / "objects.csv").write_text("".join(["scene,room,category\n", *rows]))
-    manifest = build_dataset(open_source("table", tmp_path / "objects.csv"), tmp_path / "out")
-    assert {one.name: one.instances for one in manifest.unknown_labels} == {
-        "Kajüte": 1,
-        "Kajüte 2": 1,
-        "Vorschiff": 1,
-    }
-
-
-def test_an_empty_result_is_a_failure(tmp_path: Path) -> None:
-    write_scene(tmp_path / "root", "00042-broken00000", b"")
-    with pytest.raises(SourceError, match=r"no scene could be read: train/00042"):
-        build_dataset(HM3DFolder(tmp_path / "root"), tmp_path / "out")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["root"]
-
-
-def test_a_shard_of_no_scenes_is_refused_at_once(hm3d_folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(RecipeError):
-        build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out", scenes_per_shard=0)
-    assert not list(tmp_path.glob("*out*"))
 
 
 def _limit_file_size() -> None:
@@ -360,34 +290,6 @@ def test_a_scene_whose_mesh_cannot_be_read_is_kept_without_geometry(
         build_dataset(HM3DFolder(with_meshes), tmp_path / "strict", strict=True)
 
 
-def test_a_bug_of_a_source_names_the_scene(hm3d_folder: Path, tmp_path: Path) -> None:
-    class Buggy(HM3DFolder):
-        def read(self, ref: SceneRef, class_map: ClassMap) -> Reading:
-            if ref.scene_id.endswith("05"):
-                raise KeyError("colour")
-            return super().read(ref, class_map)
-
-    with pytest.raises(RuntimeError, match=r"'hm3d' has a bug: scene 00005-.* raised KeyError"):
-        build_dataset(Buggy(hm3d_folder), tmp_path / "out")
-
-
-@pytest.mark.parametrize(("stand", "name"), [("", "."), ("scenes", "OUT")])
-def test_the_folder_that_the_shell_stands_in_is_not_replaced(
-    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stand: str, name: str
-) -> None:
-    out = tmp_path / "out"
-    build_dataset(HM3DFolder(hm3d_folder), out)
-    before = all_bytes(out)
-    monkeypatch.chdir(out / stand)
-    with pytest.raises(DatasetError, match="run this from another folder"):
-        build_dataset(HM3DFolder(hm3d_folder), name.replace("OUT", str(out)), force=True)
-    assert all_bytes(out) == before
-    assert [path.name for path in tmp_path.glob("*out*")] == ["out"]
-    monkeypatch.chdir(tmp_path)
-    build_dataset(HM3DFolder(hm3d_folder), "out", force=True)
-    assert all_bytes(out) == before
-
-
 # A source that fails, goes away or changes while it is read: no scene is skipped for that.
 
 
@@ -397,6 +299,28 @@ def change(path: Path) -> None:
 
 def grow(path: Path) -> None:
     os.truncate(path, 10 * 2**30)  # sparse: it takes no disk
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EACCES])
+def test_an_error_of_the_disk_stops_the_build_and_a_permission_skips_a_scene(
+    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    """A permission lacks the next time, too: a build that waited for it would never end."""
+    opened = Path.open
+
+    def fail(path: Path, *mode: Any, **options: Any) -> Any:
+        if path.name.endswith("07.semantic.txt"):
+            raise OSError(number, os.strerror(number))
+        return opened(path, *mode, **options)
+
+    monkeypatch.setattr(Path, "open", fail)
+    if number == errno.EIO:
+        with pytest.raises(SourceChangedError, match=f"{os.strerror(number)}.*no scene was skip"):
+            build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+        return
+    (skip,) = build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out").skipped
+    assert skip.reason == "cannot be read (Permission denied)"
 
 
 @pytest.mark.parametrize("harm", [Path.unlink, change, grow])
@@ -418,80 +342,3 @@ def test_a_scene_that_is_not_what_was_listed_stops_the_build(
     shutil.copy2(kept, victim)
     build_dataset(source, out, scenes_per_shard=2)
     assert all_bytes(out) == all_bytes(tmp_path / "whole")
-
-
-@pytest.mark.parametrize("fails_at", [0, 5])
-def test_an_error_of_the_disk_stops_the_build_which_goes_on_later(
-    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails_at: int
-) -> None:
-    source, out, reads = HM3DFolder(hm3d_folder), tmp_path / "out", [0]
-    opened = Path.open
-
-    def fail(path: Path, *mode: Any, **options: Any) -> Any:
-        if path.name.endswith(".semantic.txt"):
-            reads[0] += 1
-            if reads[0] == fails_at + 1:
-                raise OSError(errno.EIO, os.strerror(errno.EIO))
-        return opened(path, *mode, **options)
-
-    monkeypatch.setattr(Path, "open", fail)
-    with pytest.raises(SourceChangedError, match=os.strerror(errno.EIO)):
-        build_dataset(source, out, scenes_per_shard=2)
-    assert not out.exists()
-    monkeypatch.undo()
-    build_dataset(source, out, scenes_per_shard=2)
-    build_dataset(source, tmp_path / "whole", scenes_per_shard=2)
-    assert all_bytes(out) == all_bytes(tmp_path / "whole")
-
-
-def test_a_file_that_may_not_be_read_is_skipped_and_named(
-    hm3d_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It is so the next time, too: a build that waits for a permission would never end."""
-    opened = Path.open
-
-    def fail(path: Path, *mode: Any, **options: Any) -> Any:
-        if path.name.endswith("07.semantic.txt"):
-            raise PermissionError(errno.EACCES, "Permission denied")
-        return opened(path, *mode, **options)
-
-    monkeypatch.setattr(Path, "open", fail)
-    manifest = build_dataset(HM3DFolder(hm3d_folder), tmp_path / "out")
-    (skip,) = manifest.skipped
-    assert (manifest.totals.scenes, skip.scene_id[-2:]) == (11, "07")
-    assert skip.reason == "cannot be read (Permission denied)"
-
-
-def test_a_table_that_is_written_anew_stops_the_build(tmp_path: Path) -> None:
-    table = tmp_path / "objects.csv"
-    rows = [f"scene-{k},room,chair\n" for k in range(4)]
-    for then in ("".join(["scene,room,category\n", *rows[:2]]), "scene,room\n", "no table"):
-        table.write_text("".join(["scene,room,category\n", *rows]))
-
-        def strike(done: int, total: int, then: str = then) -> None:
-            table.write_text(then)
-
-        source = open_source("table", table)
-        with pytest.raises(SourceChangedError, match="no scene was skipped"):
-            build_dataset(source, tmp_path / "out", scenes_per_shard=1, progress=strike)
-
-
-def test_parts_that_are_built_apart_merge_to_the_tables_of_one_build(
-    hm3d_folder: Path, tmp_path: Path
-) -> None:
-    """Each job of a queue builds a dataset of its own; nothing else is shared."""
-    build_dataset(HM3DFolder(hm3d_folder), tmp_path / "whole")
-    for number, scene in enumerate(sorted(hm3d_folder.glob("*/*"))):
-        place = tmp_path / f"part-{number % 3}" / scene.parent.name / scene.name
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.symlink_to(scene)
-    parts = [tmp_path / f"dataset-{number}" for number in range(3)]
-    for number, part in enumerate(parts):
-        build_dataset(HM3DFolder(tmp_path / f"part-{number}"), part)
-    merge_datasets(parts, tmp_path / "merged")
-    for table in ("scenes", "rooms", "objects", "edges"):
-        name = f"{table}/part-00000.parquet"
-        found, expected = (tmp_path / out / name for out in ("merged", "whole"))
-        assert found.read_bytes() == expected.read_bytes()
-    assert read_manifest(tmp_path / "merged") == read_manifest(tmp_path / "whole")
-    assert check_dataset(tmp_path / "merged") == ()

@@ -1,4 +1,4 @@
-"""Any number of tasks goes through any executor, a window of them at a time."""
+"""Any number of tasks goes through any executor."""
 
 from __future__ import annotations
 
@@ -6,23 +6,16 @@ from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
-from threading import Event
+from time import sleep
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bsg_data import executors
 from bsg_data.build import build_dataset
 from bsg_data.errors import BSGError
 from bsg_data.executors import run_all
 from bsg_data.sources.hm3d import HM3DFolder
-
-
-@pytest.fixture
-def window(monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setattr(executors, "WINDOW", 5)
-    return 5
 
 
 @given(numbers=st.lists(st.integers(), max_size=20))
@@ -39,38 +32,6 @@ def test_results_are_those_of_calls_one_after_another(numbers: list[int]) -> Non
 
 def _note(done: list[int], number: int, of: int) -> None:
     done.append(number)
-
-
-def test_no_more_than_a_window_is_handed_out(window: int) -> None:
-    """While no task is done, none after the window is begun."""
-    begun: list[int] = []
-    counted = Event()
-
-    def work(number: int) -> int:
-        begun.append(number)
-        if number == 0:
-            assert not counted.wait(timeout=0.2)
-            assert len(begun) == window
-            counted.set()
-        assert counted.wait(timeout=60)
-        return number
-
-    with ThreadPoolExecutor(20) as pool:
-        assert run_all(work, [(n,) for n in range(40)], executor=pool) == list(range(40))
-
-
-def test_a_fault_cancels_what_has_not_begun(window: int) -> None:
-    begun: list[int] = []
-
-    def work(number: int) -> int:
-        begun.append(number)
-        if number == 2:
-            raise ValueError("two")
-        return number
-
-    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="two"):
-        run_all(work, [(n,) for n in range(1000)], executor=pool)
-    assert len(begun) <= 3 + 2 * window
 
 
 def test_a_dead_worker_is_told_in_words() -> None:
@@ -101,3 +62,18 @@ def test_a_cluster_of_dask_builds_the_same_bytes(hm3d_folder: Path, tmp_path: Pa
     for path in (tmp_path / "one").rglob("*.*"):
         copy = tmp_path / "many" / path.relative_to(tmp_path / "one")
         assert copy.read_bytes() == path.read_bytes(), path.name
+
+
+def test_a_fault_ends_it_and_cancels_what_has_not_begun() -> None:
+    begun: list[int] = []
+
+    def work(number: int) -> int:
+        begun.append(number)
+        if number == 2:
+            raise ValueError("two")
+        sleep(0.001)
+        return number
+
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="two"):
+        run_all(work, [(n,) for n in range(10_000)], executor=pool)
+    assert len(begun) < 1_000

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,6 @@ from bsg_data.files import (
     noting_failures,
     open_beside,
     refuse_links,
-    stem_of,
     write_bytes,
     write_figure,
 )
@@ -68,14 +65,6 @@ def test_what_cannot_be_written_is_named_and_what_was_there_stays(tmp_path: Path
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder", "pipe"]
 
 
-@pytest.mark.parametrize(
-    ("name", "stem"),
-    [("ceci", "ceci"), ("a (b)", "a-b"), ("../../x", "x"), ("..", "-"), ("", "-")],
-)
-def test_a_name_becomes_the_stem_of_a_file(name: str, stem: str) -> None:
-    assert stem_of(name) == stem
-
-
 # Figures
 
 
@@ -121,25 +110,6 @@ def test_one_holder_at_a_time_and_no_trace(tmp_path: Path) -> None:
             with hold(tmp_path / "another"):
                 assert list(folder.iterdir()) == []
     assert sorted(path.name for path in tmp_path.iterdir()) == ["dataset", "link"]
-
-
-def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
-    code = (
-        "import os, sys; from pathlib import Path; from bsg_data.files import hold\n"
-        "with hold(Path(sys.argv[1])): print('held', flush=True); sys.stdin.readline()\n"
-    )
-    folder = tmp_path / "dataset"
-    command = [sys.executable, "-c", code, str(folder)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
-        assert other.stdout is not None
-        assert other.stdout.readline() == b"held\n"
-        with pytest.raises(DatasetError, match="wait until it is done"):
-            hold(folder).__enter__()
-        other.kill()
-    assert (tmp_path / ".dataset.lock").exists()
-    with hold(folder):
-        pass
-    assert not (tmp_path / ".dataset.lock").exists()
 
 
 def test_a_place_that_cannot_be_locked_is_named(tmp_path: Path) -> None:

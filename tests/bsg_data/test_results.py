@@ -12,9 +12,8 @@ import pytest
 from refusals import refuses
 
 from bsg_data.errors import DatasetError
-from bsg_data.outputs import write_files
 from bsg_data.places import refuse_file
-from bsg_data.results import write_results
+from bsg_data.results import write_files, write_results
 from bsg_data.seal import SEAL, read_seal, require_seal
 
 
@@ -81,37 +80,19 @@ def test_a_folder_of_somebody_else_that_is_called_as_ours_stays(name: str, tmp_p
     assert (tmp_path / name / "thesis.tex").read_text() == "years of work"
 
 
-def test_an_error_and_a_second_command_leave_the_first_alone(tmp_path: Path) -> None:
+def test_a_changed_seal_or_file_and_a_missing_file_are_named(tmp_path: Path) -> None:
     out = tmp_path / "out"
-
-    def fail() -> None:
-        with write_results(out, report="a") as staged:
-            (staged / "a").write_text("1")
-            with refuses(DatasetError, "folder-busy"), write_results(out, report="a"):
-                pass
-            assert (staged / "a").read_text() == "1"
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        fail()
-    assert names_in(tmp_path) == []
-
-
-@pytest.mark.parametrize("line", ["0" * 64 + "  ../a", "0" * 63 + "  a", "", "0" * 64 + " a"])
-def test_a_line_that_is_none_is_named(tmp_path: Path, line: str) -> None:
-    (tmp_path / SEAL).write_text("1" * 64 + f"  a\n{line}\n")
-    with refuses(DatasetError, "seal-line", f"{tmp_path / SEAL}, line 2"):
-        read_seal(tmp_path)
-
-
-def test_a_changed_and_a_missing_file_are_named(tmp_path: Path) -> None:
-    write(tmp_path / "out", a="1", b="2")
-    (tmp_path / "out" / "b").write_text("3")
-    with refuses(DatasetError, "file-changed", tmp_path / "out" / "b"):
-        require_seal(tmp_path / "out")
-    (tmp_path / "out" / "a").unlink()
-    with refuses(DatasetError, "file-missing", tmp_path / "out" / "a"):
-        require_seal(tmp_path / "out")
+    write(out, a="1", b="2")
+    (out / "b").write_text("3")
+    with refuses(DatasetError, "file-changed", out / "b"):
+        require_seal(out)
+    (out / "a").unlink()
+    with refuses(DatasetError, "file-missing", out / "a"):
+        require_seal(out)
+    for line in ("0" * 64 + "  ../a", "0" * 63 + "  a", "", "0" * 64 + " a"):
+        (out / SEAL).write_text("1" * 64 + f"  a\n{line}\n")
+        with refuses(DatasetError, "seal-line", f"{out / SEAL}, line 2"):
+            read_seal(out)
 
 
 def test_a_file_is_replaced_by_force_alone_and_nothing_that_is_sealed(
@@ -149,21 +130,3 @@ def test_files_of_one_command_are_put_in_place_together(tmp_path: Path) -> None:
     work()
     assert names_in(tmp_path) == ["a", "b"]
     assert first.read_text() == second.read_text() == "new"
-
-
-def test_a_stage_that_was_left_gives_no_leave_to_replace_other_bytes(tmp_path: Path) -> None:
-    first, second = tmp_path / "a", tmp_path / "b"
-
-    def work() -> None:
-        with write_files([first, second], force=False) as staged:
-            for path in staged.values():
-                path.write_text("new")
-
-    first.write_text("mine")
-    (tmp_path / ".b.partial").mkdir()
-    with refuses(DatasetError, "path-taken", first):
-        work()
-    assert first.read_text() == "mine"
-    first.write_text("new")  # as a killed command left it
-    work()
-    assert names_in(tmp_path) == ["a", "b"]

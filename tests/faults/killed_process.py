@@ -20,6 +20,14 @@ SECONDS = 120.0  # after which a process hangs
 WRITES = os.O_WRONLY | os.O_RDWR
 
 
+def snapshot(folder: Path) -> dict[str, bytes | None]:
+    """Return every file below a folder with its bytes; None for what is no file."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
+
+
 @dataclass(frozen=True)
 class Ended:
     """How a process ended: `done`, `refused` by an error of ours, `failed` by another, `killed`."""

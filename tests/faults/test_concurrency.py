@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from refusals import refuses
 
 from bsg_data import (
     SplitRecipe,
@@ -25,9 +24,6 @@ from bsg_data import (
 from bsg_data.errors import BSGError, DatasetError
 from bsg_data.files import hold
 from bsg_data.sources.hm3d import HM3DFolder
-from bsg_models.studies.sealed_results import check_results
-from bsg_models.training.training import train_run
-from bsg_models.zoo.config import find_config, override, validate_config
 
 pytestmark = pytest.mark.heavy
 
@@ -54,8 +50,8 @@ def meet(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object]) -> None:
     met: list[Path] = []
 
     @contextmanager
-    def hold_and_meet(folder: Path, *, wait: float = 0.0) -> Iterator[None]:
-        with hold(folder, wait=wait):
+    def hold_and_meet(folder: Path) -> Iterator[None]:
+        with hold(folder):
             met.append(folder)
             if len(met) == 1:
                 act()
@@ -85,16 +81,3 @@ def test_a_command_in_the_middle_of_another(
     assert len(refused) == (other in WRITERS)
     assert read_manifest(place / "dataset") == made
     assert check_dataset(place / "dataset") == ()
-
-
-def test_a_training_that_comes_second_replaces_nothing(dataset: Path, tmp_path: Path) -> None:
-    small = ["model.width=4", "training.epochs=2"]
-    tables = override(find_config("ceci").model_dump(mode="json"), small)
-    config = validate_config(tables, source="test")
-
-    def interrupt(_: object) -> None:
-        with refuses(DatasetError, "folder-busy", golden=False):
-            train_run(config, dataset, tmp_path / "run", force=True)
-
-    train_run(config, dataset, tmp_path / "run", progress=interrupt)
-    assert "best.safetensors" in check_results(tmp_path / "run")

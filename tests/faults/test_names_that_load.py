@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +15,6 @@ import pytest
 from bsg_data.errors import BSGError
 from bsg_data.exports.catalogue import EXPORTS
 from bsg_data.observation.masks import MASKS
-from bsg_data.registry import Registry
 from bsg_data.sources.catalogue import SOURCES
 from bsg_models.evaluation.catalogue import METRICS
 from bsg_models.search.catalogue import PLANNERS
@@ -44,24 +43,19 @@ def canary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     assert CANARY not in sys.modules
 
 
+def ensemble(name: str) -> object:
+    tables = {"model": {"family": "ensemble", "members": [name]}}
+    return make_model(validate_config(tables, source="a test"), classes=45)
+
+
 @pytest.mark.usefixtures("canary")
-@pytest.mark.parametrize("registry", REGISTRIES, ids=lambda registry: registry.kind)
-def test_a_registry_loads_its_rows_alone(registry: Registry[object]) -> None:
+@pytest.mark.parametrize("load", [*(one.__getitem__ for one in REGISTRIES), ensemble])
+def test_only_rows_of_a_table_are_loaded(load: Callable[[str], object]) -> None:
     before = set(sys.modules)
     for name in NAMES:
         with pytest.raises(BSGError):
-            registry[name]
-    assert set(sys.modules) == before
-
-
-@pytest.mark.usefixtures("canary")
-def test_a_configuration_loads_nothing() -> None:
-    for name in NAMES:
-        before = set(sys.modules)
-        tables = {"model": {"family": "ensemble", "members": [name]}}
-        with pytest.raises(BSGError):
-            make_model(validate_config(tables, source="a test"), classes=45)
-        assert {m for m in set(sys.modules) - before if not m.startswith("bsg_")} == set()
+            load(name)
+    assert {m for m in set(sys.modules) - before if not m.startswith("bsg_")} == set()
 
 
 @pytest.mark.heavy

@@ -27,9 +27,8 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from killed_process import Ended, start, wait_for
+from killed_process import Ended, snapshot, start, wait_for
 from one_building import read_pairs
-from watched_folder import snapshot
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
@@ -44,7 +43,6 @@ from bsg_data.recipes import MaskRecipe, PairsRecipe, SplitRecipe
 from bsg_data.seal import write_seal
 from bsg_data.sources.hm3d import HM3DFolder
 from bsg_data.synthetic.buildings import write_synthetic
-from bsg_models.runs.run_folder import BEST
 from bsg_models.studies.comparison import EvaluationRequest
 from bsg_models.studies.evaluation_report import report_evaluation
 from bsg_models.studies.leaderboard import LeaderboardRecipe, make_leaderboard
@@ -52,7 +50,7 @@ from bsg_models.studies.leaderboard_report import report_leaderboard
 from bsg_models.studies.search_report import report_search
 from bsg_models.studies.search_request import SearchRequest
 from bsg_models.training.training import train_run
-from bsg_models.zoo.config import RunConfig, find_config, override, validate_config
+from bsg_models.zoo.config import find_config, override, validate_config
 from bsg_robot.answers.belief_report import BeliefRequest, report_beliefs
 from bsg_robot.graph.graph_file import open_graph_file
 
@@ -81,7 +79,6 @@ class Reference:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._made: dict[Made, Path] = {}
-        self._trained: dict[tuple[Made, str], dict[str, str]] = {}
 
     def __getitem__(self, made: Made) -> Path:
         if made not in self._made:
@@ -107,15 +104,6 @@ class Reference:
         """Return a dataset of other buildings."""
         return self[Made(frozenset({90, 91}))]
 
-    def train(self, made: Made, name: str) -> dict[str, str]:
-        """Return the weights of a run that nothing disturbed."""
-        key = made, name
-        if key not in self._trained:
-            run = self[made].parent / f"run-{name}"
-            train_run(configure(name), self[made], run)
-            self._trained[key] = hash_files(run, "*.safetensors")
-        return self._trained[key]
-
 
 def write_buildings(root: Path, numbers: frozenset[int] | range) -> Path:
     for number in numbers:
@@ -128,26 +116,17 @@ def pairs_recipe(draws: int) -> PairsRecipe:
     return PairsRecipe(mask=MaskRecipe(strategy="rooms"), draws=draws)
 
 
-def configure(name: str) -> RunConfig:
-    small = {
-        "gamma-poisson": [],
-        "ceci": ["model.width=4", "model.depth=1", "training.epochs=3"],
-    }
-    tables = override(find_config(name).model_dump(mode="json"), small[name])
-    return validate_config(tables, source="test")
-
-
-def hash_files(folder: Path, pattern: str = "*") -> dict[str, str]:
+def hash_files(folder: Path) -> dict[str, str]:
     """Return path → sha256 of a folder's files, without what a killed command may leave."""
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(folder.rglob(pattern))
+        for path in sorted(folder.rglob("*"))
         if path.is_file() and path.relative_to(folder).parts[0] not in HIDDEN
     }
 
 
 class House(RuleBasedStateMachine):
-    """A source, a dataset made of it, and a run trained on that."""
+    """A source, and a dataset made of it."""
 
     reference: Reference  # of all machines
 
@@ -155,8 +134,6 @@ class House(RuleBasedStateMachine):
         super().__init__()
         self.folder = Path(tempfile.mkdtemp(dir=self.reference.folder)).resolve()
         self.source, self.dataset = self.folder / "hm3d", self.folder / "dataset"
-        self.runs = self.folder / "runs"
-        self.runs.mkdir()
         self.buildings: frozenset[int] = frozenset()
         self.made: Made | None = None
         self.growing = False  # a command that makes a dataset was killed, and may go on
@@ -233,19 +210,6 @@ class House(RuleBasedStateMachine):
         if not refused:
             self.growing = any(self.folder.glob(f"*{PARTIAL}*"))
 
-    @precondition(lambda self: self.made is not None and self.made.draws is not None)
-    @rule(name=st.sampled_from(["gamma-poisson", "gamma-poisson", "ceci"]), kill=kills)
-    def train(self, name: str, kill: Kill) -> None:
-        made, run = self.made, self.runs / name
-        assert made is not None
-        config = configure(name)
-        ended = self.run(lambda: train_run(config, self.dataset, run, force=True), kill=kill)
-        if ended.how == "killed":
-            return  # the next one goes on, or begins again on another dataset
-        assert ended.how == "done", ended
-        assert hash_files(run, "*.safetensors") == self.reference.train(made, name)
-        assert (run / BEST).is_file()
-
     @precondition(lambda self: self.made is not None and self.made.seed is not None)
     @rule(draws=st.integers(1, 3))
     def read_beside_a_writer(self, draws: int) -> None:
@@ -296,7 +260,7 @@ class House(RuleBasedStateMachine):
 
     def see_that_nothing_is_left(self) -> None:
         """Nothing of a killed command is left by one that is done, but a build to go on with."""
-        beside = {path.name for path in self.folder.iterdir()} - {"hm3d", "dataset", "runs"}
+        beside = {path.name for path in self.folder.iterdir()} - {"hm3d", "dataset"}
         others = {name for name in beside if not name.startswith((PARTIAL, f".{PARTIAL}.shard-"))}
         assert others == set()
         assert self.growing or beside == set()

@@ -12,7 +12,6 @@ from refusals import refuses
 
 from bsg_data.build import build_dataset
 from bsg_data.checks.dataset import check_dataset
-from bsg_data.dataset.commit import update_manifest
 from bsg_data.dataset.dataset import read_splits
 from bsg_data.dataset.manifest import Manifest, read_manifest
 from bsg_data.dataset.schema import SPLITS
@@ -42,18 +41,6 @@ def pair_anew(dataset: Path) -> Manifest:
     return write_pairs(dataset, PairsRecipe(draws=2), force=True)
 
 
-def test_an_error_leaves_the_old_dataset(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = all_bytes(dataset)
-
-    def fail(path: Path, target: Path) -> Path:
-        raise OSError(28, f"no room for {target}")
-
-    monkeypatch.setattr(Path, "replace", fail)
-    with refuses(DatasetError, "not-written", golden=False):
-        pair_anew(dataset)
-    assert all_bytes(dataset) == before
-
-
 def test_files_of_the_users_stay(dataset: Path) -> None:
     """Also those that are called as ours; they are told, and stop what would remove them."""
     mine = ("notes.txt", "pairs/uniform-0123abcd/val-00000.parquet", "rooms/part-99999.parquet")
@@ -66,14 +53,6 @@ def test_files_of_the_users_stay(dataset: Path) -> None:
     with refuses(DatasetError, "foreign-file", dataset):
         build_dataset(HM3DFolder(dataset.parent / "hm3d"), dataset, force=True)
     assert [(dataset / name).read_text() for name in mine] == ["mine"] * 3
-
-
-def test_a_damaged_file_is_replaced_although_the_manifest_stays_the_same(dataset: Path) -> None:
-    before, manifest = all_bytes(dataset), read_manifest(dataset)
-    assert manifest.pairs is not None
-    (dataset / manifest.files_of("pairs")[0].path).write_bytes(b"PAR1")
-    write_pairs(dataset, manifest.pairs, force=True)
-    assert all_bytes(dataset) == before
 
 
 @pytest.mark.parametrize("name", ["pairs", "splits"])
@@ -97,9 +76,3 @@ def test_no_split_is_read_whose_name_could_lead_anywhere(dataset: Path, name: st
     commit_manifest(dataset, manifest.with_table("splits", (entry,)))
     with refuses(DatasetError, "split-name", path):
         write_pairs(dataset, PairsRecipe(draws=1), force=True)
-
-
-def test_a_change_needs_a_dataset(tmp_path: Path) -> None:
-    with refuses(DatasetError, "dataset-missing", tmp_path / "none"):
-        update_manifest(tmp_path / "none", lambda data: data.manifest, is_made=lambda _: False)
-    assert list(tmp_path.iterdir()) == []

@@ -1,12 +1,14 @@
-"""All readers that are fuzzed, by their names: of files that people and other programs write."""
+"""All readers of files that people and other programs write, with inputs that are sound."""
 
 from __future__ import annotations
 
 import gzip
 import io
+import itertools
+import json
 import zipfile
 from collections.abc import Callable
-from functools import cache
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,13 @@ from dsg_files import robot_graph
 from house_files import HOUSE
 
 from bsg_data.geometry.semantic_mesh import survey_mesh
-from bsg_data.scene.class_map import load_class_map, parse_own_map, read_own_map
+from bsg_data.scene.class_map import (
+    DEFAULT_CLASS_MAP,
+    ClassMap,
+    load_class_map,
+    parse_own_map,
+    read_own_map,
+)
 from bsg_data.scene.scene_graph import Box, Room, SceneGraph
 from bsg_data.sources.catalogue import open_source
 from bsg_data.sources.hm3d import parse_annotation
@@ -24,6 +32,7 @@ from bsg_data.sources.hm3d_stats import HEADER, MEMBER
 from bsg_data.sources.label_space import load_label_space
 from bsg_data.sources.layout_files import read_layout
 from bsg_data.sources.room_layouts import _lay_out
+from bsg_data.sources.source import Source
 from bsg_models.belief.belief_graph import believe
 from bsg_models.belief.count_distribution import poisson
 from bsg_models.belief.expectation import Expectation
@@ -33,7 +42,55 @@ from bsg_models.zoo.config import find_config, override, read_config, validate_c
 from bsg_robot.graph.document import encode_belief
 from bsg_robot.graph.formats import read_belief
 from bsg_robot.graph.robot_json import read_robot_graph
-from fuzz.target import Target, encode, load_map, put, read_source
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A reader.
+
+    Attributes:
+        name: of the reader; that of its folder in `corpus/`, too.
+        read: puts an input where the reader wants it, an empty folder at first, and reads it.
+        seeds: makes sound inputs, as small as they can be.
+    """
+
+    name: str
+    read: Callable[[Path, bytes], object]
+    seeds: Callable[[], tuple[bytes, ...]]
+
+
+_count = itertools.count()
+
+
+def put(folder: Path, name: str, data: bytes) -> Path:
+    """Write an input as the one file of a folder, under a name that no input before it had.
+
+    Readers that keep what they read would otherwise take two files of one moment for one.
+    """
+    for path in folder.iterdir():
+        path.unlink()
+    path = folder / f"{next(_count)}{name}"
+    path.write_bytes(data)
+    return path
+
+
+def load_map() -> ClassMap:
+    """Load a class map, without what it remembers of the names that it was asked for."""
+    class_map = load_class_map(DEFAULT_CLASS_MAP)
+    class_map._resolved.clear()
+    return class_map
+
+
+def read_source(source: Source, class_map: ClassMap) -> None:
+    """Find the scenes of a source, and read the first ones."""
+    for ref in source.find().scenes[:4]:
+        source.read(ref, class_map)
+
+
+def encode(document: object) -> bytes:
+    """Return a document as JSON."""
+    return json.dumps(document, ensure_ascii=False, separators=(",", ":")).encode()
+
 
 _ANNOTATION = 'HM3D Semantic Annotations\n1,1003,"wall",0\n2,0F3A9C,"chair, ü",4\n7,FF,"",-1\n'
 _SCENES = {
@@ -192,14 +249,11 @@ def _read_robot(folder: Path, data: bytes) -> object:
     return read_robot_graph(put(folder, "graph.json", data), class_map=load_map())
 
 
-def _seeds(*data: bytes) -> Callable[[], dict[str, bytes]]:
-    return lambda: {str(number): one for number, one in enumerate(data)}
+def _seeds(*data: bytes) -> Callable[[], tuple[bytes, ...]]:
+    return lambda: data
 
 
-def _packed_too(data: bytes) -> Callable[[], dict[str, bytes]]:
-    return _seeds(data, gzip.compress(data, mtime=0))
-
-
+_HOUSE = HOUSE.encode()
 _HYDRA = b"label_names:\n- {label: 5, name: chair}\n- {label: 6, name: '7', category: x}\n"
 _STATISTICS = f'{",".join(HEADER)},\n00001-abcdefghi01,-1,1,1,lamp_9\ns,5,1,2,"a, b_7:c_8"\n'
 _MAP = b'raw_category,category,class\nchair,chair,chair\n"a, b",sofa,\nWall,wall,\n'
@@ -207,67 +261,54 @@ _STRUCTURE = b"category\nwall\n"
 _LABELS = b'label,name,category\n5,chair,\n6,"a, b",sofa\n'
 _CLASSES = b"index,class,definition\n0,chair,A seat.\n1,bed,To sleep in.\n"
 _HOUSES = encode(_PROCTHOR) + b"\n" + encode(_PROCTHOR).replace(b"room|4", b"room|7") + b"\n"
-_ROBOT = (Path(__file__).parents[3] / "docs" / "home.json").read_bytes()
+_ROBOT = (Path(__file__).parents[2] / "docs" / "home.json").read_bytes()
 
-TARGETS = (
-    Target(
+READERS = (
+    Reader(
         "annotation",
         _read_annotation,
         _seeds(_ANNOTATION.encode(), _ANNOTATION.replace("\n", "\r\n").encode("utf-8-sig")),
     ),
-    Target(
+    Reader(
         "behavior", _read("behavior", ".json"), _seeds(encode({"success": True, "scenes": _SCENES}))
     ),
-    Target("belief-json", _read_belief, lambda: {"belief": _make_belief()}, most=60_000),
-    Target("class-map", _read_class_map, _seeds(_MAP, b"\0".join((_MAP, _CLASSES, _STRUCTURE)))),
-    Target(
+    Reader("belief-json", _read_belief, lambda: (_make_belief(),)),
+    Reader("class-map", _read_class_map, _seeds(_MAP, b"\0".join((_MAP, _CLASSES, _STRUCTURE)))),
+    Reader(
         "configuration",
         _read_configuration,
-        lambda: {"ceci-sage": write_toml(find_config("ceci-sage")).encode()},
+        lambda: (write_toml(find_config("ceci-sage")).encode(),),
     ),
-    Target(
-        "house", _read("mp3d", ".house", z=".house.gz"), _packed_too(HOUSE.encode()), most=4_000
+    Reader(
+        "house",
+        _read("mp3d", ".house", z=".house.gz"),
+        _seeds(_HOUSE, gzip.compress(_HOUSE, mtime=0)),
     ),
-    Target("label-space", _read_labels, _seeds(_HYDRA, _LABELS)),
-    Target("layout", _read_layout, _seeds(_LAYOUT)),
-    Target("mesh", _read_mesh, lambda: {"colours": _make_mesh()}, most=4_000),
-    Target(
+    Reader("label-space", _read_labels, _seeds(_HYDRA, _LABELS)),
+    Reader("layout", _read_layout, _seeds(_LAYOUT)),
+    Reader("mesh", _read_mesh, lambda: (_make_mesh(),)),
+    Reader(
         "object-table",
         _read("table", ".csv", P=".parquet", z=".tsv.gz"),
-        lambda: {
-            "text": _TABLE,
-            "packed": gzip.compress(b"scene\troom\tcategory\na\t1\tchair\n", mtime=0),
-            "parquet": _to_parquet({"scene": ["a"], "room": [1.0], "category": ["bed"]}),
-        },
+        _seeds(
+            _TABLE,
+            gzip.compress(b"scene\troom\tcategory\na\t1\tchair\n", mtime=0),
+            _to_parquet({"scene": ["a"], "room": [1.0], "category": ["bed"]}),
+        ),
     ),
-    Target("predictions", _read_predictions, lambda: {"": _to_parquet(_PREDICTIONS)}, most=4_000),
-    Target(
+    Reader("predictions", _read_predictions, _seeds(_to_parquet(_PREDICTIONS))),
+    Reader(
         "procthor",
         _read("procthor", ".jsonl", z=".jsonl.gz", **{"[": ".json"}),
         _seeds(_HOUSES, b"[" + encode(_PROCTHOR) + b"]", gzip.compress(_HOUSES, mtime=0)),
     ),
-    Target(
-        "robot-json",
-        _read_robot,
-        _seeds(_ROBOT, b'\xef\xbb\xbf{"scene_id": "s", "rooms": []}'),
-        most=8_000,
+    Reader(
+        "robot-json", _read_robot, _seeds(_ROBOT, b'\xef\xbb\xbf{"scene_id": "s", "rooms": []}')
     ),
-    Target(
-        "spark-dsg",
-        _read("spark-dsg", ".json"),
-        lambda: {"graph": encode(robot_graph())},
-        most=8_000,
-    ),
-    Target(
+    Reader("spark-dsg", _read("spark-dsg", ".json"), _seeds(encode(robot_graph()))),
+    Reader(
         "statistics-zip",
         _read_statistics,
         _seeds(_STATISTICS.encode(), _pack(_STATISTICS.encode())),
     ),
 )
-ROWS = tuple(target.name for target in TARGETS)
-
-
-@cache
-def find_target(name: str) -> Target:
-    """Return a target by its name."""
-    return next(target for target in TARGETS if target.name == name)
