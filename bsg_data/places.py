@@ -20,7 +20,7 @@ from bsg_data.seal import SEAL, read_seal
 BUILD = ".build"  # in a folder that is not in place yet, or was put there just now
 PLAN = f"{BUILD}/plan.json"
 _DATASET = "dataset.json"  # the file by which a dataset is known
-_LEFT = re.compile(r"\..+\.(lock|replaced)")  # of a killed command, in a folder of results
+_LOCK = re.compile(r"\..+\.lock")  # left by a killed command; it is empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +65,14 @@ def _list_foreign(folder: Path, listed: Collection[str]) -> Iterator[str]:
     """Yield the files of a folder that are not listed, nor of results in it, nor left by a kill."""
     for name in list_files(folder):
         top = folder / name.partition("/")[0]
-        is_inner = (top / SEAL).is_file() or is_left(top) or _LEFT.fullmatch(top.name)
+        is_inner = (top / SEAL).is_file() or is_left(top) or _is_lock(top)
         is_plan = top.name == BUILD and is_left(folder)
         if name not in listed and not is_inner and not is_plan:
             yield name
+
+
+def _is_lock(path: Path) -> bool:
+    return _LOCK.fullmatch(path.name) is not None and path.is_file() and not path.stat().st_size
 
 
 def refuse_foreign(folder: Path, foreign: Iterable[str]) -> None:

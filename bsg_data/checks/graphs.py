@@ -106,10 +106,13 @@ def _find_room_faults(rooms: _Rows) -> Iterator[_Fault]:
     is_near = (np.abs(centroids - boxes.mean(axis=1)) <= _ROUNDING).all(axis=1)
     is_point = np.isfinite(centroids).all(axis=1) | np.isnan(centroids).all(axis=1)
     outlines = rooms.table["footprint"].to_pylist()
-    is_outline = [
-        one is None or (len(one) >= 6 and len(one) % 2 == 0 and bool(np.isfinite(one).all()))
-        for one in outlines
-    ]
+    is_outline = np.array(
+        [
+            one is None or (len(one) >= 6 and len(one) % 2 == 0 and bool(np.isfinite(one).all()))
+            for one in outlines
+        ],
+        bool,
+    )
     sound = is_point & ~np.isinf(rooms.array("floor_z")) & is_outline
     sound &= (np.nan_to_num(rooms.array("floor_index")) >= 0) & rooms.is_area("floor_area")
     sound &= ~is_boxed | (is_box & is_near)

@@ -62,7 +62,7 @@ def require_json(
             raise ValueError("an empty file")
         return parse_json(text, once=once)
     except ValueError as fault:
-        form = _FORM if isinstance(fault, json.JSONDecodeError) else ""
+        form = _FORM if is_bounded and isinstance(fault, json.JSONDecodeError) else ""
         message = f"{where}: no JSON ({str(fault)[:200]}){form}"
         raise error(message, code="json-malformed", where=where) from fault
 

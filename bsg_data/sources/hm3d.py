@@ -27,6 +27,7 @@ from bsg_data.geometry.gltf import MeshError
 from bsg_data.geometry.placement import place_scene
 from bsg_data.geometry.semantic_mesh import survey_mesh
 from bsg_data.inputs.bounded_file import hash_file
+from bsg_data.inputs.documents import find_encoding
 from bsg_data.places import BUILD
 from bsg_data.scene.class_map import ClassMap
 from bsg_data.sources.annotation_files import (
@@ -216,7 +217,7 @@ def parse_annotation(data: bytes, *, path: Path) -> tuple[Annotation, tuple[str,
     Raises:
         AnnotationError: if the first line is none of HM3D's, or no line is well-formed.
     """
-    first, _, below = data.decode("utf-8-sig", "surrogateescape").partition("\n")
+    first, _, below = data.decode(find_encoding(data), "surrogateescape").partition("\n")
     if HEADER not in first:
         raise malformed(path, 1, first, expected=repr(HEADER))
     columns, faults = _read_whole(below), list[str]()

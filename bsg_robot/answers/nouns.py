@@ -16,15 +16,11 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from safetensors.numpy import load, save
+from safetensors.numpy import load
 
 from bsg_data.arrays import Bools, Floats
-from bsg_data.files import write_bytes
 from bsg_data.words.normal import normalise_name
 from bsg_data.words.phrase import MOST_WORDS, drop_kind, list_parts
 from bsg_data.words.plural import singulars
@@ -265,23 +261,6 @@ class NounTable:
     def states(self, expected: Floats) -> Floats:
         """Return s `[N, K]` of expected contents `[N, C]`."""
         return np.asarray(describe_state(expected) @ self.projection + self.centre)
-
-
-def write_nouns(table: NounTable, path: Path) -> None:
-    """Write a table, the same bytes for the same table."""
-    arrays: dict[str, npt.NDArray[Any]] = {
-        "things": np.packbits(table.things),
-        "vectors": np.ascontiguousarray(table.vectors, np.int8),
-        "scale": table.scale.astype(np.float32),
-        "bases": table.bases.astype(np.float16),
-        "near": np.ascontiguousarray(table.near, np.uint16),
-        "projection": np.ascontiguousarray(table.projection, np.float32),  # its bytes are saved
-        "centre": table.centre.astype(np.float32),
-        "dispersion": np.array([table.dispersion], np.float32),
-    }
-    texts = {"words": tuple(table.rows), "counted": table.counted}
-    arrays |= {name: np.frombuffer("\n".join(t).encode(), np.uint8) for name, t in texts.items()}
-    write_bytes(path, save(arrays))
 
 
 @cache

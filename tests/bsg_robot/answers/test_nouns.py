@@ -18,9 +18,7 @@ from bsg_robot.answers.nouns import (
     HEAD,
     Noun,
     NounTable,
-    read_nouns,
     split_head,
-    write_nouns,
 )
 
 THINGS = Path(__file__).parents[2] / "everyday_things.txt"
@@ -114,22 +112,6 @@ def test_any_text_has_a_head_or_none(name: str) -> None:
 def test_a_seen_object_is_the_noun_by_its_name(asked: str, seen: str, is_one: bool) -> None:
     noun = Noun(asked, asked.split()[-1], (), 0.0, np.zeros(1))
     assert noun.names(seen) == is_one
-
-
-def test_a_table_is_read_as_it_was_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shipped = read_nouns()
-    write_nouns(shipped, tmp_path / "nouns-v1.safetensors")
-    write_nouns(shipped, tmp_path / "again")
-    written = (tmp_path / "nouns-v1.safetensors").read_bytes()
-    assert written == (tmp_path / "again").read_bytes()
-    assert len(written) <= 1_500_000
-    monkeypatch.setattr("bsg_robot.answers.nouns.read_file", lambda name: written)
-    read_nouns.cache_clear()
-    again = read_nouns()
-    read_nouns.cache_clear()
-    assert again.rows == shipped.rows
-    np.testing.assert_array_equal(again.vectors, shipped.vectors)
-    np.testing.assert_array_equal(again.projection, shipped.projection)
 
 
 @pytest.fixture(scope="module")
