@@ -489,6 +489,8 @@ def _explain(error: ValidationError, document: Mapping[str, Any]) -> str:
     if fault["type"] in _UNKNOWN_KEY:
         wrong, known = str(path.pop()), _KEYS[str(first) if entry else ""]
         hint = ask_if_meant(wrong, known) or f"known are {', '.join(known)}"
+        if entry and first == "rooms":
+            hint += f"; things of a room are a list: {FORM}"
         what = f"{wrong[:SHOWN]!r} is no key; {hint}"
         if not entry and isinstance(document.get(wrong), list):
             what += f'; beside other keys, list the rooms under `rooms`: {{"rooms": {FORM}}}'
