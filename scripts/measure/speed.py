@@ -92,7 +92,10 @@ class Speed(NamedTuple):
         met = ratio >= self.target if self.faster else ratio <= self.target
         times = (f"{s:.3g} s" if s >= 1 else f"{1000 * s:.3g} ms" for s in (self.ours, self.theirs))
         target = f"{'≥' if self.faster else '≤'} {self.target:g} ×"
-        return self.what, self.against, *times, f"{ratio:.3g} ×", target, "met" if met else "missed"
+        said = (f"{ratio:.3g} ×", target, "met" if met else "missed")
+        if min(self.ours, self.theirs) <= 0:  # of a difference of two times
+            said = ("–", target, "lost in noise")
+        return self.what, self.against, *times, *said
 
 
 def time_both(
